@@ -1,0 +1,225 @@
+"""Rotations as numpy arrays: ``a_to_b`` functions over any number of leading batch dimensions.
+
+Conventions, here and everywhere in cospeech: radians, right-handed, active rotations of column vectors,
+quaternions ``xyzw`` and of unit length. Euler orders are *intrinsic*, read left to right: ``"ZXY"`` means
+``R = Rz @ Rx @ Ry``, which is also how a BVH file's channel order reads.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "axis_angle_to_quat", "euler_to_quat", "matrix_to_quat", "matrix_to_rot6d", "quat_between", "quat_conjugate",
+    "quat_continuous", "quat_angle", "quat_identity", "quat_multiply", "quat_normalize", "quat_rotate", "quat_slerp",
+    "quat_to_euler", "quat_to_matrix", "quat_to_rot6d", "quat_to_rotvec", "quat_twist", "rot6d_to_matrix",
+    "rotvec_to_quat",
+]  # fmt: skip
+
+Array = NDArray[np.floating]
+_AXIS = {"X": 0, "Y": 1, "Z": 2}
+_SMALL = 1e-12  # ours: below this an angle or a norm counts as zero in float64
+
+
+def quat_identity(*shape: int, dtype: type = np.float64) -> Array:
+    """Identity quaternions of shape ``(*shape, 4)``.
+
+    >>> quat_identity(2).tolist()
+    [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]
+    """
+    q = np.zeros((*shape, 4), dtype)
+    q[..., 3] = 1
+    return q
+
+
+def quat_multiply(a: Array, b: Array) -> Array:
+    """Hamilton product ``a ⊗ b``: first rotate by ``b``, then by ``a``. Shapes ``(..., 4)`` broadcast."""
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    out[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    out[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return out
+
+
+def quat_conjugate(q: Array) -> Array:
+    """Inverse of unit quaternions ``(..., 4)``."""
+    out = np.negative(q)
+    out[..., 3] = q[..., 3]
+    return out
+
+
+def quat_normalize(q: Array) -> Array:
+    """Scale ``(..., 4)`` to unit length. A zero quaternion becomes the identity."""
+    norm = np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]
+    return np.where(norm > _SMALL, q / np.maximum(norm, _SMALL), np.array([0, 0, 0, 1], q.dtype))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
+def quat_rotate(q: Array, v: Array) -> Array:
+    """Rotate vectors ``v (..., 3)`` by ``q (..., 4)``; batch dimensions broadcast."""
+    xyz = q[..., :3]
+    t = 2 * _cross(xyz, v)
+    return v + q[..., 3:] * t + _cross(xyz, t)
+
+
+def quat_continuous(q: Array, axis: int = 0) -> Array:
+    """Flip signs so that neighbours along ``axis`` (time) lie on the same half-sphere: the rotation is unchanged."""
+    q = np.moveaxis(np.asarray(q), axis, 0)
+    if len(q) < 2:
+        return np.moveaxis(q.copy(), 0, axis)
+    dots = np.einsum("t...i,t...i->t...", q[1:], q[:-1])
+    signs = np.concatenate([np.ones_like(dots[:1]), np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)])
+    return np.moveaxis((q * signs[..., None]).astype(q.dtype, copy=False), 0, axis)
+
+
+def quat_angle(a: Array, b: Array) -> Array:
+    """Angle between two rotations, ``(...)`` in radians, 0 … π; exact for small angles too."""
+    d = quat_multiply(quat_conjugate(a), b)
+    return 2 * np.arctan2(np.linalg.norm(d[..., :3], axis=-1), np.abs(d[..., 3]))
+
+
+def quat_slerp(a: Array, b: Array, t: ArrayLike) -> Array:
+    """Shortest-arc interpolation from ``a`` (t = 0) to ``b`` (t = 1); ``t (...)`` broadcasts over ``(..., 4)``."""
+    t = np.asarray(t)[..., None]
+    dot = np.einsum("...i,...i->...", a, b)[..., None]
+    b = np.where(dot < 0, -b, b)
+    dot = np.clip(np.abs(dot), 0.0, 1.0)
+    angle = np.arccos(dot)
+    sin = np.sin(angle)
+    near = sin < 1e-6
+    safe = np.where(near, 1.0, sin)
+    wa = np.where(near, 1 - t, np.sin((1 - t) * angle) / safe)
+    wb = np.where(near, t, np.sin(t * angle) / safe)
+    return quat_normalize(wa * a + wb * b)
+
+
+def axis_angle_to_quat(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Quaternions turning by ``angle (...)`` about the *unit* ``axis (..., 3)``."""
+    half = np.asarray(angle, float)[..., None] / 2
+    axis = np.asarray(axis, float)
+    return np.concatenate(np.broadcast_arrays(axis * np.sin(half), np.cos(half) + 0 * axis[..., :1]), -1)[..., :4]
+
+
+def rotvec_to_quat(v: Array) -> Array:
+    """Exponential map: rotation vectors ``(..., 3)`` (axis × angle) → quaternions; stable near zero."""
+    v = np.asarray(v)
+    angle = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
+    k = 0.5 * np.sinc(angle / (2 * np.pi))  # sin(a/2)/a, also at 0
+    return np.concatenate([k * v, np.cos(angle / 2)], -1)
+
+
+def quat_to_rotvec(q: Array) -> Array:
+    """Logarithm: quaternions → rotation vectors ``(..., 3)`` of length 0 … π."""
+    q = np.where(q[..., 3:] < 0, -q, q)
+    sin = np.sqrt(np.einsum("...i,...i->...", q[..., :3], q[..., :3]))[..., None]
+    angle = 2 * np.arctan2(sin, q[..., 3:])
+    return q[..., :3] * np.where(sin > _SMALL, angle / np.maximum(sin, _SMALL), 2.0)
+
+
+def quat_to_matrix(q: Array) -> Array:
+    """Quaternions ``(..., 4)`` → rotation matrices ``(..., 3, 3)``."""
+    x, y, z, w = np.moveaxis(np.asarray(q), -1, 0)
+    m = np.empty((*x.shape, 3, 3), x.dtype)
+    m[..., 0, 0], m[..., 0, 1], m[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    m[..., 1, 0], m[..., 1, 1], m[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    m[..., 2, 0], m[..., 2, 1], m[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return m
+
+
+def matrix_to_quat(m: Array) -> Array:
+    """Rotation matrices ``(..., 3, 3)`` → quaternions, through the largest of the four components (Shepperd 1978)."""
+    m = np.asarray(m)
+    d = np.moveaxis(np.diagonal(m, axis1=-2, axis2=-1), -1, 0)
+    trace = d.sum(0)
+    candidates = np.stack([d[0], d[1], d[2], trace], -1)
+    best = np.argmax(candidates, -1)
+    a, b, c = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    p, q, r = m[..., 1, 0] + m[..., 0, 1], m[..., 2, 0] + m[..., 0, 2], m[..., 2, 1] + m[..., 1, 2]
+    table = np.stack(
+        [
+            np.stack([1 + d[0] - d[1] - d[2], p, q, a], -1),
+            np.stack([p, 1 - d[0] + d[1] - d[2], r, b], -1),
+            np.stack([q, r, 1 - d[0] - d[1] + d[2], c], -1),
+            np.stack([a, b, c, 1 + trace], -1),
+        ],
+        -2,
+    )
+    return quat_normalize(np.take_along_axis(table, best[..., None, None], -2)[..., 0, :])
+
+
+def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:
+    """Intrinsic Euler angles ``(..., n)`` in radians → quaternions; ``order`` names one axis per angle, e.g. ``"ZXY"``."""
+    angles = np.asarray(angles, float)
+    out = quat_identity(*angles.shape[:-1])
+    for k, letter in enumerate(order):
+        q = np.zeros_like(out)
+        q[..., _AXIS[letter]] = np.sin(angles[..., k] / 2)
+        q[..., 3] = np.cos(angles[..., k] / 2)
+        out = quat_multiply(out, q)
+    return out
+
+
+def quat_to_euler(q: Array, order: str = "XYZ") -> Array:
+    """Quaternions → intrinsic Euler angles ``(..., 3)`` in radians, for the six orders of three different axes.
+
+    The middle angle lies in −π/2 … π/2. At the poles the third angle is set to zero, so the result is always a valid
+    (if not unique) answer.
+    """
+    i, j, k = (_AXIS[letter] for letter in order)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    m = quat_to_matrix(q)
+    s = np.clip(sign * m[..., i, k], -1, 1)
+    middle = np.arctan2(s, np.hypot(m[..., i, i], m[..., i, j]))
+    pole = np.hypot(m[..., i, i], m[..., i, j]) < 1e-9
+    first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
+    third = np.arctan2(-sign * m[..., i, j], m[..., i, i])
+    first = np.where(pole, np.arctan2(sign * m[..., k, j], m[..., j, j]), first)
+    return np.stack([first, middle, np.where(pole, 0.0, third)], -1)
+
+
+def matrix_to_rot6d(m: Array) -> Array:
+    """First two columns of ``(..., 3, 3)``, flattened to ``(..., 6)`` (Zhou et al. 2019)."""
+    return np.concatenate([m[..., :, 0], m[..., :, 1]], -1)
+
+
+def rot6d_to_matrix(r: Array) -> Array:
+    """Gram–Schmidt back from ``(..., 6)`` to ``(..., 3, 3)`` (Zhou et al. 2019)."""
+    a, b = r[..., :3], r[..., 3:]
+    x = a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), _SMALL)
+    b = b - np.einsum("...i,...i->...", x, b)[..., None] * x
+    y = b / np.maximum(np.linalg.norm(b, axis=-1, keepdims=True), _SMALL)
+    return np.stack([x, y, _cross(x, y)], -1)
+
+
+def quat_to_rot6d(q: Array) -> Array:
+    """Quaternions → 6-d representation."""
+    return matrix_to_rot6d(quat_to_matrix(q))
+
+
+def quat_between(a: Array, b: Array) -> Array:
+    """Shortest rotation taking the direction of ``a (..., 3)`` to that of ``b``; opposite vectors turn about some normal."""
+    a = a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), _SMALL)
+    b = b / np.maximum(np.linalg.norm(b, axis=-1, keepdims=True), _SMALL)
+    dot = np.einsum("...i,...i->...", a, b)[..., None]
+    smallest = np.eye(3)[np.argmin(np.abs(a), -1)]
+    normal = _cross(a, smallest)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), _SMALL)
+    opposite = dot < -1 + 1e-9
+    q = np.concatenate([np.where(opposite, normal, _cross(a, b)), np.where(opposite, 0.0, 1 + dot)], -1)
+    return quat_normalize(q)
+
+
+def quat_twist(q: Array, axis: ArrayLike) -> Array:
+    """Twist part of ``q`` about the unit ``axis (3,)``: ``q = swing ⊗ twist`` with the swing's axis at right angles."""
+    axis = np.asarray(axis, q.dtype)
+    along = np.einsum("...i,i->...", q[..., :3], axis)[..., None]
+    return quat_normalize(np.concatenate([along * axis, q[..., 3:]], -1))

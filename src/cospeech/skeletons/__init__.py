@@ -1,0 +1,1 @@
+"""Tables of skeletons: names, parents, offsets. No logic lives here."""

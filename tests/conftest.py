@@ -1,0 +1,46 @@
+"""What tests share: where outside material and outside programs are, and a clear word when they are not there."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
+settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("cospeech")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of recordings and motion files that cannot be shipped: $COSPEECH_SHARED, or ``../shared`` beside the repo."""
+    folder = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
+    if not (folder / "data").is_dir():
+        pytest.skip(f"needs the shared data, and there is none at {folder} (set COSPEECH_SHARED)")
+    return folder
+
+
+def program(variable: str, what: str) -> str:
+    """The path in an environment variable; where it is unset the test is skipped, where it is wrong the test fails."""
+    path = os.environ.get(variable)
+    if not path:
+        pytest.skip(f"needs {what}: {variable} is not set (`make test` sets it)")
+    if not Path(path).is_file():
+        pytest.fail(f"{variable}={path} does not exist")
+    return path
+
+
+@pytest.fixture(scope="session")
+def blender_python() -> str:
+    """A Python that can ``import bpy``."""
+    return program("COSPEECH_BLENDER_PYTHON", "Blender as a Python module")
+
+
+@pytest.fixture(scope="session")
+def node() -> str:
+    """Node ≥ 18, with ``tests/node/node_modules`` installed."""
+    return program("COSPEECH_NODE", "Node.js")

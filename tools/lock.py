@@ -1,0 +1,27 @@
+"""`make lock`: resolve the dependencies, and write the lists for pip that are made from the lock.
+
+``requirements/core.txt`` is what `make demo` installs (the core, video, and the build backend, every file with its hash):
+pip alone can read it, which spares newcomers the download of uv. A test holds it in step with ``uv.lock``.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+UV = Path(sys.executable).parent / "uv"
+
+EXPORT = "export --quiet --frozen --no-dev --extra av --group build --no-emit-project --no-annotate --no-header".split()
+BLENDER = "pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header".split()
+
+
+def main() -> None:
+    subprocess.run([UV, "lock"], cwd=ROOT, check=True)
+    subprocess.run([UV, *EXPORT, "-o", "requirements/core.txt"], cwd=ROOT, check=True)
+    subprocess.run([UV, *BLENDER, "requirements/blender.in", "-o", "requirements/blender.txt"], cwd=ROOT, check=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""From a wrist in gesture space to the rotations of clavicle, arm, forearm, hand and fingers.
+
+All maths is for a left arm; the right one enters mirrored and is mirrored back (x → −x). Two-bone inverse kinematics
+with the elbow's swivel as the free parameter (Tolani, Goswami & Badler 2000).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rotations import Array, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply
+from ..skeleton import humanoid
+from .hands import Channel
+
+__all__ = ["FINGERS", "ArmLengths", "arm_lengths", "finger_rotations", "reach", "solve_arm"]
+
+MOST_REACH = 0.985  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
+FOREARM_SHARE = 0.55  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
+FINGERS = ("Index", "Middle", "Ring", "Little")
+_SPREAD_SHARE = np.array([-1.0, -0.15, 0.65, 1.5])  # of the spread angle, index … little, about the hand's normal
+POLE = np.array([0.50, -0.42, -0.76])  # where an elbow points when left alone: out, down, back (ours, by eye)
+
+
+class ArmLengths(NamedTuple):
+    """Metres."""
+
+    upper: float
+    fore: float
+
+    @property
+    def total(self) -> float:
+        """Shoulder to wrist, straight."""
+        return self.upper + self.fore
+
+
+@lru_cache(1)
+def arm_lengths() -> ArmLengths:
+    """Of our humanoid."""
+    s = humanoid()
+    return ArmLengths(*(float(np.linalg.norm(s.offsets[s.index[n]])) for n in ("leftLowerArm", "leftHand")))
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.sqrt(np.einsum("...i,...i->...", v, v))[..., None], 1e-9)
+
+
+def _about(axis: int, angle: Array) -> Array:
+    q = np.zeros((*angle.shape, 4))
+    q[..., axis] = np.sin(angle / 2)
+    q[..., 3] = np.cos(angle / 2)
+    return q
+
+
+def reach(target: Array) -> Array:
+    """Pull shoulder-relative targets ``(..., 3)`` softly inside what the arm can reach (and out of the shoulder)."""
+    upper, fore = arm_lengths()
+    far, near = MOST_REACH * (upper + fore), 0.34 * (upper + fore)
+    d = np.sqrt(np.einsum("...i,...i->...", target, target))
+    soft = 0.06 * (upper + fore)  # ours: the last stretch is spread over 6 % of the arm, so the elbow never snaps
+    limited = far - np.logaddexp(0.0, (far - d) / soft) * soft
+    limited = near + soft * np.logaddexp(0.0, (limited - near) / soft)
+    return target * (limited / np.maximum(d, 1e-6))[..., None]
+
+
+def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
+    """Two-bone inverse kinematics.
+
+    Args:
+        target: (..., 3) wrist relative to the shoulder joint, metres, in the chest's frame, left side; within `reach`.
+        swivel: (...) radians about the shoulder–wrist line, from the elbow's natural place; positive lifts it outward.
+
+    Returns:
+        (..., 4) rotations of upper arm and of forearm (without pronation), both in the chest's frame.
+    """
+    upper, fore = arm_lengths()
+    d = np.sqrt(np.einsum("...i,...i->...", target, target))
+    along = target / np.maximum(d, 1e-6)[..., None]
+    pole = POLE - np.einsum("i,...i->...", POLE, along)[..., None] * along
+    pole = _unit(pole)
+    side = np.cross(along, pole)
+    pole = pole * np.cos(swivel)[..., None] + side * np.sin(swivel)[..., None]
+    cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
+    elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
+    normal = _unit(np.cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
+    return _frame(elbow, normal), _frame(target - elbow, normal)
+
+
+def _frame(direction: Array, hinge: Array) -> Array:
+    """Rotation whose x-axis lies along ``direction`` and whose y-axis is ``hinge`` (at right angles to it)."""
+    x = _unit(direction)
+    return matrix_to_quat(np.stack([x, hinge, np.cross(x, hinge)], -1))
+
+
+def hand_rotations(forearm: Array, angles: Array) -> tuple[Array, Array]:
+    """Forearm with its share of pronation, and hand, both in the frame of ``forearm``'s frame.
+
+    Args:
+        forearm: (..., 4) from `solve_arm`.
+        angles: (..., 3) pronation, flexion, deviation in radians.
+    """
+    pronation, flexion, deviation = angles[..., 0], angles[..., 1], angles[..., 2]
+    twisted = quat_multiply(forearm, _about(0, pronation * FOREARM_SHARE))
+    wrist = quat_multiply(_about(0, pronation * (1 - FOREARM_SHARE)), quat_multiply(_about(1, deviation), _about(2, -flexion)))
+    return twisted, wrist
+
+
+def finger_rotations(channels: Array) -> Array:
+    """(..., 15, 4) local rotations of thumb, index, middle, ring, little (three joints each) from hand channels in degrees."""
+    a = np.radians(channels)
+    out = quat_identity(*channels.shape[:-1], 15)
+    spread = a[..., Channel.SPREAD, None] * _SPREAD_SHARE
+    knuckles, middles = a[..., Channel.KNUCKLES], a[..., Channel.MIDDLES]
+    spread = spread * np.clip(1 - knuckles / 1.2, 0.0, 1.0)  # bent fingers cannot part (collateral ligaments tighten)
+    out[..., 3::3, :] = quat_multiply(_about(1, spread), _about(2, -knuckles))
+    out[..., 4::3, :] = _about(2, -middles)
+    out[..., 5::3, :] = _about(2, -middles * (2 / 3))  # the last joint is coupled to the middle one (Rijpkema & Girard 1991)
+    opposition, base, outer = (a[..., 16 + k] for k in range(3))
+    out[..., 0, :] = quat_multiply(_about(0, opposition), _about(1, base))
+    bend = _THUMB_HINGE * np.sin(outer / 2)[..., None]
+    out[..., 1, :3], out[..., 1, 3] = bend, np.cos(outer / 2)
+    out[..., 2, :3], out[..., 2, 3] = bend, np.cos(outer / 2)
+    return out
+
+
+_THUMB_HINGE = _unit(np.array([-0.35, 0.87, 0.35]))  # at right angles to the thumb, mostly normal to the palm
+
+
+def to_parent(parent: Array, child: Array) -> Array:
+    """Local rotation of ``child`` under ``parent``, both given in one frame."""
+    return quat_multiply(quat_conjugate(parent), child)
+
+
+def mirror_vectors(v: Array) -> Array:
+    """Left ↔ right for positions ``(..., 3)``."""
+    return v * np.array([-1.0, 1.0, 1.0])
+
+
+def mirror_rotations(q: Array) -> Array:
+    """Left ↔ right for rotations ``(..., 4)``."""
+    return q * np.array([1.0, -1.0, -1.0, 1.0])

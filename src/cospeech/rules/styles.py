@@ -1,0 +1,207 @@
+"""Speakers and emotions as small, readable sets of parameters. Every number here is ours, set by eye and by the ranges of
+motion-captured speakers (see the movement statistics in ``benchmarks/``), unless a line says otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from ..rotations import Array
+
+__all__ = ["EMOTIONS", "MANNERS", "STYLES", "Manner", "Style", "blend_manners"]
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one speaker gestures.
+
+    Lengths are in arm lengths (shoulder to wrist), angles in degrees, times in seconds.
+    """
+
+    what: str
+    """One line for lists."""
+    rate: float = 0.75
+    """Share of accents that get a stroke when the hands are free, 0 … 1."""
+    amplitude: float = 1.0
+    """Size of strokes."""
+    height: float = 0.0
+    """Added to the height of the gesture space."""
+    breadth: float = 0.0
+    """Added outward of the own shoulder."""
+    forward: float = 0.0
+    """Added forward."""
+    tempo: float = 1.0
+    """Speed of movements."""
+    hold: float = 0.6
+    """How long hands stay up after the last stroke, 0 (drop at once) … 1 (keep them there)."""
+    hand: float = 0.6
+    """Share of one-handed gestures made by the right hand, 0 … 1."""
+    both: float = 0.65
+    """Share of gestures made with both hands, 0 … 1."""
+    symmetry: float = 0.85
+    """How alike both hands move, and how much the other hand takes part in one-handed gestures, 0 … 1."""
+    repertoire: Mapping[str, float] = field(default_factory=dict)
+    """Weights of gesture forms over the common ones (`repertoire.FORMS`)."""
+    tension: float = 0.4
+    """Fingers: 0 limp … 1 taut."""
+    torso: float = 1.0
+    """How much the torso takes part."""
+    head: float = 1.0
+    """How much the head moves."""
+    sway: float = 1.0
+    """Weight shifts and slow sway."""
+    steps: float = 2.0
+    """Small steps per minute while standing."""
+    seated: bool = False
+    turn: float = 0.0
+    """Body turned away from the camera, degrees to the character's left."""
+    lean: float = 0.0
+    """Torso bent forward, degrees."""
+    rest: str = "low"
+    """Where hands go between gestures: a name of `repertoire.RESTS`."""
+    idle: str = "hang"
+    """Where they go in long pauses."""
+    expressiveness: float = 1.0
+    """Of the face."""
+    averted: float = 0.25
+    """Share of time the gaze is not on the listener."""
+    blinks: float = 22.0
+    """Per minute (motion.md: 21–24 measured)."""
+    exempt: tuple[str, ...] = ()
+    """Rows of the movement statistics in which this style differs from ordinary speakers on purpose."""
+
+
+_SEATED_ROWS = (
+    "hip path (1 Hz), m/min", "hip SD, m", "foot speed 50 %, m/s", "foot speed 90 %, m/s", "foot speed 99 %, m/s",
+    "foot moving (> 0.1 m/s)", "steps per min (peaks > 0.3 m/s)", "share of time: wrist below hip",
+)  # fmt: skip
+
+STYLES: Mapping[str, Style] = MappingProxyType(
+    {
+        "natural": Style("an even-tempered conversationalist; the default"),
+        "lively": Style(
+            "wide, quick and never still: a show host", rate=0.95, amplitude=1.25, height=0.06, breadth=0.06, tempo=1.15,
+            hold=0.75, both=0.7, torso=1.3, head=1.15, sway=1.3, steps=4, expressiveness=1.3, averted=0.15, tension=0.55,
+            repertoire={"spread": 2.0, "offer": 1.4, "toss": 2.0, "sweep": 1.6},
+        ),
+        "calm": Style(
+            "few, small, slow gestures close to the body; long rests", rate=0.5, amplitude=0.8, height=-0.05, breadth=-0.03,
+            tempo=0.85, hold=0.45, both=0.55, torso=0.75, head=0.9, sway=0.8, steps=1.5, expressiveness=0.75, rest="folded",
+            repertoire={"offer": 1.5, "gather": 1.5, "beat": 1.2, "spread": 0.3},
+        ),
+        "lecturer": Style(
+            "precise: counts, frames and pinches in front of the chest", rate=0.8, amplitude=0.95, height=0.07, breadth=-0.04,
+            forward=0.04, hold=0.85, hand=0.85, both=0.5, symmetry=0.7, tension=0.7, torso=0.9, steps=3, rest="steeple",
+            averted=0.35, repertoire={"precision": 3.0, "frame": 2.5, "count": 1.5, "point": 1.2, "chop": 1.6, "spread": 0.4},
+        ),
+        "orator": Style(
+            "large, slow and high, with held poses: a politician", rate=0.7, amplitude=1.3, height=0.08, breadth=0.02,
+            forward=0.05, tempo=0.95, hold=0.95, hand=0.75, both=0.6, symmetry=0.95, tension=0.75, torso=1.2, lean=2,
+            averted=0.15, repertoire={"chop": 2.5, "point": 2.0, "push": 1.6, "frame": 1.5, "fist": 2.0, "offer": 1.5},
+        ),
+        "southpaw": Style(
+            "left-handed, turned to one side, the other hand at the hip", rate=0.8, amplitude=1.05, hand=0.06, both=0.22,
+            symmetry=0.35, turn=18, hold=0.6, rest="low", idle="hip", torso=1.1,
+            repertoire={"toss": 1.8, "point": 1.6, "offer": 1.5},
+            exempt=("right share of speed", "left–right speed correlation"),
+        ),
+        "reserved": Style(
+            "hands folded, one hand at a time, eyes often away", rate=0.5, amplitude=0.75, height=-0.03, breadth=-0.06,
+            tempo=0.95, hold=0.3, hand=0.55, both=0.4, symmetry=0.5, tension=0.5, torso=0.7, head=0.95, sway=0.9, steps=1.5,
+            lean=1, rest="folded", idle="folded", expressiveness=0.6, averted=0.5,
+            repertoire={"offer": 1.6, "beat": 1.6, "shrug": 1.5, "spread": 0.2, "push": 0.4},
+        ),
+        "storyteller": Style(
+            "acts it out: big space, changes of level, body follows", rate=0.85, amplitude=1.2, height=0.03, breadth=0.08,
+            tempo=1.0, hold=0.7, both=0.6, symmetry=0.6, torso=1.5, head=1.2, sway=1.5, steps=5, tension=0.35, averted=0.4,
+            expressiveness=1.4, repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
+        ),
+        "seated": Style(
+            "at ease on a chair, hands in the lap between phrases", rate=0.7, amplitude=0.95, height=-0.02, hold=0.55, both=0.6,
+            seated=True, rest="lap", idle="lap", sway=0.5, steps=0, lean=4, torso=0.9, exempt=_SEATED_ROWS,
+        ),
+        "restless": Style(
+            "fast small beats low in front, weight from foot to foot", rate=1.0, amplitude=0.8, height=-0.04, breadth=-0.02,
+            tempo=1.3, hold=0.8, both=0.75, symmetry=0.75, tension=0.45, torso=1.1, head=1.15, sway=1.8, steps=8,
+            blinks=26, averted=0.35, repertoire={"beat": 2.5, "roll": 3.0, "precision": 1.3, "chop": 1.3},
+        ),
+    }
+)  # fmt: skip
+"""Name → style; the first is the default. ``--style`` takes these names."""
+
+
+@dataclass(frozen=True)
+class Manner:
+    """What an emotion does to movement: factors (1 = unchanged) and offsets (0 = unchanged).
+
+    After the third paper's observations (Xu et al. 2024, section 4): happiness and surprise expand outward and quicken;
+    fear and sadness turn inward with fewer variations; anger is fast, large and abrupt; contempt and disgust are alike,
+    averted and small. Sizes are ours.
+    """
+
+    amplitude: float = 1.0
+    rate: float = 1.0
+    tempo: float = 1.0
+    breadth: float = 0.0
+    """Arm lengths outward."""
+    height: float = 0.0
+    variety: float = 1.0
+    """Of forms and places: below 1 the repertoire narrows."""
+    abrupt: float = 0.0
+    """0 … 1: strokes shorter and stopped harder."""
+    tension: float = 0.0
+    bow: float = 0.0
+    """Degrees: torso forward (chest sinks)."""
+    chin: float = 0.0
+    """Degrees: head up."""
+    shrug: float = 0.0
+    """Degrees: shoulders up."""
+    turn: float = 0.0
+    """Degrees: head and torso averted."""
+    tilt: float = 0.0
+    """Degrees: head on one side."""
+    averted: float = 0.0
+    """Added share of averted gaze."""
+    torso: float = 1.0
+    head: float = 1.0
+
+
+MANNERS: Mapping[str, Manner] = MappingProxyType(
+    {
+        "neutral": Manner(),
+        "happiness": Manner(1.22, 1.2, 1.12, breadth=0.07, height=0.05, chin=3, bow=-2, torso=1.25, head=1.15),
+        "anger": Manner(1.28, 1.3, 1.32, breadth=0.0, height=0.05, abrupt=0.9, tension=0.5, bow=4, chin=-3, shrug=3, torso=1.2),
+        "sadness": Manner(
+            0.62, 0.6, 0.74, breadth=-0.08, height=-0.10, variety=0.4, tension=-0.3, bow=7, chin=-9, averted=0.3, torso=0.65,
+            head=0.75,
+        ),
+        "contempt": Manner(
+            0.72, 0.65, 0.9, breadth=-0.03, height=-0.05, variety=0.7, bow=-3, chin=5, turn=9, tilt=4, averted=0.2, torso=0.8,
+            head=0.9,
+        ),
+        "surprise": Manner(1.25, 1.15, 1.2, breadth=0.08, height=0.09, abrupt=0.35, tension=0.2, bow=-4, chin=4, shrug=5, torso=1.2),
+        "fear": Manner(
+            0.68, 0.8, 0.92, breadth=-0.09, height=0.0, variety=0.5, tension=0.45, bow=4, chin=-3, shrug=8, averted=0.3, torso=0.75,
+            head=1.0,
+        ),
+        "disgust": Manner(
+            0.72, 0.68, 0.92, breadth=-0.03, height=-0.04, variety=0.7, tension=0.2, bow=-2, chin=-2, turn=11, tilt=-4, averted=0.3,
+            torso=0.8, head=0.95,
+        ),
+    }
+)  # fmt: skip
+EMOTIONS: tuple[str, ...] = tuple(MANNERS)
+"""The eight emotions of BEAT in its order."""
+
+_MANNER_FIELDS = tuple(f.name for f in fields(Manner))
+_MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
+
+
+def blend_manners(probabilities: Array, intensity: float = 1.0) -> Manner:
+    """The mixture of all manners under ``probabilities (8,)``; ``intensity`` scales sizes as a whole."""
+    mixed = np.asarray(probabilities) @ _MANNER_TABLE
+    manner = Manner(*(float(v) for v in mixed))
+    return replace(manner, amplitude=manner.amplitude * intensity)

@@ -13,14 +13,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 UV = Path(sys.executable).parent / "uv"
 
-EXPORT = "export --quiet --frozen --no-dev --extra av --group build --no-emit-project --no-annotate --no-header".split()
-BLENDER = "pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header".split()
+EXPORT = "export --quiet --frozen --no-dev --extra av --group build --no-emit-project --no-annotate --no-header"
+BLENDER = "pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header"
 
 
 def main() -> None:
     subprocess.run([UV, "lock"], cwd=ROOT, check=True)
-    subprocess.run([UV, *EXPORT, "-o", "requirements/core.txt"], cwd=ROOT, check=True)
-    subprocess.run([UV, *BLENDER, "requirements/blender.in", "-o", "requirements/blender.txt"], cwd=ROOT, check=True)
+    subprocess.run([UV, *EXPORT.split(), "-o", "requirements/core.txt"], cwd=ROOT, check=True)
+    subprocess.run([UV, *BLENDER.split(), "requirements/blender.in", "-o", "requirements/blender.txt"], cwd=ROOT, check=True)
 
 
 if __name__ == "__main__":

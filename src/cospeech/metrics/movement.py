@@ -124,11 +124,11 @@ def _speed_rows(wrists: Array, window: slice) -> dict[str, float]:
     speed, acceleration, jerk = (_norm(_rate(wrists, order))[window] for order in (1, 2, 3))
     return {
         **_percentiles("wrist speed", ", m/s", speed, (10, 25, 50, 75, 90, 99)),
-        **_percentiles("left wrist speed", ", m/s", speed[:, 0], (50, 90, 99)),
-        **_percentiles("right wrist speed", ", m/s", speed[:, 1], (50, 90, 99)),
-        "wrist speed SD / mean": float(speed.std() / max(speed.mean(), 1e-12)),
-        **_percentiles("wrist acceleration", ", m/s²", acceleration, (50, 90, 99)),
-        **_percentiles("wrist jerk", ", m/s³", jerk, (50, 90, 99)),
+        **_percentiles("left", "", speed[:, 0], (50, 90, 99)),
+        **_percentiles("right", "", speed[:, 1], (50, 90, 99)),
+        "speed SD / mean": float(speed.std() / max(speed.mean(), 1e-12)),
+        **_percentiles("acceleration", ", m/s²", acceleration, (50, 90, 99)),
+        **_percentiles("jerk", ", m/s³", jerk, (50, 90, 99)),
     }
 
 
@@ -152,17 +152,17 @@ def _stroke_rows(smooth: Array, window: slice) -> dict[str, float]:
     rest = speed < REST
     moving = speed.std(0).min() > 1e-9
     rows = {
-        "left at rest, share": rest[:, 0].mean(),
-        "right at rest, share": rest[:, 1].mean(),
-        "both at rest, share": rest.all(1).mean(),
-        "strokes left, 1/min": counts[0] / minutes,
-        "strokes right, 1/min": counts[1] / minutes,
-        "strokes per hand, 1/min": sum(counts) / 2 / minutes,
+        "left at rest (< 0.1 m/s)": rest[:, 0].mean(),
+        "right at rest": rest[:, 1].mean(),
+        "both at rest": rest.all(1).mean(),
+        "strokes per min, left": counts[0] / minutes,
+        "strokes per min, right": counts[1] / minutes,
+        "strokes per min and hand": sum(counts) / 2 / minutes,
         "left–right speed correlation": np.corrcoef(speed.T)[0, 1] if moving else np.nan,
         "right share of speed": speed[:, 1].sum() / max(speed.sum(), 1e-12),
     }
     if sum(counts):
-        rows["stroke peak 50 %, m/s"] = np.median(np.concatenate(peaks))
+        rows["median stroke peak, m/s"] = np.median(np.concatenate(peaks))
         rows["log dimensionless jerk per stroke"] = np.median(np.concatenate(smoothness))
         rows |= _percentiles("stroke duration", ", s", np.concatenate(durations), (10, 50, 90))
     return {name: float(value) for name, value in rows.items()}
@@ -179,22 +179,22 @@ def _place_rows(parts: dict[str, Array], window: slice) -> dict[str, float]:
     level = wrists[..., 1] / middle[..., 1]
     flexion = np.degrees(np.arctan2(_norm(np.cross(upper, fore)), np.sum(upper * fore, -1)))
     shares = {
-        "below hip": level < 0,
-        "hip to chest": (level >= 0) & (level < CHEST),
-        "chest to shoulder": (level >= CHEST) & (level < 1),
-        "above shoulder": level >= 1,
-        "beyond midline": place[..., 0] * outward < 0,
+        "share of time: wrist below hip": level < 0,
+        "share of time: hip to chest": (level >= 0) & (level < CHEST),
+        "share of time: chest to shoulder": (level >= CHEST) & (level < 1),
+        "share of time: above shoulder": level >= 1,
+        "share beyond the midline": place[..., 0] * outward < 0,
     }
     return {
-        **{f"wrist {name}, share": float(there.mean()) for name, there in shares.items()},
-        **_percentiles("wrist height / arm", "", place[..., 1], (5, 50, 95)),
-        **_percentiles("wrist outward / arm", "", ((wrists - shoulders) / arm)[..., 0] * outward, (5, 50, 95)),
-        **_percentiles("wrist forward / arm", "", place[..., 2], (5, 50, 95)),
-        "wrist height SD / arm": float(place[..., 1].std(0).mean()),
-        "wrist lateral SD / arm": float(place[..., 0].std(0).mean()),
-        "wrist forward SD / arm": float(place[..., 2].std(0).mean()),
-        **_percentiles("left elbow flexion", ", deg", flexion[:, 0], (5, 50, 95)),
-        **_percentiles("right elbow flexion", ", deg", flexion[:, 1], (5, 50, 95)),
+        **{name: float(there.mean()) for name, there in shares.items()},
+        **_percentiles("height over shoulders / arm,", "", place[..., 1], (5, 50, 95)),
+        **_percentiles("outward of own shoulder / arm,", "", ((wrists - shoulders) / arm)[..., 0] * outward, (5, 50, 95)),
+        **_percentiles("forward of shoulders / arm,", "", place[..., 2], (5, 50, 95)),
+        "SD of height / arm": float(place[..., 1].std(0).mean()),
+        "SD of lateral / arm": float(place[..., 0].std(0).mean()),
+        "SD of forward / arm": float(place[..., 2].std(0).mean()),
+        **_percentiles("elbow flexion left", ", deg", flexion[:, 0], (5, 50, 95)),
+        **_percentiles("elbow flexion right", ", deg", flexion[:, 1], (5, 50, 95)),
     }
 
 
@@ -213,10 +213,10 @@ def _spectrum_rows(wrists: Array, window: slice) -> dict[str, float]:
     fast = frequency > 4
     strongest = max(velocity[(frequency >= f - 0.15) & (frequency <= f + 0.15)].sum() for f in frequency)
     return {
-        "wrist power slope 0.1–10 Hz": float(np.polyfit(np.log(frequency[band]), np.log(position[band]), 1)[0]),
-        "wrist position power above 4 Hz": float(position[fast].sum() / position.sum()),
-        "wrist velocity power above 4 Hz": float(velocity[fast].sum() / velocity.sum()),
-        "wrist velocity power in 0.3 Hz": float(strongest / velocity.sum()),
+        "slope of log position power, 0.1–10 Hz": float(np.polyfit(np.log(frequency[band]), np.log(position[band]), 1)[0]),
+        "position power above 4 Hz": float(position[fast].sum() / position.sum()),
+        "velocity power above 4 Hz": float(velocity[fast].sum() / velocity.sum()),
+        "velocity power in the strongest 0.3 Hz": float(strongest / velocity.sum()),
     }
 
 
@@ -233,8 +233,8 @@ def _torso_rows(shoulders: Array, window: slice) -> dict[str, float]:
     return {
         **{f"torso {name} SD, deg": float(x) for name, x in zip(("pitch", "roll", "yaw"), angles.std(0), strict=True)},
         **{f"torso {name} 5–95 %, deg": float(x) for name, x in zip(("pitch", "roll", "yaw"), spread, strict=True)},
-        "sway peak, Hz": float(frequency[band][np.argmax((frequency * power)[band])]),
-        **_percentiles("torso speed", ", deg/s", speed, (50,)),
+        "sway peak of f·P(f), Hz": float(frequency[band][np.argmax((frequency * power)[band])]),
+        "torso speed median, deg/s": float(np.median(speed)),
     }
 
 
@@ -257,7 +257,7 @@ def _head_rows(head: Array, window: slice) -> dict[str, float]:
         "head yaw SD, deg": float(yaw[window].std()),
         "head roll SD, deg": float(roll[window].std()),
         **_percentiles("head speed", ", deg/s", _turning(head[window]), (50, 90, 99)),
-        "nods, 1/min": len(nods) / (len(pitch[window]) / FPS / 60),
+        "nods per min": len(nods) / (len(pitch[window]) / FPS / 60),
     }
 
 
@@ -270,8 +270,8 @@ def _finger_rows(fingers: Array, window: slice) -> dict[str, float]:
     axes = np.linalg.eigh(np.einsum("tki,tkj->kij", turned, turned))[1][..., -1]
     span = np.ptp(np.percentile(np.einsum("tki,ki->tk", turned, axes), (5, 95), axis=0), axis=0)
     return {
-        "finger range median joint, deg": float(np.median(span)),
-        "finger range largest, deg": float(span.max()),
+        "finger joint 5–95 %, median joint, deg": float(np.median(span)),
+        "finger joint 5–95 %, largest, deg": float(span.max()),
         **_percentiles("finger speed", ", deg/s", _turning(local), (50, 90, 99)),
     }
 
@@ -282,7 +282,7 @@ def _ground_rows(hips: Array, feet: Array | None, window: slice) -> dict[str, fl
 
     minutes = len(hips[window]) / FPS / 60
     rows = {
-        "hip path 1 Hz, m/min": float(_norm(np.diff(low_pass(hips, 1.0)[window], axis=0)).sum() / minutes),
+        "hip path (1 Hz), m/min": float(_norm(np.diff(low_pass(hips, 1.0)[window], axis=0)).sum() / minutes),
         "hip SD, m": float(np.sqrt(hips[window].var(0).sum())),
     }
     if feet is None:
@@ -292,8 +292,8 @@ def _ground_rows(hips: Array, feet: Array | None, window: slice) -> dict[str, fl
     return {
         **rows,
         **_percentiles("foot speed", ", m/s", speed, (50, 90, 99)),
-        "foot moving, share": float((speed > REST).mean()),
-        "steps, 1/min": steps / minutes,
+        "foot moving (> 0.1 m/s)": float((speed > REST).mean()),
+        "steps per min (peaks > 0.3 m/s)": steps / minutes,
     }
 
 

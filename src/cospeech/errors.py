@@ -1,6 +1,8 @@
 """The errors that users are meant to see: what is wrong, with the value, and how to mend it."""
 
-__all__ = ["CospeechError", "InputError", "InternalError"]
+from collections.abc import Iterable
+
+__all__ = ["CospeechError", "InputError", "InternalError", "nearest"]
 
 
 class CospeechError(Exception):
@@ -25,3 +27,16 @@ class InputError(CospeechError, ValueError):
 
 class InternalError(CospeechError, RuntimeError):
     """We failed although the input was fine (a helper process died, say): exit code 1."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """A hint for a name that is not among those ``known``: the one most like it where there is one, and all of them.
+
+    >>> nearest("livly", ["natural", "lively"])
+    "did you mean 'lively'? known: natural, lively"
+    """
+    from difflib import get_close_matches
+
+    names = list(known)
+    close = get_close_matches(word.lower(), names, n=1, cutoff=0.5)  # cutoff is ours: below it the guesses surprise
+    return (f"did you mean {close[0]!r}? " if close else "") + f"known: {', '.join(names)}"

@@ -1,0 +1,25 @@
+"""What a run of ``generate`` says about itself: the content of ``report.json``."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = ["Report"]
+
+
+class Report(BaseModel):
+    """Facts of one run; ``report.model_dump_json(indent=2)`` is ``report.json``."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str = Field(description="registry name of the model")
+    speech_seconds: float = Field(description="length of the speech")
+    frames: int = Field(description="frames of each take: exactly ceil(speech_seconds × fps)")
+    fps: float = Field(description="frames per second")
+    seed: int = Field(description="seed of the first take; the next takes count up from it")
+    takes: int = Field(description="number of takes")
+    realtime_factor: float = Field(description="seconds of work per second of motion, files included")
+    emotion: dict[str, float] = Field(description="probability of each emotion, over the whole speech")
+    style: str = Field(description="style in which was gestured")
+    outputs: list[str] = Field(description="files written")
+    version: str = Field(description="version of cospeech")

@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import cached_property, lru_cache
+from importlib import import_module
 
 import numpy as np
 
 from .errors import InputError
 from .rotations import Array, quat_identity, quat_multiply, quat_rotate
+from .skeletons import SKELETONS
 
-__all__ = ["Skeleton", "humanoid"]
+__all__ = ["Skeleton", "humanoid", "named_skeleton"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +159,28 @@ def from_table(
     )
 
 
-@lru_cache(1)
+@lru_cache
+def named_skeleton(name: str) -> Skeleton:
+    """A skeleton of the table `cospeech.skeletons.SKELETONS`.
+
+    Raises:
+        InputError: unknown name; the message lists the known ones and the nearest.
+
+    >>> named_skeleton("mixamo").names[0]
+    'mixamorig:Hips'
+    """
+    if name not in SKELETONS:
+        near = get_close_matches(str(name).lower(), SKELETONS, 1, 0.5)
+        known = f"known: {', '.join(SKELETONS)}"
+        raise InputError(f"unknown skeleton {name!r}", f"did you mean {near[0]!r}? {known}" if near else known)
+    table = import_module(SKELETONS[name])
+    return from_table(table.JOINTS, table.ENDS, name)
+
+
 def humanoid() -> Skeleton:
     """Our humanoid (`cospeech.skeletons.humanoid`): 55 joints, T-pose, 1.72 m.
 
     >>> len(humanoid()), humanoid().names[0]
     (55, 'hips')
     """
-    from .skeletons.humanoid import ENDS, JOINTS
-
-    return from_table(JOINTS, ENDS, "humanoid")
+    return named_skeleton("humanoid")

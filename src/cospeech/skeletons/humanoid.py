@@ -5,7 +5,7 @@ Metres, Y up, facing +Z, so that *left* is +X. All rest rotations are the identi
 Human Movement* (2009), figure 4.1, rounded; finger lengths are ours, after published adult hand surveys.
 """
 
-__all__ = ["ENDS", "HEIGHT", "JOINTS", "MIRROR"]
+__all__ = ["ENDS", "HEIGHT", "JOINTS", "MIRROR", "NAMES"]
 
 HEIGHT = 1.72  # metres, crown to sole; ours
 
@@ -60,8 +60,7 @@ def _side(side: str) -> list[tuple[str, str, tuple[float, float, float]]]:
     mirror = 1 if side == "left" else -1
     shared = {"head", "upperChest", "hips"}
     return [
-        (side + name, parent if parent in shared else side + parent, (mirror * x, y, z))
-        for name, parent, (x, y, z) in _LEFT
+        (side + name, parent if parent in shared else side + parent, (mirror * x, y, z)) for name, parent, (x, y, z) in _LEFT
     ]
 
 
@@ -75,3 +74,6 @@ ENDS = {"head": (0.0, 0.195, 0.0), "jaw": (0.0, -0.045, 0.075)} | {
 
 MIRROR = {f"left{name}": f"right{name}" for name, _, _ in _LEFT} | {f"right{name}": f"left{name}" for name, _, _ in _LEFT}
 """Left name → right name and back; joints of the middle are absent."""
+
+NAMES = {name: name for name, _, _ in JOINTS}
+"""Our names, as the tables of other skeletons have it."""

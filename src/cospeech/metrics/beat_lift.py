@@ -22,17 +22,17 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array
-from .movement import FPS, Track, low_pass, wrist_speeds
+from .movement import Track, wrist_speeds
+from .movement_signal import FPS, SMOOTH, low_pass
 
 __all__ = ["BeatLift", "accents", "beat_lift", "energy_envelope", "wrist_peaks"]
 
-BAND = (100.0, 4000.0)  # Hz (motion page, "Speech and motion")
+BAND = (100.0, 4000.0)  # Hz (benchmarks/README.md)
 RATE = 100.0  # Hz, of the envelope; ours: far above its 6 Hz
-SMOOTH = 6.0  # Hz (motion page)
-PROMINENCE = 0.5  # SD (motion page, for accents; ours for wrist peaks: scale-free, and the real take comes out as printed)
-SIGMA = 0.1  # s (motion page)
-LAGS = np.arange(-0.4, 0.2001, 0.02)  # s, peak less accent (motion page)
-SHIFT, NEAR = 1.6, 3.4  # s (motion page)
+PROMINENCE = 0.5  # SD (as published for accents; ours for wrist peaks: scale-free, and the real take comes out as printed)
+SIGMA = 0.1  # s (benchmarks/README.md)
+LAGS = np.arange(-0.4, 0.2001, 0.02)  # s, peak less accent (benchmarks/README.md)
+SHIFT, NEAR = 1.6, 3.4  # s (benchmarks/README.md)
 FAR_SHIFTS, NEAR_SHIFTS, RESAMPLES = 80, 20, 400  # ours: the mean over shifts is then known to 1 % of chance
 BLOCK = 5.0  # s; the bootstrap draws stretches of this length, longer than a phrase. Ours
 

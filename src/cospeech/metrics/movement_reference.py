@@ -1,7 +1,7 @@
 """How two people move while they speak: the table that `cospeech.metrics.movement` is judged against.
 
-Facts measured on 413 s of motion capture of two speakers (ZeroEGGS and BEAT2), as printed in the project's page on
-motion: the mean and the range over 13 windows of 30 s. Enough to reject what is grossly wrong; the ranges are those of two
+Facts measured on 413 s of motion capture of two speakers (ZeroEGGS and BEAT2), see benchmarks/README.md:
+the mean and the range over 13 windows of 30 s. Enough to reject what is grossly wrong; the ranges are those of two
 people, not of mankind.
 """
 

@@ -1,0 +1,349 @@
+"""The command line: arguments in, one call of the library, plain words out. Nothing is computed here.
+
+Light on purpose: every command imports what it needs when it runs, so that ``cospeech --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+from typer import Argument, Option
+
+from . import __version__
+from .errors import CospeechError, InputError, InternalError
+from .models import DEFAULT, PARTS
+
+if TYPE_CHECKING:
+    from .report import Report
+
+__all__ = ["HOW_TO_OPEN", "app", "main"]
+
+HOW_TO_OPEN = {
+    ".bvh": "Blender: File > Import > Motion Capture (.bvh), Scale 0.01, tick Update Scene FPS; or MotionBuilder, Maya, iClone",
+    ".glb": "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
+    ".vrma": "play it on any VRM avatar: three-vrm, UniVRM, VRM add-on for Blender",
+    ".csv": "Unreal: plugin Live Link Face Importer, then drop it into the Content Browser; Blender: Faceit",
+    ".json": "52 ARKit weights per frame, for your own program",
+    ".npz": "SMPL-X: numpy.load, or the SMPL-X add-on for Blender",
+    ".mp4": "any video player",
+    ".gif": "any web browser",
+    ".png": "any picture viewer: a strip of frames over the waveform",
+}
+"""Suffix → where such a file goes; printed after each run, checked against the table of formats."""
+
+app = typer.Typer(
+    name="cospeech",
+    help="Speech audio in, a moving character out: face, body and hands, in files that your tools open.",
+    epilog="What you generate is yours. Manual: docs/ in the repository, or each command's --help.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
+
+
+def _option(*flags: str, help: str, metavar: str | None = None) -> Any:
+    return Option(*flags, help=help, metavar=metavar)
+
+
+Audio = Annotated[
+    Path, Argument(metavar="SPEECH", help="Sound file: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video.")
+]
+Motion = Annotated[Path, Argument(metavar="MOTION", help="Motion file to read: .bvh .glb .vrma .csv .json .npz.")]
+Output = Annotated[
+    list[Path] | None,
+    _option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="File to write, the suffix picks the format; may be given several times. "
+        "Without it: SPEECH's name with .bvh and with .glb, in this folder.",
+    ),
+]
+Model = Annotated[str, _option("--model", metavar="NAME", help="See `cospeech list models`.")]
+Style = Annotated[str | None, _option("--style", metavar="NAME", help="See `cospeech list styles`.")]
+Emotion = Annotated[
+    str,
+    _option(
+        "--emotion",
+        metavar="NAME",
+        help="auto (heard from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust.",
+    ),
+]
+Speaker = Annotated[
+    str | None, _option("--speaker", metavar="NAME", help="A speaker by name; for `rules` the same as a style.")
+]
+Transcript = Annotated[
+    Path | None,
+    _option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
+]
+Seed = Annotated[int, _option("--seed", help="Another seed, another performance; the same seed, the same bytes.")]
+Takes = Annotated[int, _option("--takes", help="Write so many takes: talk.1.bvh, talk.2.bvh …")]
+Temperature = Annotated[float, _option("--temperature", help="How far choices stray from the likeliest, 0 … 2.")]
+Intensity = Annotated[float, _option("--intensity", help="Size of the motion, 0 … 2.")]
+Parts = Annotated[str, _option("--parts", metavar="LIST", help="What moves.")]
+Skeleton = Annotated[str, _option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]
+Retarget = Annotated[str | None, _option("--skeleton", metavar="NAME", help="Retarget; see `cospeech list skeletons`.")]
+Map = Annotated[
+    Path | None,
+    _option("--map", metavar="FILE", help="TOML: which joint of MOTION is which of ours, where that is not recognised."),
+]
+Fps = Annotated[float, _option("--fps", help="Frames per second, 1 … 240.")]
+NewFps = Annotated[float | None, _option("--fps", help="Resample to this rate.")]
+Avatar = Annotated[Path | None, _option("--avatar", metavar="FILE", help="Show this VRM or GLB character in place of ours.")]
+Drawn = Annotated[Path | None, _option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
+ReportFile = Annotated[Path | None, _option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
+Folder = Annotated[Path, _option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
+Json = Annotated[bool, _option("--json", help="As JSON, for programs.")]
+Debug = Annotated[bool, _option("--debug", help="Show the traceback of an error.")]
+Quiet = Annotated[bool, _option("--quiet", "-q", help="No progress bar, no list of files.")]
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context, version: Annotated[bool, Option("--version", "-V", help="Show the version and exit.")] = False
+) -> None:
+    if version:
+        print(f"cospeech {__version__}")
+    elif context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command()
+def generate(
+    audio: Audio,
+    output: Output = None,
+    model: Model = DEFAULT,
+    style: Style = None,
+    emotion: Emotion = "auto",
+    speaker: Speaker = None,
+    transcript: Transcript = None,
+    seed: Seed = 0,
+    takes: Takes = 1,
+    temperature: Temperature = 1.0,
+    intensity: Intensity = 1.0,
+    parts: Parts = ",".join(PARTS),
+    skeleton: Skeleton = "humanoid",
+    fps: Fps = 30.0,
+    avatar: Avatar = None,
+    report: ReportFile = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Motion for a speech.
+
+    \b
+    cospeech generate talk.wav -o talk.bvh -o talk.glb
+    cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
+    """
+    from .generate import generate_files
+
+    outputs = output or [Path(audio.stem + suffix) for suffix in (".bvh", ".glb")]
+    with _progress("generating", quiet) as progress:
+        result = generate_files(
+            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript, seed=seed,
+            takes=takes, temperature=temperature, intensity=intensity, parts=[p.strip() for p in parts.split(",") if p.strip()],
+            skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
+        )  # fmt: skip
+    if not quiet:
+        _show_outputs(result)
+
+
+@app.command()
+def convert(
+    source: Motion,
+    target: Annotated[Path, Argument(metavar="FILE", help="File to write; the suffix picks the format.")],
+    skeleton: Retarget = None,
+    fps: NewFps = None,
+    names: Map = None,
+    avatar: Avatar = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """One motion file into another.
+
+    \b
+    cospeech convert talk.bvh talk.vrma
+    cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
+    """
+    from .convert import convert_file
+
+    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar)
+    if not quiet:
+        print(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({HOW_TO_OPEN[target.suffix.lower()]})")
+
+
+@app.command()
+def render(
+    source: Motion,
+    target: Annotated[Path, Argument(metavar="PICTURE", help="Picture to write: .mp4, .gif (both moving) or .png (a strip).")],
+    audio: Drawn = None,
+    avatar: Avatar = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """A preview of a motion file: video, moving picture or strip of frames.
+
+    \b
+    cospeech render talk.glb talk.mp4 --audio talk.wav
+    """
+    from .convert import convert_file
+    from .generate import LISTENS
+
+    if target.suffix.lower() not in LISTENS:
+        known = " ".join(sorted(LISTENS))
+        raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
+    convert_file(source, target, audio=audio, avatar=avatar)
+    if not quiet:
+        print(f"{target}  ({HOW_TO_OPEN[target.suffix.lower()]})")
+
+
+@app.command("list")
+def list_(
+    what: Annotated[str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics or corpora.")],
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """What there is: models, styles, emotions, formats, skeletons, metrics, corpora."""
+    from .catalogue import catalogue
+
+    rows = catalogue(what)
+    if as_json:
+        import json
+
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        return
+    width = max((len(row["name"]) for row in rows), default=0)
+    for row in rows:
+        print(f"{row['name']:<{width}}  {row['what']}")
+    if not rows:
+        print(f"no {what} yet")
+
+
+@app.command()
+def demo(
+    folder: Folder = Path("demo"),
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Everything at once, from the example speech: .bvh .glb .vrma .csv .json .npz .mp4 .png."""
+    from .demo import make_demo
+
+    with _progress("making the demo", quiet) as progress:
+        result = make_demo(folder, progress=progress)
+    if not quiet:
+        _show_outputs(result)
+
+
+@app.command()
+def bench(
+    seconds: Annotated[float, _option("--seconds", help="Length of the speech that is timed.")] = 60.0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Speed on this machine: real-time factor, latency and memory."""
+    from .bench import measure
+
+    rows = measure(seconds)
+    if as_json:
+        import json
+
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        return
+    width = max(len(row["what"]) for row in rows)
+    for row in rows:
+        print(f"{row['what']:<{width}}  {row['value']:>9.4g} {row['unit']:<4}  {row['note']}")
+
+
+def _show_outputs(result: Report) -> None:
+    """The files, and where each kind goes, once per kind."""
+    speed = f"{1 / result.realtime_factor:.0f} times as fast as real time" if result.realtime_factor else ""
+    print(f"{result.speech_seconds:.2f} s of speech, {result.frames} frames at {result.fps:g} fps, {speed}")
+    width = max(map(len, result.outputs))
+    told = set()
+    for name in result.outputs:
+        suffix = Path(name).suffix.lower()
+        print(f"  {name}" if suffix in told else f"  {name:<{width}}  {HOW_TO_OPEN[suffix]}")
+        told.add(suffix)
+
+
+@contextmanager
+def _progress(title: str, quiet: bool) -> Iterator[Callable[[float, float | None], None] | None]:
+    """A bar on stderr from the second second on; None where nobody would see it."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from time import monotonic
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
+    task = bar.add_task(title, total=None)
+
+    def tell(done: float, total: float | None) -> None:
+        if not bar.live.is_started and monotonic() - began > 1:
+            bar.start()
+        bar.update(task, completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        bar.stop()
+
+
+def _usage_error(error: typer.TyperException) -> InputError:
+    """Typer's words as ours: what is wrong, and how to mend it in brackets."""
+    what, _, rest = error.format_message().replace("\n", " ").strip().partition(". ")
+    if not rest and what.endswith(")") and " (" in what:
+        what, _, rest = what[:-1].partition(" (")
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "cospeech"
+    hint = rest.strip().rstrip(".") or f"see `{command} --help`"
+    return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
+
+
+def _stop(signum: int, frame: object) -> NoReturn:
+    raise SystemExit(128 + signum)
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+    debug = "--debug" in sys.argv
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
+    signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
+    try:
+        code = app(standalone_mode=False)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        code = 130
+    except (CospeechError, typer.TyperException) as problem:
+        if debug:
+            raise
+        error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
+        code = _say(error, 1 if isinstance(error, InternalError) else 2)
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        sys.stdout = None  # type: ignore[assignment]  # nothing is flushed into the void at exit
+        code = 0
+    except Exception as problem:
+        if debug:
+            raise
+        code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
+    sys.exit(code)
+
+
+def _say(error: CospeechError, code: int) -> int:
+    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""One motion file into another: the call behind ``cospeech convert`` and ``cospeech render``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .export import format_of, load
+from .generate import FPS_RANGE, File, check_files, check_range
+from .motion import Motion
+from .retarget import retarget
+
+__all__ = ["convert_file"]
+
+
+def convert_file(
+    source: File,
+    target: File,
+    *,
+    skeleton: str | None = None,
+    fps: float | None = None,
+    names: File | None = None,
+    audio: File | None = None,
+    avatar: File | None = None,
+) -> Motion:
+    """Read a motion file and write it in another format; what was written is returned.
+
+    Args:
+        source, target: motion files; the suffixes pick the formats.
+        skeleton: retarget to this one first.
+        fps: resample to this rate first.
+        names: a TOML file that says which joint of ``source`` is which of ours.
+        audio: the speech, for pictures.
+        avatar: a VRM or GLB character for ``.glb`` and pictures.
+
+    Raises:
+        InputError: a file cannot be read or written, or the skeleton is not recognised.
+    """
+    format_of(target)
+    inputs = [path for path in (names, audio, avatar) if path]
+    check_files(source, [Path(target)], inputs, None)
+    if fps is not None:
+        check_range("fps", fps, FPS_RANGE)
+    motion = load(source)
+    options: dict[str, object] = {}
+    if skeleton is not None:
+        motion = retarget(motion, skeleton, **({"map": names} if names else {}))
+    if fps is not None:
+        motion = motion.resample(fps)
+    if audio is not None:
+        options["audio"] = audio
+    if avatar is not None:
+        options["avatar"] = avatar
+    motion.save(target, **options)
+    return motion

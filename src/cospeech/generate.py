@@ -1,0 +1,272 @@
+"""Speech file in, motion files out: the call behind ``cospeech generate``, in constant memory.
+
+Sound is decoded in blocks, a model turns them into motion as they come, and every file that was asked for is written at the
+same time. Files appear under their names only when all of them are complete.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from fractions import Fraction
+from os import PathLike
+from pathlib import Path
+
+from . import __version__
+from .errors import InputError, nearest
+from .export import FORMATS, Writer, open_writer
+from .export import format_of as format_of_file
+from .files import all_or_none
+from .models import DEFAULT, PARTS
+from .models import load as load_model
+from .motion import Motion
+from .report import Report
+from .retarget import retarget
+from .rules.styles import EMOTIONS
+from .speech import Speech, SpeechSource, Word, open_speech
+
+__all__ = [
+    "FPS_RANGE",
+    "KEEPS_SKELETON",
+    "LISTENS",
+    "MOST_TAKES",
+    "WEARS_AVATAR",
+    "check_files",
+    "check_range",
+    "generate_files",
+    "speech_chunks",
+    "take_path",
+]
+
+File = str | PathLike[str]
+Progress = Callable[[float, float | None], None]
+"""Called now and then with the seconds done and the seconds in all (None where not known yet)."""
+
+FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
+MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
+INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
+TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
+LISTENS = frozenset({".mp4", ".gif", ".png"})
+"""Suffixes of pictures, which carry or draw the speech."""
+KEEPS_SKELETON = frozenset({".bvh"})
+"""Suffixes of files that hold any skeleton as it is; the other formats prescribe theirs."""
+WEARS_AVATAR = frozenset({".glb", *LISTENS})
+"""Suffixes of files that show a character."""
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What a model is asked for, beside the speech."""
+
+    style: str | Motion | None
+    emotion: str
+    intensity: float
+    temperature: float
+    fps: float
+    parts: tuple[str, ...]
+
+
+def generate_files(
+    audio: File,
+    outputs: Sequence[File],
+    *,
+    model: str = DEFAULT,
+    style: str | None = None,
+    emotion: str = "auto",
+    speaker: str | None = None,
+    transcript: File | None = None,
+    seed: int = 0,
+    takes: int = 1,
+    temperature: float = 1.0,
+    intensity: float = 1.0,
+    parts: Iterable[str] = PARTS,
+    skeleton: str = "humanoid",
+    fps: float = 30.0,
+    avatar: File | None = None,
+    report: File | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Generate motion for a sound file, and write it.
+
+    Args:
+        audio: the speech; any sound file that `open_speech` reads.
+        outputs: files to write; the suffix picks the format.
+        model: registry name.
+        style: a style by name; the model's default where not given.
+        emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.
+        speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
+        transcript: words of the speech, with times or without.
+        seed: of the first take; the next take has the next seed.
+        takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
+        temperature: how far choices stray from the likeliest, 0 … 2.
+        intensity: size of the motion, 0 … 2.
+        parts: of `PARTS`.
+        skeleton: of the BVH files.
+        fps: frames per second; every file has exactly ceil(duration × fps) frames.
+        avatar: a VRM or GLB character to show in the place of ours.
+        report: write the `Report` as JSON here too.
+        progress: called with (seconds done, seconds in all or None).
+
+    Raises:
+        InputError: something given cannot be used; nothing has been written.
+    """
+    began = time.perf_counter()
+    if style is not None and speaker is not None and style != speaker:
+        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
+    files = [Path(path) for path in outputs]
+    options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
+    _check_options(options, takes, avatar, {path.suffix.lower() for path in files})
+    check_files(audio, files, [path for path in (transcript, avatar) if path], report)
+    gesturer = load_model(model)
+    names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
+    with ExitStack() as stack:
+        place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
+        source = stack.enter_context(open_speech(audio, transcript=transcript))
+        counts = set()
+        for take in range(takes):
+            staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
+            moving = gesturer.stream(speech_chunks(source), seed=seed + take, **vars(options))
+            shown = _told(moving, progress, take, takes, source.expected_seconds)
+            counts.add(_write_all(shown, staged, skeleton, options.fps, audio, avatar))
+        seconds = source.seconds or 0.0
+        wanted = source.frames(options.fps)
+        if counts != {wanted}:
+            raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
+        result = Report(
+            model=model,
+            speech_seconds=seconds,
+            frames=wanted,
+            fps=options.fps,
+            seed=seed,
+            takes=takes,
+            realtime_factor=(time.perf_counter() - began) / (seconds * takes),
+            emotion=_emotion_heard(gesturer, emotion),
+            style=str(style or speaker or _default_style(gesturer)),
+            outputs=[str(path) for path in names],
+            version=__version__,
+        )
+        if report:
+            place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
+    return result
+
+
+def take_path(path: File, take: int, takes: int) -> Path:
+    """Name of a take: the path itself where there is one take, else with the number before the suffix.
+
+    >>> take_path("talk.bvh", 2, 4).name
+    'talk.2.bvh'
+    """
+    path = Path(path)
+    return path if takes == 1 else path.with_name(f"{path.stem}.{take}{path.suffix}")
+
+
+def speech_chunks(source: SpeechSource) -> Iterator[Speech]:
+    """A sound file as pieces of speech; durations add up exactly to the file's, words travel with the piece they start in."""
+    words = list(source.words) if source.words is not None else None
+    at, held = Fraction(0), None
+    for block in source.blocks():
+        if held is not None:
+            yield _chunk(held, source, at, Fraction(len(held), source.rate), words)
+            at += Fraction(len(held), source.rate)
+        held = block
+    if held is not None and source.duration is not None:
+        yield _chunk(held, source, at, source.duration - at, words, last=True)
+
+
+def _chunk(
+    block: object, source: SpeechSource, at: Fraction, duration: Fraction, words: list[Word] | None, *, last: bool = False
+) -> Speech:
+    """One piece; takes the words that start in it off the list."""
+    spoken: tuple[Word, ...] | None = None
+    if words is not None:
+        end = math.inf if last else float(at + duration)
+        count = next((i for i, word in enumerate(words) if word.start >= end), len(words))
+        spoken = tuple(words[:count])
+        del words[:count]
+    return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
+
+
+def _told(
+    moving: Iterator[Motion], progress: Progress | None, take: int, takes: int, seconds: float | None
+) -> Iterator[Motion]:
+    """The same stream, and the listener of progress is told."""
+    for piece in moving:
+        yield piece
+        if progress is not None:
+            done = piece.start + piece.duration
+            progress(done if seconds is None else done + take * seconds, None if seconds is None else seconds * takes)
+
+
+def _write_all(moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: float, audio: File, avatar: File | None) -> int:
+    """Write a stream to all files at once; the number of frames."""
+    count, writers = 0, []
+    with ExitStack() as stack:
+        for piece in moving:
+            other = piece if skeleton == "humanoid" else retarget(piece, skeleton)
+            if not writers:
+                writers = [stack.enter_context(_writer(path, piece, other, fps, audio, avatar)) for path in paths]
+            for writer in writers:
+                writer.write(other if writer.path.suffix.lower() in KEEPS_SKELETON else piece)
+            count += len(piece)
+    return count
+
+
+def _writer(path: Path, piece: Motion, other: Motion, fps: float, audio: File, avatar: File | None) -> Writer:
+    suffix, options = path.suffix.lower(), {}
+    if suffix in LISTENS:
+        options["audio"] = audio
+    if avatar is not None and suffix in WEARS_AVATAR:
+        options["avatar"] = avatar
+    return open_writer(path, skeleton=(other if suffix in KEEPS_SKELETON else piece).skeleton, fps=fps, **options)
+
+
+def _check_options(options: _Options, takes: int, avatar: File | None, suffixes: set[str]) -> None:
+    if options.emotion != "auto" and options.emotion not in EMOTIONS:
+        raise InputError(f"no emotion is called {options.emotion!r}", nearest(options.emotion, ("auto", *EMOTIONS)))
+    for part in options.parts:
+        if part not in PARTS:
+            raise InputError(f"no part is called {part!r}", nearest(part, PARTS))
+    if not options.parts:
+        raise InputError("no part to generate", f"known: {', '.join(PARTS)}")
+    check_range("intensity", options.intensity, INTENSITY_RANGE)
+    check_range("temperature", options.temperature, TEMPERATURE_RANGE)
+    check_range("fps", options.fps, FPS_RANGE)
+    check_range("takes", takes, (1, MOST_TAKES))
+    if avatar is not None and not suffixes & WEARS_AVATAR:
+        raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
+    if avatar is not None and not Path(avatar).is_file():
+        raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
+
+
+def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
+    if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
+        raise InputError(f"{name} {value:g} is out of range", f"{bounds[0]:g} … {bounds[1]:g}")
+
+
+def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:
+    """Every output can be told apart from the others and from what is read."""
+    if not outputs:
+        raise InputError("no file to write", f"name one with a suffix of {' '.join(FORMATS)}")
+    for path in outputs:
+        format_of_file(path)
+    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in (audio, *inputs)}
+    for path in [*outputs, *([Path(report)] if report else [])]:
+        real = os.path.realpath(path)
+        if real in seen:
+            raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")
+        seen[real] = "another output"
+
+
+def _emotion_heard(model: object, emotion: str) -> dict[str, float]:
+    """Probability of each emotion: as heard, or as told."""
+    if emotion != "auto":
+        return {name: float(name == emotion) for name in EMOTIONS}
+    return dict(getattr(model, "emotion", {}))
+
+
+def _default_style(model: object) -> str:
+    return str(getattr(model, "default_style", "natural"))

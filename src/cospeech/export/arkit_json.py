@@ -1,0 +1,117 @@
+"""ARKit-52 weights as JSON in the face layout of the BEAT data set (Liu et al. 2022).
+
+``{"names": [...], "frames": [{"weights": [...], "time": seconds, "rotation": []}, ...]}``; BEAT lists 51 names in
+alphabetical order (without ``tongueOut``); ours are these 51 and ``tongueOut`` last. Any subset in any order is read.
+"""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import IO, NoReturn
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion import Motion
+from ..rotations import Array
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from . import Writer as BaseWriter
+from .reading import read_bytes
+from .standing import standing
+from .timing import frame_rate, on_grid
+
+__all__ = ["NAMES", "Writer", "load"]
+
+NAMES = (*sorted(name for name in ARKIT if name != "tongueOut"), "tongueOut")
+"""Order of the weights in our files."""
+
+_ORDER = np.array([ARKIT_INDEX[name] for name in NAMES])
+_LOWER = {name.lower(): k for name, k in ARKIT_INDEX.items()}
+_MAX_BYTES = 256 << 20  # ours: JSON is parsed in memory, at some ten times its size; 5 hours of ours fit
+_DEFAULT_FPS = 60.0  # BEAT's face data, for a file of one frame
+
+
+class Writer(BaseWriter):
+    """Writes frame after frame; only the face is in this format."""
+
+    _file: IO[str] | None = None
+
+    def _begin(self, temporary: Path) -> None:
+        self._file = temporary.open("w", encoding="ascii", newline="")
+        self._file.write('{"names": ' + json.dumps(NAMES) + ', "frames": [')
+
+    def _write(self, motion: Motion) -> None:
+        assert self._file is not None
+        face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
+        rows = (np.round(face[:, _ORDER].astype(np.float64), 5) + 0.0).tolist()
+        for k, weights in enumerate(rows, start=self.frames):
+            frame = {"weights": weights, "time": round(k / self.fps, 6), "rotation": []}
+            self._file.write(("," if k else "") + "\n" + json.dumps(frame))
+
+    def _finish(self) -> None:
+        assert self._file is not None
+        self._file.write("\n]}\n")
+        self._file.close()
+
+    def _discard(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+def load(path: str | PathLike[str]) -> Motion:
+    """Read face weights by name, on a standing body; names that are not ARKit's are left out, missing ones are zero.
+
+    Raises:
+        InputError: not JSON, not this layout, no known name, uneven rows, values that are not finite.
+    """
+    name = repr(str(path))
+    data = _parse(read_bytes(path, limit=_MAX_BYTES), name)
+    names, frames = (data.get("names"), data.get("frames")) if isinstance(data, dict) else (None, None)
+    if not isinstance(names, list) or not isinstance(frames, list) or not all(isinstance(n, str) for n in names):
+        raise InputError(f"{name} holds no ARKit weights", 'expected {"names": [...], "frames": [...]}')
+    known = [(k, _LOWER[n.lower()]) for k, n in enumerate(names) if n.lower() in _LOWER]
+    if not known:
+        raise InputError(f"{name} names none of ARKit's 52 shapes", f"first names: {', '.join(names[:3])[:80]}")
+    if not frames:
+        raise InputError(f"{name} has no frames", "was the export interrupted?")
+    times, weights = _rows(frames, len(names), name)
+    fps = frame_rate(times, _DEFAULT_FPS)
+    weights = on_grid(times, weights, fps)
+    face = np.zeros((len(weights), len(ARKIT)))
+    for k, column in known:
+        face[:, column] = np.clip(weights[:, k], 0, 1)
+    return standing(len(face), fps=fps, face=face)
+
+
+def _parse(text: bytes, name: str) -> object:
+    def refuse(constant: str) -> NoReturn:
+        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except InputError:
+        raise
+    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
+        raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
+    except RecursionError:
+        raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
+
+
+def _rows(frames: list, width: int, name: str) -> tuple[Array, Array]:
+    """Times (T,) and weights (T, width) of the frames, checked."""
+    times, weights = np.empty(len(frames)), np.empty((len(frames), width))
+    for k, frame in enumerate(frames):
+        try:
+            row, time = frame["weights"], frame["time"]
+            if len(row) != width or isinstance(row, str):
+                raise InputError(f"frame {k} of {name} has {len(row)} weights for {width} names", "is it damaged?")
+            weights[k], times[k] = row, time
+        except (TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"frame {k} of {name} cannot be read", 'expected {"weights": [...], "time": …}') from None
+    if not (np.isfinite(weights).all() and np.isfinite(times).all()):
+        raise InputError(f"{name} holds values that are not finite", "is it damaged?")
+    return times, weights

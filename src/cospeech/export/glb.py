@@ -1,0 +1,169 @@
+"""Our mannequin, moving, as a binary glTF file; and animated characters of this and other makes read back.
+
+A skin is always there (Blender makes Empties of bare nodes), morph targets carry ARKit's names in ``mesh.extras.targetNames``,
+joints have identity rest rotations, rotations are keyed on every frame and translation on the hips only. Morph offsets are
+sparse: most of a figure does not move when it blinks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..motion import Motion
+from ..rotations import Array
+from ..skeleton import humanoid
+from ..skeletons.arkit import ARKIT
+from . import Writer as BaseWriter
+from .gltf_build import GltfBuilder
+from .standing import as_humanoid
+from .tracks import Recorder, Track
+
+if TYPE_CHECKING:
+    from ..mannequin import Character, Part
+
+__all__ = ["Writer", "load"]
+
+_ARRAY, _INDEX = 34962, 34963  # buffer targets of vertex attributes and of triangles
+
+
+class Writer(BaseWriter):
+    """Streams motion onto a character; tracks wait in a temporary file, so that hours of motion fit in memory.
+
+    Args:
+        character: a skinned figure on our humanoid, `cospeech.mannequin.build` where not given.
+    """
+
+    _recorder: Recorder | None = None
+
+    def __init__(self, path: str | PathLike[str], *, character: Character | None = None, **common: Any) -> None:
+        super().__init__(path, **common)
+        self._character = character
+
+    def _begin(self, temporary: Path) -> None:
+        if self._character is None:
+            from ..mannequin import build
+
+            self._character = build()
+        self._temporary = temporary
+        self._builder, joints, faces = character_document(self._character)
+        tracks = [Track((joints[0],), "translation", 3), *(Track((j,), "rotation", 4) for j in joints)]
+        tracks += [Track(tuple(faces), "weights", len(ARKIT))] if faces else []
+        self._recorder = Recorder(tracks, self.fps, temporary.parent)
+        self._has_face = bool(faces)
+
+    def _write(self, motion: Motion) -> None:
+        assert self._recorder is not None
+        motion = as_humanoid(motion)
+        columns = [motion.root, motion.rotations.reshape(len(motion), -1)]
+        if self._has_face:
+            columns.append(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
+        self._recorder.add(np.concatenate(columns, 1))
+
+    def _finish(self) -> None:
+        assert self._recorder is not None
+        self._recorder.append(self._builder, "speech")
+        with self._temporary.open("wb") as file:
+            self._builder.write(file)
+
+    def _discard(self) -> None:
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def character_document(character: Character) -> tuple[GltfBuilder, list[int], list[int]]:
+    """The still figure as a glTF document.
+
+    Returns:
+        the builder, the node of every joint of the skeleton, and the nodes of the meshes that have morph targets.
+    """
+    skeleton = character.skeleton
+    builder = GltfBuilder({"asset": {"version": "2.0", "generator": "cospeech"}, "scene": 0})
+    joints = list(range(len(skeleton)))
+    for k, name in enumerate(skeleton.names):
+        node: dict[str, Any] = {"name": name, "translation": skeleton.offsets[k].tolist()}
+        if skeleton.children[k]:
+            node["children"] = list(skeleton.children[k])
+        builder.append("nodes", node)
+    armature = builder.append("nodes", {"name": "cospeech", "children": [0]})
+    bind = np.tile(np.eye(4, dtype=np.float32), (len(skeleton), 1, 1))
+    bind[:, 3, :3] = -skeleton.tpose  # columns of the matrix lie one after another (glTF 3.6.2.2)
+    inverse = builder.add(bind.reshape(-1, 16), "MAT4")
+    builder.append("skins", {"name": "cospeech", "joints": joints, "inverseBindMatrices": inverse, "skeleton": 0})
+    roots, faces = [armature], []
+    for part in character.parts:
+        mesh = _mesh(builder, part)
+        roots.append(builder.append("nodes", {"name": part.name, "mesh": mesh, "skin": 0}))
+        if part.morphs:
+            faces.append(roots[-1])
+    builder.json["scenes"] = [{"name": "cospeech", "nodes": roots}]
+    return builder, joints, faces
+
+
+def _mesh(builder: GltfBuilder, part: Part) -> int:
+    small = np.uint16 if len(part.vertices) < 65535 else np.uint32
+    attributes = {
+        "POSITION": builder.add(part.vertices.astype(np.float32), "VEC3", target=_ARRAY, bounds=True),
+        "NORMAL": builder.add(part.normals.astype(np.float32), "VEC3", target=_ARRAY),
+        "JOINTS_0": builder.add(np.where(part.weights > 0, part.joints, 0).astype(np.uint8), "VEC4", target=_ARRAY),
+        "WEIGHTS_0": builder.add(part.weights.astype(np.float32), "VEC4", target=_ARRAY),
+    }
+    colour = np.asarray(part.colour, float)
+    if colour.ndim == 2:
+        rgba = np.concatenate([np.clip(colour, 0, 1), np.ones((len(colour), 1))], 1)
+        attributes["COLOR_0"] = builder.add(
+            np.round(rgba * 65535).astype(np.uint16), "VEC4", target=_ARRAY, normalized=True
+        )  # 16 bits: the values are linear, and 8 would band in the shadows
+    base = [1.0, 1.0, 1.0, 1.0] if colour.ndim == 2 else [*np.clip(colour, 0, 1).tolist(), 1.0]
+    surface = {"baseColorFactor": base, "metallicFactor": 0.0, "roughnessFactor": float(part.roughness)}
+    primitive: dict[str, Any] = {
+        "attributes": attributes,
+        "indices": builder.add(part.triangles.astype(small).reshape(-1, 1), "SCALAR", target=_INDEX),
+        "material": builder.append("materials", {"name": part.name, "pbrMetallicRoughness": surface}),
+    }
+    mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
+    if part.morphs:
+        primitive["targets"] = _targets(builder, part.morphs, len(part.vertices))
+        mesh |= {"weights": [0.0] * len(ARKIT), "extras": {"targetNames": list(ARKIT)}}
+    return builder.append("meshes", mesh)
+
+
+def _targets(builder: GltfBuilder, morphs: Mapping[str, Array], vertices: int) -> list[dict[str, int]]:
+    """All 52 targets in ARKit's order; those that do not move this part share one accessor."""
+    none: int | None = None
+    targets = []
+    for name in ARKIT:
+        if name in morphs:
+            targets.append({"POSITION": builder.add_sparse(morphs[name])})
+            continue
+        none = builder.add_sparse(np.zeros((vertices, 3), np.float32)) if none is None else none
+        targets.append({"POSITION": none})
+    return targets
+
+
+def load(path: str | PathLike[str], *, animation: int = 0) -> Motion:
+    """Read the motion of an animated character: ours exactly, others' by the names of their bones.
+
+    Args:
+        path: a ``.glb`` with a skinned or named humanoid.
+        animation: which of its animations.
+
+    Returns:
+        motion on our humanoid for our own files, else on the character's own bones (from the hips down); the face where
+        morph targets carry ARKit's names.
+
+    Raises:
+        InputError: damaged, without animation, or without a humanoid.
+    """
+    from ..avatar import load_avatar
+
+    avatar = load_avatar(path)
+    motion = avatar.motion(animation)
+    ours = humanoid()
+    if set(avatar.skeleton.names) == set(ours.names) and avatar.skeleton.kind == "humanoid":
+        return Motion(fps=motion.fps, rotations=motion.rotations, root=motion.root, face=motion.face, skeleton=ours)
+    return motion

@@ -1,0 +1,218 @@
+"""Reading glTF 2.0 files without trusting them.
+
+Only what a moving character needs: buffers, accessors (sparse, normalised and strided ones too), the node tree. Section
+numbers are those of the glTF 2.0 specification (Khronos, 2021).
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from ..errors import CospeechError, InputError
+from ..rotations import Array
+from .reading import read_bytes
+
+__all__ = ["COMPONENTS", "WIDTHS", "GltfFile", "checked", "read_glb", "split_glb"]
+
+_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942  # 4.4: "glTF", "JSON", "BIN\0"
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
+"""Code of a component type → numpy dtype."""
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+"""Type of an accessor → numbers per element."""
+_MAX_VALUES = 1 << 27  # ours: numbers in one accessor; 3 hours of 55 joints have 18 million per track set
+_MAX_EMPTY = 1 << 22  # ours: numbers in an accessor of zeros, which costs the file nothing
+
+
+@contextmanager
+def checked(name: str) -> Iterator[None]:
+    """Turn what damaged JSON provokes (wrong types, missing keys, indices out of range) into an `InputError`."""
+    try:
+        yield
+    except CospeechError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError, MemoryError) as error:
+        raise InputError(f"{name} is damaged: {type(error).__name__} {error}"[:160], "export it again") from None
+
+
+class GltfFile:
+    """A parsed glTF file: ``json`` is the document, `accessor` gives its arrays.
+
+    Args:
+        document: the parsed JSON.
+        binary: the binary chunk.
+        name: how messages call the file.
+    """
+
+    def __init__(self, document: dict[str, Any], binary: bytes, name: str) -> None:
+        self.json, self.name = document, name
+        self._binary = binary
+        for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "animations", "skins", "scenes"):
+            value = document.get(key, [])
+            if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+                raise InputError(f"{name} is damaged: {key!r} is not a list of objects", "export it again")
+        self.parents = self._tree()
+        self._buffers: dict[int, bytes] = {}
+
+    def _tree(self) -> list[int]:
+        """Parent of every node (−1 for roots); a node with two parents or a loop is refused (5.25)."""
+        nodes = self.list("nodes")
+        parents = [-1] * len(nodes)
+        for k, node in enumerate(nodes):
+            for child in node.get("children", []):
+                if not isinstance(child, int) or not 0 <= child < len(nodes) or parents[child] != -1 or child == k:
+                    raise InputError(f"{self.name} is damaged: node {k} has child {child!r}", "export it again")
+                parents[child] = k
+        state = [0] * len(nodes)  # 0 not seen, 1 on the way up, 2 reaches a root
+        for k in range(len(nodes)):
+            path = []
+            while k >= 0 and state[k] == 0:
+                state[k] = 1
+                path.append(k)
+                k = parents[k]
+            if k >= 0 and state[k] == 1:
+                raise InputError(f"{self.name} is damaged: node {k} is its own ancestor", "export it again")
+            for passed in path:
+                state[passed] = 2
+        return parents
+
+    def list(self, key: str) -> list[dict[str, Any]]:
+        """A top-level list, empty where absent."""
+        return self.json.get(key, [])
+
+    def _buffer(self, index: int) -> bytes:
+        if index not in self._buffers:
+            uri = self.list("buffers")[index].get("uri")
+            if uri is None:
+                self._buffers[index] = self._binary
+            elif isinstance(uri, str) and uri.startswith("data:") and ";base64," in uri[:100]:
+                try:
+                    self._buffers[index] = base64.b64decode(uri.split(";base64,", 1)[1], validate=True)
+                except binascii.Error:
+                    raise InputError(f"{self.name} is damaged: buffer {index} is not base64", "export it again") from None
+            else:
+                raise InputError(f"{self.name} keeps data in {str(uri)[:60]!r}", "export it as one .glb file")
+        return self._buffers[index]
+
+    def _view(self, index: int, offset: int, count: int, size: int, stride: int | None = None) -> Array:
+        """(count, size) bytes out of a buffer view, bounds checked."""
+        view = self.list("bufferViews")[_natural(index)]
+        buffer = self._buffer(_natural(view["buffer"]))
+        start, length = _natural(view.get("byteOffset", 0)), _natural(view["byteLength"])
+        step = _natural(view.get("byteStride", size)) if stride is None else stride
+        offset = _natural(offset)
+        fits = step >= size and start + length <= len(buffer) and (count == 0 or offset + (count - 1) * step + size <= length)
+        if not fits:
+            raise InputError(f"{self.name} is damaged: data beyond the end of buffer view {index}", "is it cut off?")
+        raw = np.frombuffer(buffer, np.uint8, length, start) if length else np.zeros(0, np.uint8)
+        return np.lib.stride_tricks.as_strided(raw[offset:], (count, size), (step, 1), writeable=False)
+
+    def accessor(self, index: int, width: int) -> Array:
+        """Numbers of an accessor as ``(count, width)``: float32 where stored so or normalised, else integers.
+
+        Raises:
+            InputError: another width than asked for, data out of bounds, numbers that are not finite.
+        """
+        with checked(self.name):
+            entry = self.list("accessors")[_natural(index)]
+            dtype, count = np.dtype(COMPONENTS[entry["componentType"]]), _natural(entry["count"])
+            if WIDTHS[entry["type"]] != width:
+                raise InputError(f"{self.name} is damaged: accessor {index} is {entry['type']}", f"expected {width} components")
+            if count * width > (_MAX_VALUES if "bufferView" in entry else _MAX_EMPTY):
+                raise InputError(f"{self.name}: accessor {index} has {count} elements", "is it damaged?")
+            size = dtype.itemsize * width
+            if "bufferView" in entry:
+                raw = self._view(entry["bufferView"], entry.get("byteOffset", 0), count, size)
+                values = np.ascontiguousarray(raw).view(dtype)
+            else:
+                values = np.zeros((count, width), dtype)
+            if "sparse" in entry:
+                values = self._sparse(values.copy(), entry["sparse"], size)
+            return _as_numbers(values, bool(entry.get("normalized", False)), self.name)
+
+    def _sparse(self, values: Array, sparse: dict[str, Any], size: int) -> Array:
+        """Lay the listed elements over the others (3.6.2.3)."""
+        count, indices = _natural(sparse["count"]), sparse["indices"]
+        kind = np.dtype(COMPONENTS[indices["componentType"]])
+        at = np.ascontiguousarray(self._view(indices["bufferView"], indices.get("byteOffset", 0), count, kind.itemsize))
+        at = at.view(kind)[:, 0].astype(np.int64)
+        replacement = self._view(sparse["values"]["bufferView"], sparse["values"].get("byteOffset", 0), count, size)
+        if kind.kind == "f" or (count and (at.min() < 0 or at.max() >= len(values))):
+            raise InputError(f"{self.name} is damaged: sparse accessor points outside", "export it again")
+        values[at] = np.ascontiguousarray(replacement).view(values.dtype)
+        return values
+
+
+def _natural(value: object) -> int:
+    """``value`` if it is an index or a size."""
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 48:
+        raise ValueError(f"{value!r} is no index")
+    return value
+
+
+def _as_numbers(values: Array, normalized: bool, name: str) -> Array:
+    if values.dtype.kind == "f":
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} holds values that are not finite", "is it damaged?")
+        return values
+    if not normalized:
+        return values
+    scaled = values.astype(np.float32) / np.iinfo(values.dtype).max  # 3.11, "dequantisation"
+    return np.maximum(scaled, -1) if values.dtype.kind == "i" else scaled
+
+
+def read_glb(path: str | PathLike[str]) -> GltfFile:
+    """Read a ``.glb``, ``.vrm`` or ``.vrma``; a text ``.gltf`` works where its buffers are embedded.
+
+    Raises:
+        InputError: not glTF 2.0, truncated, or damaged.
+    """
+    name = repr(str(path))
+    document, binary = split_glb(read_bytes(path), name)
+    with checked(name):
+        version = document.get("asset", {}).get("version")
+        if version != "2.0":
+            raise InputError(f"{name} is glTF {str(version)[:20]}", "only glTF 2.0 can be read")
+        return GltfFile(document, binary, name)
+
+
+def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
+    """The JSON document and the binary chunk of a GLB (4.4)."""
+    if data[:1] in (b"{", b" ", b"\n"):
+        return _parse_json(data, name), b""
+    if len(data) < 20 or struct.unpack_from("<I", data)[0] != _MAGIC:
+        raise InputError(f"{name} is not a binary glTF file", "expected .glb, .vrm or .vrma")
+    _, version, length, json_length, kind = struct.unpack_from("<5I", data)
+    if version != 2 or kind != _JSON:
+        raise InputError(f"{name} is not a glTF 2.0 binary file", "export it again")
+    if length > len(data) or 20 + json_length > length:
+        raise InputError(f"{name} is cut off: {len(data)} of {length} bytes", "copy or export it again")
+    document = _parse_json(data[20 : 20 + json_length], name)
+    at = 20 + json_length + -json_length % 4
+    if at + 8 > length:
+        return document, b""
+    size, kind = struct.unpack_from("<II", data, at)
+    if kind != _BIN:
+        return document, b""
+    if at + 8 + size > length:
+        raise InputError(f"{name} is cut off inside its binary chunk", "copy or export it again")
+    return document, data[at + 8 : at + 8 + size]
+
+
+def _parse_json(text: bytes, name: str) -> dict[str, Any]:
+    """The document, which has to be an object."""
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name} is damaged: its JSON cannot be read ({error})"[:160], "export it again") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{name} is damaged: its JSON is no object", "export it again")
+    return document

@@ -1,0 +1,201 @@
+"""SMPL-X motion as the BEAT2 data set and EMAGE write it: a ``.npz`` that opens without pickle.
+
+``betas (300,)``, ``poses (T, 165)`` axis-angles of 55 joints, ``expressions (T, 100)``, ``trans (T, 3)``,
+``model 'smplx2020'``, ``gender 'neutral'``, ``mocap_frame_rate`` (PantoMatrix, ``emage_utils/motion_io.py``). Strings are
+``<U`` arrays, so that ``allow_pickle=False`` reads them.
+
+FLAME's expression coefficients cannot be derived without the licensed face model: ``expressions`` is zero, the jaw joint
+opens by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, ``arkit (T, 52)`` and ``arkit_names``.
+``trans`` is the pelvis minus its place in SMPL-X's neutral template, as SMPL-X adds that itself.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion import Motion
+from ..rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
+from ..skeleton import Skeleton
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from . import Writer as BaseWriter
+from .reading import open_file
+from .spool import Spool
+
+__all__ = ["Writer", "load"]
+
+_JOINTS = 55
+_JAW = 22  # SMPL-X joint order, see ecosystem of `smplx` joint_names
+_JAW_OPEN = 0.35  # radians at jawOpen = 1; ours: FLAME's mouth is wide open at some 20 degrees
+_PELVIS = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, joint 0 at zero betas, metres
+_MAX_MEMBER = 1 << 30  # ours: bytes after unpacking; 11 hours of poses at 30 fps
+_MAX_FRAMES = 5_000_000  # ours: 46 hours at 30 fps
+
+
+class Writer(BaseWriter):
+    """Spools the frames and packs them at the end; motion of another skeleton is retargeted to SMPL-X piece by piece."""
+
+    _spool: Spool | None = None
+
+    def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        self._spool = Spool((_JOINTS * 3, 3, len(ARKIT)), temporary.parent)
+        self._has_face = True
+
+    def _write(self, motion: Motion) -> None:
+        assert self._spool is not None
+        body = motion if motion.skeleton.kind == "smplx" else motion.retarget("smplx")
+        poses = quat_to_rotvec(body.rotations.astype(np.float64)).reshape(len(motion), -1)
+        face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
+        self._has_face &= motion.face is not None
+        if motion.face is not None:
+            poses[:, _JAW * 3 : _JAW * 3 + 3] = face[:, ARKIT_INDEX["jawOpen"], None] * (_JAW_OPEN, 0, 0)
+        self._spool.add(np.concatenate([poses, body.root - _PELVIS, face], 1))
+
+    def _finish(self) -> None:
+        assert self._spool is not None
+        spool, frames = self._spool, self._spool.frames
+        with zipfile.ZipFile(self._temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            _pack(archive, "betas", (300,), [np.zeros(300, "<f4")])
+            _pack(archive, "poses", (frames, _JOINTS * 3), spool.blocks(0))
+            _pack(archive, "expressions", (frames, 100), (np.zeros((len(b), 100), "<f4") for b in spool.blocks(1)))
+            _pack(archive, "trans", (frames, 3), spool.blocks(1))
+            for key, value in (("model", "smplx2020"), ("gender", "neutral")):
+                _pack(archive, key, (), [np.array(value)])
+            rate = int(self.fps) if self.fps.is_integer() else self.fps
+            _pack(archive, "mocap_frame_rate", (), [np.array(rate)])
+            if self._has_face:
+                _pack(archive, "arkit", (frames, len(ARKIT)), spool.blocks(2))
+                _pack(archive, "arkit_names", (len(ARKIT),), [np.array(ARKIT)])
+
+    def _discard(self) -> None:
+        if self._spool is not None:
+            self._spool.close()
+
+
+def _pack(archive: zipfile.ZipFile, key: str, shape: tuple[int, ...], blocks: Iterable[Array]) -> None:
+    """One ``.npy`` member of ``shape``, written in blocks."""
+    with archive.open(f"{key}.npy", "w", force_zip64=True) as out:  # dated 1980: the same motion gives the same bytes
+        header = False
+        for block in blocks:
+            if not header:
+                _write_header(out, block.dtype, shape)
+                header = True
+            out.write(np.ascontiguousarray(block).tobytes())
+        if not header:
+            _write_header(out, np.dtype("<f4"), shape)
+
+
+def _write_header(out: io.BufferedIOBase, dtype: np.dtype, shape: tuple[int, ...]) -> None:
+    description = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(out, description)
+
+
+def load(path: str | PathLike[str]) -> Motion:
+    """Read SMPL-X motion of BEAT2's layout (or AMASS': ``mocap_framerate``), on the SMPL-X skeleton.
+
+    The face is our ``arkit`` key where there is one; else a moving jaw gives ``jawOpen``; else there is none.
+
+    Raises:
+        InputError: not a zip of arrays, arrays that need pickle, missing or misshapen ``poses`` or ``trans``, members that
+            unpack to more than 1 GiB.
+    """
+    name = repr(str(path))
+    with open_file(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                members = _checked(archive, name)
+                poses, trans = (_array(archive, members, key, name) for key in ("poses", "trans"))
+                rate_key = "mocap_frame_rate" if "mocap_frame_rate" in members else "mocap_framerate"
+                rate = _array(archive, members, rate_key, name)
+                face = _face(archive, members, name)
+        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
+            raise InputError(f"{name} is not a readable .npz: {error}"[:200], "is it cut off?") from None
+        except (ValueError, TypeError, SyntaxError, OverflowError, KeyError, UnicodeError, struct.error) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{name} holds an array that cannot be read: {error}"[:200], "is it damaged?") from None
+    return _motion(poses, trans, rate, face, name)
+
+
+def _checked(archive: zipfile.ZipFile, name: str) -> dict[str, zipfile.ZipInfo]:
+    """Key → member, before anything is unpacked."""
+    infos = archive.infolist()
+    total = sum(info.file_size for info in infos)
+    if len(infos) > 100 or total > _MAX_MEMBER:
+        raise InputError(f"{name} unpacks to {total >> 20} MiB in {len(infos)} members", "is this a motion file?")
+    members = {info.filename.removesuffix(".npy"): info for info in infos if info.filename.endswith(".npy")}
+    for key in ("poses", "trans"):
+        if key not in members:
+            raise InputError(f"{name} has no {key!r}", f"its arrays: {', '.join(sorted(members))[:100] or 'none'}")
+    if "mocap_frame_rate" not in members and "mocap_framerate" not in members:
+        raise InputError(f"{name} has no 'mocap_frame_rate'", "BEAT2 files of SMPL-X carry it")
+    return members
+
+
+def _array(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], key: str, name: str) -> np.ndarray:
+    """One array, read without pickle and never beyond its announced size."""
+    info = members[key]
+    with archive.open(info) as member:
+        data = member.read(info.file_size + 1)
+    if len(data) != info.file_size:
+        raise InputError(f"{key!r} of {name} is not of its announced size", "is it damaged?")
+    buffer = io.BytesIO(data)
+    version = np.lib.format.read_magic(buffer)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if read is None:
+        raise InputError(f"{key!r} of {name} is of npy version {version}", "save it again with numpy")
+    shape, fortran, dtype = read(buffer, max_header_size=10_000)
+    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
+    if dtype.hasobject or dtype.kind not in "fiuU" or len(data) - buffer.tell() != count * dtype.itemsize or count < 0:
+        raise InputError(f"{key!r} of {name} is {dtype} of shape {shape}, which does not fit", "is it damaged?")
+    flat = np.frombuffer(data, dtype, count, buffer.tell()) if count and dtype.itemsize else np.zeros(count, dtype)
+    return flat.reshape(shape, order="F" if fortran else "C")
+
+
+def _face(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: str) -> Array | None:
+    if "arkit" not in members:
+        return None
+    weights = _array(archive, members, "arkit", name)
+    names = [str(n) for n in _array(archive, members, "arkit_names", name)] if "arkit_names" in members else list(ARKIT)
+    if weights.ndim != 2 or weights.shape[1] != len(names) or weights.dtype.kind != "f":
+        raise InputError(f"'arkit' of {name} is {weights.dtype} of shape {weights.shape}", "expected (frames, 52)")
+    face = np.zeros((len(weights), len(ARKIT)))
+    for k, shape in enumerate(names):
+        if shape in ARKIT_INDEX:
+            face[:, ARKIT_INDEX[shape]] = weights[:, k]
+    if not np.isfinite(face).all():
+        raise InputError(f"'arkit' of {name} holds values that are not finite", "is it damaged?")
+    return np.clip(face, 0, 1)
+
+
+def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array | None, name: str) -> Motion:
+    frames = len(poses) if poses.ndim else 0
+    fits = poses.shape == (frames, _JOINTS * 3) and trans.shape == (frames, 3) and (face is None or len(face) == frames)
+    if not fits or frames > _MAX_FRAMES or rate.size != 1 or {poses.dtype.kind, trans.dtype.kind} != {"f"}:
+        raise InputError(f"{name}: poses {poses.shape}, trans {trans.shape}", "expected (frames, 165) and (frames, 3)")
+    if rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and 0 < float(rate.reshape(())) < 10_000):
+        raise InputError(f"{name} has {str(rate)[:40]} frames per second", "is it damaged?")
+    vectors = poses.astype(np.float64).reshape(frames, _JOINTS, 3)
+    if not (np.isfinite(vectors).all() and np.isfinite(trans).all() and np.abs(vectors).max(initial=0) < 1e3):
+        raise InputError(f"{name} holds values that are not finite", "is it damaged?")
+    if face is None and np.abs(vectors[:, _JAW]).max(initial=0) > 0:
+        face = np.zeros((frames, len(ARKIT)))
+        face[:, ARKIT_INDEX["jawOpen"]] = np.clip(vectors[:, _JAW, 0] / _JAW_OPEN, 0, 1)
+    rotations = quat_continuous(rotvec_to_quat(vectors))
+    root = trans.astype(np.float64) + _PELVIS
+    return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=_skeleton())
+
+
+def _skeleton() -> Skeleton:
+    from ..retarget import skeleton  # late: tables of all skeletons are not needed to write a CSV
+
+    return skeleton("smplx")

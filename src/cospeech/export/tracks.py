@@ -1,0 +1,190 @@
+"""Animation tracks of glTF files: spooled frames in, samplers and channels out; and reading them back.
+
+Keys lie on every frame with LINEAR interpolation; a track that never changes keeps one key. Times are float32, as the
+format demands: after three hours they are good to half a millisecond.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array, quat_continuous, quat_normalize, quat_slerp
+from .gltf import GltfFile, checked
+from .gltf_build import GltfBuilder
+from .spool import Spool
+from .timing import frame_rate
+
+__all__ = ["Curve", "Recorder", "Track", "clock_of", "read_animation"]
+
+_KINDS = {"rotation": ("VEC4", 4), "translation": ("VEC3", 3), "scale": ("VEC3", 3)}
+_BLOCK = 4096
+
+
+class Track(NamedTuple):
+    """What one row of numbers drives: nodes, their property, and the number of values per frame."""
+
+    nodes: tuple[int, ...]
+    path: str
+    width: int
+
+
+class Recorder:
+    """Takes frames of all tracks and appends them to a document as its animation.
+
+    Args:
+        tracks: in the order of the columns that `add` gets; the first one keeps all keys, so that the length is kept.
+        fps: frames per second.
+        folder: for the temporary file.
+    """
+
+    def __init__(self, tracks: Sequence[Track], fps: float, folder: Path) -> None:
+        self.tracks, self.fps = tuple(tracks), fps
+        self._spool = Spool([t.width for t in tracks], folder)
+        starts = np.concatenate([[0], np.cumsum([t.width for t in tracks])])
+        self._rotations = np.array([int(s) for s, t in zip(starts, tracks, strict=False) if t.path == "rotation"], int)
+        self._last = np.empty((0, len(self._rotations), 4), np.float32)  # the frame before, once there is one
+
+    def add(self, rows: Array) -> None:
+        """Append frames (T, sum of widths); quaternion signs follow the frames before."""
+        if not len(rows):
+            return
+        rows = np.array(rows, np.float32)
+        columns = self._rotations[:, None] + np.arange(4)
+        q = rows[:, columns]  # (T, tracks, 4)
+        q = quat_continuous(np.concatenate([self._last, q]))[len(self._last) :]
+        self._last = q[-1:]
+        rows[:, columns] = quat_normalize(q)
+        self._spool.add(rows)
+
+    def append(self, builder: GltfBuilder, name: str) -> None:
+        """Add samplers and channels as an animation called ``name``.
+
+        Raises:
+            InputError: there are no frames.
+        """
+        spool = self._spool
+        if not spool.frames:
+            raise InputError("there is no motion to write", "the speech or the piece of motion has no frames")
+        last = np.float32((spool.frames - 1) / self.fps)
+        limits = (np.zeros(1, np.float32), np.array([last]))
+        clock = builder.add_blocks(lambda: _clock(spool.frames, self.fps), spool.frames, "SCALAR", "<f4", limits=limits)
+        once = builder.add(np.zeros((1, 1), np.float32), "SCALAR", bounds=True)
+        samplers: list[dict[str, Any]] = []
+        channels: list[dict[str, Any]] = []
+        for k, track in enumerate(self.tracks):
+            still = k > 0 and spool.constant(k)
+            kind, width = _KINDS.get(track.path, ("SCALAR", 1))
+            count = (1 if still else spool.frames) * track.width // width
+            values = builder.add_blocks(lambda k=k, still=still: self._values(k, still), count, kind, "<f4")  # type: ignore[misc]
+            samplers.append({"input": once if still else clock, "output": values, "interpolation": "LINEAR"})
+            channels += [{"sampler": k, "target": {"node": node, "path": track.path}} for node in track.nodes]
+        builder.append("animations", {"name": name, "channels": channels, "samplers": samplers})
+
+    def _values(self, track: int, still: bool) -> Iterator[bytes]:
+        for block in self._spool.blocks(track):
+            yield np.ascontiguousarray(block[:1] if still else block).tobytes()
+            if still:
+                return
+
+    def close(self) -> None:
+        """Remove the temporary file."""
+        self._spool.close()
+
+
+def _clock(frames: int, fps: float) -> Iterator[bytes]:
+    for first in range(0, frames, _BLOCK):
+        yield (np.arange(first, min(first + _BLOCK, frames)) / fps).astype("<f4").tobytes()
+
+
+class Curve(NamedTuple):
+    """A sampler as read: ``times (K,)`` seconds, ``values (K, width)``, and tangents where it is cubic."""
+
+    times: Array
+    values: Array
+    interpolation: str
+    rotation: bool
+
+    def at(self, times: Array) -> Array:
+        """Sample at ``times (T,)`` → (T, width); held before the first and after the last key (glTF appendix C)."""
+        keys, values = self.times, self.values
+        cubic = self.interpolation == "CUBICSPLINE"
+        points = values[1::3] if cubic else values
+        if len(keys) == 1:
+            return np.repeat(points, len(times), 0)
+        times = np.clip(times, keys[0], keys[-1])
+        low = np.clip(np.searchsorted(keys, times, side="right") - 1, 0, len(keys) - 2)
+        span = keys[low + 1] - keys[low]
+        t = ((times - keys[low]) / np.where(span > 0, span, 1))[:, None]
+        a, b = points[low], points[low + 1]
+        if self.interpolation == "STEP":
+            return np.where(t < 1, a, b)
+        if cubic:
+            out, into = values[2::3][low] * span[:, None], values[0::3][low + 1] * span[:, None]
+            h = (2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t, -2 * t**3 + 3 * t**2, t**3 - t**2)
+            mixed = h[0] * a + h[1] * out + h[2] * b + h[3] * into
+            return quat_normalize(mixed) if self.rotation else mixed
+        return quat_slerp(a, b, t[:, 0]) if self.rotation else a + (b - a) * t
+
+
+def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curve]:
+    """The curves of an animation: (node, path) → curve; ``weights`` have one column per morph target.
+
+    Raises:
+        InputError: there is no such animation, or it is damaged.
+    """
+    with checked(file.name):
+        animations = file.list("animations")
+        if not animations:
+            raise InputError(f"{file.name} holds no animation", "to drive this character, use it as an avatar")
+        animation = animations[index]
+        curves: dict[tuple[int, str], Curve] = {}
+        cache: dict[tuple[int, str], Curve] = {}
+        for channel in animation["channels"]:
+            node, path = channel["target"].get("node"), channel["target"]["path"]
+            if not isinstance(node, int) or path not in (*_KINDS, "weights"):
+                continue
+            if not 0 <= node < len(file.list("nodes")):
+                raise InputError(f"{file.name} is damaged: animation of node {node}", "export it again")
+            k = channel["sampler"]
+            if (k, path) not in cache:
+                cache[k, path] = _curve(file, animation["samplers"][k], path)
+            curves[node, path] = cache[k, path]
+        return curves
+
+
+def _curve(file: GltfFile, sampler: dict[str, Any], path: str) -> Curve:
+    times = file.accessor(sampler["input"], 1)[:, 0].astype(np.float64)
+    kind = sampler.get("interpolation", "LINEAR")
+    values = file.accessor(sampler["output"], _KINDS.get(path, ("", 1))[1]).astype(np.float64)
+    rows = len(times) * (3 if kind == "CUBICSPLINE" else 1)
+    if not len(times) or np.any(np.diff(times) < 0) or kind not in ("LINEAR", "STEP", "CUBICSPLINE") or abs(times).max() > 1e6:
+        raise InputError(f"{file.name} is damaged: an animation has {len(times)} keys, {str(kind)[:20]}", "export it again")
+    if path == "weights":
+        values = values.reshape(rows, -1)
+    if len(values) != rows:
+        raise InputError(f"{file.name} is damaged: {len(times)} keys for {len(values)} values", "export it again")
+    if path == "rotation" and kind != "CUBICSPLINE":
+        values = quat_normalize(values)
+    return Curve(times, values, kind, path == "rotation")
+
+
+def clock_of(curves: dict[tuple[int, str], Curve], name: str) -> tuple[float, Array]:
+    """Frames per second of an animation, and the times (T,) of its frames from 0 to the last key.
+
+    The rate is that of the curve with the most keys; 30 where every curve has one key or they are far apart.
+    """
+    longest = max(curves.values(), key=lambda curve: len(curve.times), default=None)
+    if longest is None:
+        raise InputError(f"{name} holds an animation without channels", "export it again")
+    end = max(float(curve.times[-1]) for curve in curves.values())
+    step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
+    fps = frame_rate(longest.times, 30.0) if 1e-3 <= step <= 0.1 else 30.0  # ours: sparse hand-set keys are sampled at 30
+    frames = int(np.floor(end * fps + 1e-3)) + 1
+    if frames > 5_000_000:
+        raise InputError(f"{name} lasts {end:.0f} s", "is it damaged?")
+    return fps, np.arange(frames) / fps

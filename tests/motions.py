@@ -1,0 +1,43 @@
+"""Motion to test with: a figure that gestures, looks around and speaks, written down by formula."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cospeech.motion import Motion
+from cospeech.rotations import axis_angle_to_quat, quat_identity, quat_multiply
+from cospeech.skeleton import humanoid
+from cospeech.skeletons.arkit import ARKIT_INDEX
+
+__all__ = ["gesturing"]
+
+
+def gesturing(frames: int, fps: float = 30.0) -> Motion:
+    """Arms hang 75° below the T-pose, the right one comes up with a bent elbow; head, spine, fingers, eyes, face move."""
+    skeleton = humanoid()
+    t = np.arange(frames) / fps
+    q = quat_identity(frames, len(skeleton))
+
+    def turn(name: str, axis: tuple[float, float, float], angle: object) -> None:
+        k = skeleton.index[name]
+        q[:, k] = quat_multiply(q[:, k], axis_angle_to_quat(axis, np.broadcast_to(angle, frames)))
+
+    raised = (1 - np.cos(2 * np.pi * t / 2)) / 2
+    turn("leftUpperArm", (0, 0, 1), -np.radians(75))
+    turn("rightUpperArm", (0, 0, 1), np.radians(75))
+    turn("leftLowerArm", (0, 1, 0), -0.25)
+    turn("rightLowerArm", (0, 1, 0), 0.25 + 1.4 * raised)
+    turn("rightHand", (0, 0, 1), 0.3 * np.sin(2 * t))
+    turn("spine", (0, 1, 0), 0.15 * np.sin(1.1 * t))
+    turn("neck", (1, 0, 0), 0.1 * np.sin(1.7 * t))
+    turn("head", (0, 1, 0), 0.5 * np.sin(0.9 * t))
+    turn("jaw", (1, 0, 0), 0.05 * (1 + np.sin(9 * t)))
+    turn("hips", (0, 1, 0), 0.1 * np.sin(0.5 * t))
+    for side, sign in (("left", -1), ("right", 1)):
+        turn(f"{side}Eye", (0, 1, 0), 0.2 * np.sin(1.3 * t))
+        turn(f"{side}IndexProximal", (0, 0, 1), sign * 0.4 * raised)
+    face = np.zeros((frames, 52))
+    for k, name in enumerate(ARKIT_INDEX):
+        face[:, k] = (1 + np.sin(2 * np.pi * t * (0.3 + k / 40) + k)) / 2 * (0.1 if name.startswith("mouth") else 0.6)
+    root = skeleton.offsets[0] + np.stack([0.03 * np.sin(t), 0.01 * np.sin(2 * t), 0.02 * np.cos(t)], 1)
+    return Motion(fps=fps, rotations=q, root=root, face=face)

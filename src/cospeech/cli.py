@@ -37,6 +37,8 @@ HOW_TO_OPEN = {
 }
 """Suffix → where such a file goes; printed after each run, checked against the table of formats."""
 
+ALL_PARTS = ",".join(PARTS)
+
 app = typer.Typer(
     name="cospeech",
     help="Speech audio in, a moving character out: face, body and hands, in files that your tools open.",
@@ -128,7 +130,7 @@ def generate(
     takes: Takes = 1,
     temperature: Temperature = 1.0,
     intensity: Intensity = 1.0,
-    parts: Parts = ",".join(PARTS),
+    parts: Parts = ALL_PARTS,
     skeleton: Skeleton = "humanoid",
     fps: Fps = 30.0,
     avatar: Avatar = None,

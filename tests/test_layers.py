@@ -13,8 +13,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 LAYERS = [
     {"errors", "_decode"},
     {"files", "rotations", "skeletons"},
-    {"skeleton", "speech", "transcripts"},
-    {"motion", "features"},
+    {"skeleton", "speech"},
+    {"motion", "features", "transcripts"},
     {"retarget", "mannequin", "poses", "nn"},
     {"render"},
     {"export", "metrics", "rules", "corpora"},
@@ -27,7 +27,8 @@ LAYERS = [
     {"studio", "cli"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-FACADES = {("motion", "export"), ("motion", "retarget")}  # Motion.load, .save and .retarget, imported when called
+# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript.
+FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts")}
 TORCH = {"nn", "models", "train"}
 
 

@@ -17,7 +17,16 @@ MACHINES = r"/(?:home|root|work|Users)/\S+|(?:localhost|127\.0\.0\.1):\d+/simple
 LINES = {"export": 200, "metrics": 200, "models": 400}  # of a file, by folder; any other file may have 400
 FUNCTION_LINES = 60
 FORBIDDEN_CALLS = {"eval", "exec", "print", "input", "breakpoint", "sys.exit", "exit", "quit", "pickle.load", "pickle.loads"}
-FORBIDDEN_CALLS |= {"np.random.seed", "random.seed", "torch.manual_seed", "os.system", "yaml.load"}
+FORBIDDEN_CALLS |= {
+    "sys.path.append",
+    "sys.path.insert",
+    "sys.path.extend",
+    "np.random.seed",
+    "random.seed",
+    "torch.manual_seed",
+    "os.system",
+    "yaml.load",
+}
 ABSOLUTE = re.compile(r"^(/(home|root|work|tmp|usr|mnt|data|Users|opt)/|[A-Z]:\\)")
 
 
@@ -42,6 +51,14 @@ def faults_of_call(node: ast.Call, in_cli: bool) -> list[str]:
     return found
 
 
+def lines_of(function: ast.FunctionDef) -> int:
+    """Lines of a function, its docstring not counted: nobody shall save words there."""
+    first = function.body[0]
+    documented = ast.get_docstring(function, clean=False) is not None
+    words = (first.end_lineno or 0) - first.lineno + 1 if documented else 0
+    return (function.end_lineno or 0) - function.lineno + 1 - words
+
+
 def is_true(node: ast.AST | None) -> bool:
     return isinstance(node, ast.Constant) and node.value is True
 
@@ -54,13 +71,11 @@ def faults(source: str, *, in_cli: bool = False) -> list[str]:
             found += faults_of_call(node, in_cli)
         elif isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names):
             found.append("star import")
-        elif isinstance(node, ast.Attribute) and name_of(node) == "sys.path":
-            found.append("touches sys.path")
         elif isinstance(node, ast.Import) and any(alias.name in PICKLERS for alias in node.names):
             found.append("imports a pickler")
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and ABSOLUTE.match(node.value):
             found.append(f"absolute path {node.value!r}")
-        elif isinstance(node, ast.FunctionDef) and (size := (node.end_lineno or 0) - node.lineno + 1) > FUNCTION_LINES:
+        elif isinstance(node, ast.FunctionDef) and (size := lines_of(node)) > FUNCTION_LINES:
             found.append(f"{node.name}() has {size} lines")
     if not ast.get_docstring(tree):
         found.append("no docstring at the top")
@@ -123,7 +138,7 @@ def test_the_lock_names_no_private_index():
         ("torch.load('x')", "torch.load without weights_only=True"),
         ("np.load('x', allow_pickle=True)", "allow_pickle=True or shell=True"),
         ("from numpy import *", "star import"),
-        ("import sys\nsys.path.append('x')", "touches sys.path"),
+        ("import sys\nsys.path.append('x')", "calls sys.path.append()"),
         ("x = '/home/me/x.wav'", "absolute path '/home/me/x.wav'"),
         ("def f():\n" + "    pass\n" * 60, "f() has 61 lines"),
     ],

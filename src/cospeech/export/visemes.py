@@ -1,0 +1,91 @@
+"""From ARKit's 52 weights to the smaller alphabets of other characters: VRM's presets and Oculus' visemes.
+
+With ``A`` = how open the mouth is (jawOpen less mouthClose, over 0.6), ``R`` = how round (the larger of mouthPucker and
+mouthFunnel, over 0.7), ``W`` = how wide (mean of stretch and smile, less R, over 0.5), ``L`` = whether the lips are parted
+(the larger of A and of twice the upper and lower lips' mean lift), each held in 0 … 1:
+
+    aa = (1−R)·A·(1−W)    ee = (1−R)·A·W    ih = (1−R)·(1−A)·W·L    oh = R·A    ou = R·(1−A)
+
+They never add up to more than 1, a smile with closed lips speaks no vowel, and a wide jaw is ``aa``. The formula and its
+four scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
+them up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rotations import Array
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+
+__all__ = ["arkit_from_presets", "oculus_visemes", "vrm_presets"]
+
+_OPEN, _ROUND, _WIDE, _PARTED = 0.6, 0.7, 0.5, 0.5  # ours, see above
+_FROM_PRESET = {
+    "aa": {"jawOpen": 0.6},
+    "ih": {"jawOpen": 0.1, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5, "mouthLowerDownLeft": 0.3,
+           "mouthLowerDownRight": 0.3},
+    "ou": {"mouthPucker": 0.7, "jawOpen": 0.05},
+    "ee": {"jawOpen": 0.4, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5},
+    "oh": {"jawOpen": 0.5, "mouthFunnel": 0.7},
+    "blink": {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
+    "blinkLeft": {"eyeBlinkLeft": 1.0},
+    "blinkRight": {"eyeBlinkRight": 1.0},
+    "happy": {"mouthSmileLeft": 0.7, "mouthSmileRight": 0.7, "cheekSquintLeft": 0.4, "cheekSquintRight": 0.4},
+    "angry": {"browDownLeft": 0.8, "browDownRight": 0.8, "mouthFrownLeft": 0.3, "mouthFrownRight": 0.3},
+    "sad": {"browInnerUp": 0.7, "mouthFrownLeft": 0.6, "mouthFrownRight": 0.6},
+    "surprised": {"browInnerUp": 0.6, "browOuterUpLeft": 0.6, "browOuterUpRight": 0.6, "eyeWideLeft": 0.6, "eyeWideRight": 0.6},
+}  # fmt: skip
+
+
+def _mean(face: Array, *stems: str) -> Array:
+    columns = [ARKIT_INDEX[stem + side] for stem in stems for side in ("Left", "Right")]
+    return face[:, columns].mean(1)
+
+
+def vrm_presets(face: Array) -> dict[str, Array]:
+    """VRM 1.0's mouth and blink presets, and looks, of ARKit weights ``(T, 52)``: name → (T,) in 0 … 1."""
+    get = {name: face[:, k] for name, k in ARKIT_INDEX.items()}
+    opened = np.clip((get["jawOpen"] - get["mouthClose"]) / _OPEN, 0, 1)
+    rounded = np.clip(np.maximum(get["mouthPucker"], get["mouthFunnel"]) / _ROUND, 0, 1)
+    wide = np.clip((_mean(face, "mouthStretch", "mouthSmile") / _WIDE) - rounded, 0, 1)
+    lifted = _mean(face, "mouthLowerDown", "mouthUpperUp") / _PARTED
+    parted = np.clip(np.maximum(opened, lifted), 0, 1)
+    both = np.minimum(get["eyeBlinkLeft"], get["eyeBlinkRight"])
+    return {
+        "aa": (1 - rounded) * opened * (1 - wide),
+        "ih": (1 - rounded) * (1 - opened) * wide * parted,
+        "ou": rounded * (1 - opened),
+        "ee": (1 - rounded) * opened * wide,
+        "oh": rounded * opened,
+        "blink": both,
+        "blinkLeft": get["eyeBlinkLeft"] - both,
+        "blinkRight": get["eyeBlinkRight"] - both,
+        "lookUp": _mean(face, "eyeLookUp"),
+        "lookDown": _mean(face, "eyeLookDown"),
+        "lookLeft": (get["eyeLookOutLeft"] + get["eyeLookInRight"]) / 2,
+        "lookRight": (get["eyeLookInLeft"] + get["eyeLookOutRight"]) / 2,
+    }
+
+
+def oculus_visemes(face: Array) -> dict[str, Array]:
+    """The Oculus visemes that lip shapes alone tell apart: five vowels, PP, FF and sil; name → (T,) in 0 … 1."""
+    vowels = vrm_presets(face)
+    shut = 1 - np.clip((face[:, ARKIT_INDEX["jawOpen"]] - face[:, ARKIT_INDEX["mouthClose"]]) / _OPEN, 0, 1)
+    upper, lower = face[:, ARKIT_INDEX["mouthRollUpper"]], face[:, ARKIT_INDEX["mouthRollLower"]]
+    named = {oculus: vowels[vrm] for oculus, vrm in (("aa", "aa"), ("E", "ee"), ("I", "ih"), ("O", "oh"), ("U", "ou"))}
+    named["FF"] = shut * np.clip(lower - upper, 0, 1)  # the lower lip under the teeth
+    named["PP"] = shut * np.maximum(_mean(face, "mouthPress"), np.minimum(upper, lower))
+    room = np.maximum(sum(named.values()), 1)
+    named = {name: weight / room for name, weight in named.items()}
+    return named | {"sil": 1 - sum(named.values())}
+
+
+def arkit_from_presets(presets: dict[str, Array]) -> Array:
+    """ARKit weights ``(T, 52)`` that look like VRM presets (name → (T,)): for clips without ARKit's own expressions."""
+    frames = len(next(iter(presets.values())))
+    face = np.zeros((frames, len(ARKIT)))
+    for preset, weight in presets.items():
+        for name, share in _FROM_PRESET.get(preset, {}).items():
+            face[:, ARKIT_INDEX[name]] += share * weight
+    return np.clip(face, 0, 1)

@@ -1,0 +1,125 @@
+"""VRM animation 1.0 (``VRMC_vrm_animation``): one clip for any VRM avatar.
+
+The rest pose is VRM's T-pose with identity rotations (so that the data carries over as it is), soles on the floor;
+translation is keyed on the hips only and the eyes not at all: a ``lookAt`` node turns in their place. Expressions are the
+X of a node's translation: the presets of `visemes.vrm_presets` for any avatar, and ARKit's 52 names as custom expressions for
+"perfect sync" avatars. An avatar that has both adds them up: leave one out with ``presets=False`` or ``arkit=False``.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..motion import Motion
+from ..rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
+from ..skeleton import humanoid
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from . import Writer as BaseWriter
+from .gltf_build import GltfBuilder
+from .standing import as_humanoid
+from .tracks import Recorder, Track
+from .visemes import vrm_presets
+
+__all__ = ["PRESETS", "Writer"]
+
+PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight")
+"""The preset expressions that are written; moods are left to the ARKit channels, looks to ``lookAt``."""
+
+_EYES = ("leftEye", "rightEye")
+
+
+class Writer(BaseWriter):
+    """Streams motion into a clip; tracks wait in a temporary file.
+
+    Args:
+        presets: write VRM's preset expressions.
+        arkit: write ARKit's 52 as custom expressions.
+    """
+
+    _recorder: Recorder | None = None
+
+    def __init__(self, path: str | PathLike[str], *, presets: bool = True, arkit: bool = True, **common: Any) -> None:
+        super().__init__(path, **common)
+        self._presets = PRESETS if presets else ()
+        self._arkit = ARKIT if arkit else ()
+
+    def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        self._builder = GltfBuilder({"asset": {"version": "2.0", "generator": "cospeech"}, "scene": 0})
+        joints = add_humanoid(self._builder)
+        preset, custom = (_add_nodes(self._builder, names) for names in (self._presets, self._arkit))
+        look = self._builder.append("nodes", {"name": "lookAt"})
+        roots = [joints["hips"], *preset.values(), *custom.values(), look]
+        self._builder.json["scenes"] = [{"name": "cospeech", "nodes": roots}]
+        expressions = {
+            kind: {name: {"node": node} for name, node in nodes.items()}
+            for kind, nodes in (("preset", preset), ("custom", custom))
+            if nodes
+        }
+        animation = {
+            "specVersion": "1.0",
+            "humanoid": {"humanBones": {name: {"node": node} for name, node in joints.items() if name not in _EYES}},
+            "lookAt": {"node": look, "offsetFromHeadBone": _between_the_eyes()},
+        } | ({"expressions": expressions} if expressions else {})
+        self._builder.json |= {"extensionsUsed": ["VRMC_vrm_animation"], "extensions": {"VRMC_vrm_animation": animation}}
+        turned = [node for name, node in joints.items() if name not in _EYES]
+        tracks = [Track((joints["hips"],), "translation", 3), *(Track((node,), "rotation", 4) for node in [*turned, look])]
+        tracks += [Track((node,), "translation", 3) for node in [*preset.values(), *custom.values()]]
+        self._joints = [k for k, name in enumerate(humanoid().names) if name not in _EYES]
+        self._recorder = Recorder(tracks, self.fps, temporary.parent)
+
+    def _write(self, motion: Motion) -> None:
+        assert self._recorder is not None
+        motion = as_humanoid(motion)
+        frames = len(motion)
+        face = np.zeros((frames, len(ARKIT))) if motion.face is None else motion.face
+        presets = vrm_presets(face)
+        weights = [presets[name] for name in self._presets] + [face[:, ARKIT_INDEX[name]] for name in self._arkit]
+        expressions = np.zeros((frames, len(weights), 3))
+        if weights:
+            expressions[..., 0] = np.clip(np.stack(weights, 1), 0, 1)
+        turned = motion.rotations[:, self._joints].reshape(frames, -1)
+        columns = [motion.root, turned, gaze(motion), expressions.reshape(frames, -1)]
+        self._recorder.add(np.concatenate(columns, 1))
+
+    def _finish(self) -> None:
+        assert self._recorder is not None
+        self._recorder.append(self._builder, "speech")
+        with self._temporary.open("wb") as file:
+            self._builder.write(file)
+
+    def _discard(self) -> None:
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def add_humanoid(builder: GltfBuilder) -> dict[str, int]:
+    """Add our humanoid's T-pose as the first nodes; name → node."""
+    skeleton = humanoid()
+    for k, name in enumerate(skeleton.names):
+        node: dict[str, Any] = {"name": name, "translation": skeleton.offsets[k].tolist()}
+        if skeleton.children[k]:
+            node["children"] = list(skeleton.children[k])
+        builder.append("nodes", node)
+    return dict(skeleton.index)
+
+
+def _add_nodes(builder: GltfBuilder, names: tuple[str, ...]) -> dict[str, int]:
+    return {name: builder.append("nodes", {"name": f"expression {name}"}) for name in names}
+
+
+def gaze(motion: Motion) -> Array:
+    """(T, 4) where both eyes look together, relative to the head: yaw and pitch, no roll."""
+    left, right = (motion.rotations[:, motion.skeleton.index[name]].astype(np.float64) for name in _EYES)
+    angles = quat_to_euler(quat_slerp(left, right, np.full(len(left), 0.5)), "YXZ")
+    return euler_to_quat(angles[:, :2], "YX")
+
+
+def _between_the_eyes() -> list[float]:
+    skeleton = humanoid()
+    left, right = (skeleton.offsets[skeleton.index[name]] for name in _EYES)
+    return ((left + right) / 2).tolist()

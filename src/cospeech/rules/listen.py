@@ -63,8 +63,8 @@ class Listener:
         phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
     """
 
-    def __init__(self, rate: int = 16000) -> None:
-        self._prosody = ProsodyStream(rate)
+    def __init__(self) -> None:
+        self._prosody = ProsodyStream()
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
         self._floor, self._peak, self._pitch = None, None, None
@@ -94,6 +94,7 @@ class Listener:
         if self._raw:
             while self._loudness.end < self._raw["energy"].end:
                 self._tick(min(self._loudness.end + _TICK, self._raw["energy"].end))
+            self._smooth(self._loudness.end, max(self._peak, _WEAKEST), tail=_HALF)
         self.finished = True
         self._judge(last=True)
 
@@ -113,11 +114,7 @@ class Listener:
         self._loudness.append(np.clip((energy - (top - spread)) / spread, 0.0, 1.25))
         pitch, voicing = self._raw["pitch"].rows(first, end), self._raw["voicing"].rows(first, end)
         self._tone.append(self._semitones(pitch, voicing))
-        amplitude = 10 ** ((self._raw["energy"].rows(first - _HALF * 2, end) - top) / 20)
-        smooth = np.convolve(amplitude, _SMOOTH, "same")
-        start = self._envelope.end  # the envelope trails by half the kernel
-        have = smooth[len(smooth) - (end - start) : len(smooth) - _HALF] if end - start > _HALF else smooth[:0]
-        self._envelope.append(have)
+        self._smooth(end, top)
         self._follow_phrases(first, end)
         self._judge()
         oldest = end - round(_KEEP * RATE)
@@ -127,6 +124,15 @@ class Listener:
             self.accents.popleft()
         while len(self.phrases) > 1 and self.phrases[0].end < oldest / RATE:
             self.phrases.popleft()
+
+    def _smooth(self, end: int, top: float, tail: int = 0) -> None:
+        """Extend the envelope (linear amplitude against the level of loud syllables) as far as the kernel reaches."""
+        energy = self._raw["energy"].rows(self._envelope.end - _HALF, end)
+        amplitude = 10 ** ((energy - top) / 20)
+        before = max(_HALF - self._envelope.end, 0)
+        amplitude = np.concatenate([np.zeros(before), amplitude, np.zeros(tail)])
+        if len(amplitude) >= len(_SMOOTH):
+            self._envelope.append(np.convolve(amplitude, _SMOOTH, "valid"))
 
     def _follow_level(self, ahead: Array) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
@@ -196,7 +202,7 @@ class Listener:
 
 def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
     """Hear a whole speech at once: for tests, plots and short files (nothing is dropped)."""
-    listener = Listener(speech.rate)
+    listener = Listener()
     parts: list[Heard] = []
     accents: dict[float, Accent] = {}
     phrases: dict[float, Phrase] = {}

@@ -1,0 +1,128 @@
+"""The rule-based gesturer: no training, no data, no torch.
+
+analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`, `repertoire`, `lexicon`) → realise (`realise`,
+`arms`, `legs`, `face`). It is the baseline of every table, the fallback, and the teacher of the synthetic corpus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import isfinite
+
+from ..errors import InputError, nearest
+from ..motion import Motion
+from ..speech import Speech
+from .plan import Gesture
+from .session import LOOK_AHEAD, Session
+from .styles import EMOTIONS, STYLES, Style
+
+__all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "RuleGesturer", "Session", "Style"]
+
+_PARTS = ("face", "body", "hands")
+
+
+class RuleGesturer:
+    """Speech → motion by rule.
+
+    >>> import numpy as np
+    >>> motion = RuleGesturer().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)
+    >>> len(motion), motion.face.shape
+    (30, (30, 52))
+    """
+
+    look_ahead = LOOK_AHEAD
+
+    def session(
+        self,
+        *,
+        style: str | Style | None = None,
+        emotion: str = "auto",
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        fps: float = 30.0,
+        parts: Iterable[str] = _PARTS,
+    ) -> Session:
+        """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`."""
+        parts = tuple(parts)
+        unknown = [p for p in parts if p not in _PARTS]
+        if unknown or not parts:
+            raise InputError(f"parts {','.join(parts)!r}", f"some of {','.join(_PARTS)}")
+        for name, value, most in (("intensity", intensity, 2.0), ("temperature", temperature, 2.0)):
+            if not (isfinite(value) and 0 <= value <= most):
+                raise InputError(f"{name} {value}", f"0 … {most:g}")
+        if not (isfinite(fps) and 1 <= fps <= 240):
+            raise InputError(f"{fps} frames per second", "1 … 240")
+        if emotion not in ("auto", *EMOTIONS):
+            raise InputError(f"no emotion is called {emotion!r}", nearest(emotion, ("auto", *EMOTIONS)))
+        return Session(
+            _find_style(style), emotion=None if emotion == "auto" else emotion, seed=int(seed), intensity=float(intensity),
+            temperature=float(temperature), fps=float(fps), parts=parts,
+        )  # fmt: skip
+
+    def generate(
+        self,
+        speech: Speech,
+        *,
+        style: str | Style | None = None,
+        emotion: str = "auto",
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        fps: float = 30.0,
+        parts: Iterable[str] = _PARTS,
+    ) -> Motion:
+        """Gestures for a whole speech.
+
+        Args:
+            speech: any rate; words, where it has them, call for lexical gestures and better lips.
+            style: a name in `STYLES`, or a `Style` of your own; the first of them where None.
+            emotion: one of `EMOTIONS`, or "auto": from the voice.
+            seed: another seed, another plausible performance; the same one, the same bytes.
+            intensity: size of all movement, 0 (idle) … 2.
+            temperature: freedom in the choice and place of gestures, 0 … 2.
+            fps: frames per second, 1 … 240.
+            parts: of face, body, hands.
+
+        Returns:
+            Motion of exactly ceil(duration × fps) frames on our humanoid.
+
+        Raises:
+            InputError: an option is out of range or a name unknown.
+        """
+        session = self.session(
+            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
+        )
+        pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)]
+        pieces += session.finish()
+        return Motion.concatenate(pieces)
+
+    def stream(
+        self,
+        chunks: Iterable[Speech],
+        *,
+        style: str | Style | None = None,
+        emotion: str = "auto",
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        fps: float = 30.0,
+        parts: Iterable[str] = _PARTS,
+    ) -> Iterator[Motion]:
+        """The same motion in pieces, each at most `LOOK_AHEAD` seconds behind the speech heard; pieces of any size may come in."""
+        session = self.session(
+            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
+        )
+        for chunk in chunks:
+            yield from session.push(chunk)
+        yield from session.finish()
+
+
+def _find_style(style: str | Style | None) -> Style:
+    if style is None:
+        return next(iter(STYLES.values()))
+    if isinstance(style, Style):
+        return style
+    if isinstance(style, str) and style in STYLES:
+        return STYLES[style]
+    raise InputError(f"no style is called {style!r}", nearest(str(style), STYLES))

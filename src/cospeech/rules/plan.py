@@ -1,0 +1,335 @@
+"""Planning: what to do when, from what is heard up to the look-ahead.
+
+The planner is asked every tick (0.1 s). It sets moves on the tracks of both hands and of the body; all of them start at
+or after the tick, so frames before it may already have been sent. Its only source of chance is one generator seeded per
+take, drawn in tick order: streamed equals offline.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rotations import Array
+from ..speech import Word
+from .arms import arm_lengths
+
+from .hands import CHANNELS, LAGS
+from .heard import Accent, Phrase
+from .lexicon import form_for
+from .posture import Posture
+from .repertoire import FORMS, LEXICAL_FORMS, RESTS, Form
+from .styles import Manner, Style
+from .track import Track
+
+__all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
+
+LEFT, RIGHT = 0, 1
+LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
+HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
+_SLACK = 0.02  # seconds between the tick and the earliest onset of a move
+_BLEND = 0.18  # share of the preparation that the stroke overlaps, so that the path is round
+
+
+class Gesture(NamedTuple):
+    """A planned stroke, for annotations and pictures: times in seconds."""
+
+    start: float
+    stroke: float
+    end: float
+    form: str
+    hands: str
+    word: str
+    score: float
+
+
+@dataclass
+class _HandState:
+    track: Track
+    busy: float = 0.0
+    """No new preparation before this time."""
+    up_until: float = 0.0
+    """When the hand goes back to rest if nothing else is asked of it."""
+    place: str = "idle"
+    """"idle", "rest" or "up"."""
+    form: str = ""
+    last_stroke: float = -9.0
+    pose: Array | None = None
+    home: Array | None = None
+
+
+class Planner:
+    """Decides for one take.
+
+    Args:
+        style: the speaker.
+        seed: of this take.
+        intensity: overall size, 0 (idle only) … 1.5.
+        temperature: 1 = the usual freedom; 0 = always the likeliest form at its usual place.
+    """
+
+    def __init__(self, style: Style, *, seed: int, intensity: float = 1.0, temperature: float = 1.0) -> None:
+        self.style, self.intensity, self.temperature = style, intensity, temperature
+        self._random = Random(f"{seed}/plan")  # noqa: S311 (not for secrets)
+        self.posture = Posture(style, Random(f"{seed}/posture"), intensity)  # noqa: S311
+        self.hands = [_HandState(Track(RESTS[style.idle][h].values(), LAGS)) for h in (LEFT, RIGHT)]
+        for hand, state in enumerate(self.hands):
+            state.home = RESTS[style.idle][hand].values()
+        self.gestures: deque[Gesture] = deque()
+        self._last_accent = -1.0
+        self._last_word = -1.0
+        self._recent: deque[str] = deque(maxlen=3)
+        self._forms = {name: form.weight * style.repertoire.get(name, 1.0) for name, form in FORMS.items()}
+
+    @property
+    def body(self) -> Track:
+        """Track of hips, torso, head, gaze and feet."""
+        return self.posture.track
+
+    def decide(
+        self, now: float, *, accents: Sequence[Accent], phrases: Sequence[Phrase], words: Sequence[Word], known: float, manner: Manner
+    ) -> None:
+        """One tick: take up what has become visible, let go what has run its course."""
+        speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
+        self.posture.decide(now, phrases=phrases, manner=manner, speaking=speaking)
+        for accent in accents:
+            if self._last_accent < accent.time <= now + HORIZON:
+                self._last_accent = accent.time
+                if accent.time > now + 0.1:
+                    self._on_accent(now, accent, words, manner)
+                self.posture.on_accent(now, accent, manner)
+        self._silent_words(now, words, manner)
+        self._let_go(now, phrases, known, manner)
+        while self.gestures and self.gestures[0].end < now - 30:
+            self.gestures.popleft()
+
+    # ------------------------------------------------------------------------------------------------ strokes
+
+    def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], manner: Manner) -> None:
+        if self.intensity <= 0:
+            return
+        word = next((w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)), None)
+        if word is not None and word.start > self._last_word:
+            name, chance = form_for(word.text) or ("", 0.0)
+            if self._random.random() < chance * 0.85 and self._perform(now, accent.time, accent.strength, name, manner, word):
+                self._last_word = word.start
+                return
+        willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength)
+        if self._random.random() >= willing:
+            return
+        held = [s for s in self.hands if s.place == "up" and s.form in FORMS and FORMS[s.form].beats]
+        if held and self._random.random() < 0.42 and accent.time - min(s.last_stroke for s in held) < 2.2:
+            self._beat(now, accent, held, manner)
+            return
+        self._perform(now, accent.time, accent.strength, self._choose_form(manner), manner, None)
+
+    def _silent_words(self, now: float, words: Sequence[Word], manner: Manner) -> None:
+        """Words with a strong gesture of their own get it even without an accent."""
+        for word in words:
+            middle = word.start + 0.4 * (word.end - word.start)
+            if not (self._last_word < word.start and now + 0.45 < middle <= now + HORIZON - 0.1) or self.intensity <= 0:
+                continue
+            found = form_for(word.text)
+            if found is None or LEXICAL_FORMS[found[0]].score < 0.8 or found[1] < 0.5 or middle <= self._last_accent + 0.1:
+                continue
+            self._last_word = word.start
+            if self._random.random() < found[1] * 0.6:
+                self._perform(now, middle, 0.5, found[0], manner, word)
+
+    def _choose_form(self, manner: Manner) -> str:
+        names = list(self._forms)
+        sharp = 1.0 / max(manner.variety * max(self.temperature, 0.05), 0.05) ** 0.5
+        weights = [self._forms[n] ** sharp * (0.3 if n in self._recent else 1.0) for n in names]
+        name = self._random.choices(names, weights)[0]
+        self._recent.append(name)
+        return name
+
+    def _which_hands(self, form: Form) -> tuple[list[int], str]:
+        """Hands that perform, leader first."""
+        leader = RIGHT if self._random.random() < self.style.hand else LEFT
+        both = form.hands == "both" or (form.hands == "any" and self._random.random() < self.style.both)
+        return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
+
+    def _perform(self, now: float, at: float, strength: float, name: str, manner: Manner, word: Word | None) -> bool:
+        """Plan preparation and stroke(s) of a form whose first stroke peaks at the accent; False where there is no time."""
+        form = FORMS.get(name) or LEXICAL_FORMS[name]
+        hands, label = self._which_hands(form)
+        leader = self.hands[hands[0]]
+        tempo = self.style.tempo * manner.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
+        effort = (0.72 + 0.55 * strength) * self.style.amplitude * manner.amplitude * self.intensity
+        poses = self._place(form, effort, manner)
+        stroke = self._stroke_time(poses[0], poses[1], tempo, manner)
+        onset = at - LEAD - stroke / 2
+        ready = max(now + _SLACK, max(self.hands[h].busy for h in hands))
+        wanted = self._reach_time(leader.track.target, poses[0], tempo)
+        available = onset - ready
+        if available < 0.16:
+            return False
+        prepare = min(wanted, available)
+        start = onset - prepare
+        end = onset
+        for hand in hands:
+            own = poses if hand == hands[0] else [self._follower(p, strength) for p in poses]
+            late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.05)
+            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner)
+            self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
+        for hand in {LEFT, RIGHT} - set(hands):
+            self._sympathy(self.hands[hand], self.hands[hands[0]], start, prepare, onset, stroke, poses)
+        self.posture.on_stroke(start, onset, stroke, poses, hands, manner)
+        text, score = (word.text, form.score) if word is not None else ("", form.score)
+        self.gestures.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
+        return True
+
+    def _schedule(
+        self, state: _HandState, poses: list[Array], start: float, prepare: float, onset: float, stroke: float, tempo: float, manner: Manner
+    ) -> float:
+        """Moves of one hand through all poses; returns the end of the last stroke."""
+        state.track.move(start, prepare * (1 + _BLEND), poses[0])
+        end = onset
+        for k in range(1, len(poses)):
+            length = stroke if k == 1 else self._stroke_time(poses[k - 1], poses[k], tempo, manner)
+            over = np.zeros(CHANNELS)
+            over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + manner.tension))
+            state.track.move(end, length, poses[k] + over)
+            state.track.move(end + 0.72 * length, 0.30 / tempo, poses[k])
+            end += length * (0.82 if k + 1 < len(poses) else 1.0)
+        hold = poses[-1].copy()
+        hold[1] -= self._random.uniform(0.02, 0.09)
+        hold[0] += self._random.gauss(0, 0.02)
+        hold[2] -= self._random.uniform(0.0, 0.05)
+        hold[5] *= 0.6
+        state.track.move(end + 0.1, self._random.uniform(0.7, 1.3), hold)
+        state.pose = poses[-1]
+        return end
+
+    def _mark(self, state: _HandState, name: str, peak: float, end: float, manner: Manner) -> None:
+        state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
+        state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / manner.tempo
+
+    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: Manner) -> None:
+        """A short stroke in place, down and a little forward, with a rebound."""
+        tempo = self.style.tempo * manner.tempo
+        size = (0.09 + 0.13 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
+        stroke = max(0.20, 0.27 / tempo) * (1 - 0.2 * manner.abrupt)
+        onset = accent.time - LEAD - stroke / 2
+        lift = min(0.26 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
+        if lift < 0.10:
+            return
+        for state in held:
+            jitter = self._random.uniform(0, 0.03)
+            up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
+            up[:7] = (self._random.gauss(0, 0.03), 0.7 * size, -0.25 * size, 0, 0, -40 * size, -25 * size)
+            down[:7] = (self._random.gauss(0.02, 0.03), -1.15 * size, 0.45 * size, 0, 0, 70 * size, 40 * size)
+            state.track.add(onset - lift + jitter, lift * 1.2, up)
+            state.track.add(onset + jitter, stroke, down)
+            back = np.zeros(CHANNELS)
+            back[:7] = -(up + down)[:7] * 0.8
+            state.track.add(onset + stroke + 0.05, 0.7 / tempo, back)
+            self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
+        label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
+        self.gestures.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
+
+    # ------------------------------------------------------------------------------------------------- places
+
+    def _place(self, form: Form, effort: float, manner: Manner) -> list[Array]:
+        """Poses of a form where this speaker, in this mood, would put them this time."""
+        style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
+        table = [p.values() for p in form.poses]
+        middle = np.mean([t[:3] for t in table], axis=0)
+        low = self._random.uniform
+        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
+        centre = middle + shift
+        centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
+        scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
+        spread = min(1.0, 0.55 + 0.45 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
+        home = np.array([0.04, -0.62, 0.36])
+        centre = home + (centre - home) * spread
+        turn = self._random.gauss(0, 7) * free
+        tension = float(np.clip(style.tension + manner.tension, 0, 1))
+        out = []
+        for t in table:
+            pose = t.copy()
+            pose[:3] = centre + (t[:3] - middle) * scale
+            pose[4] += turn
+            pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
+            pose[7:19] = self._shape(pose[7:19], tension, free)
+            pose[3] += self._random.gauss(0, 4) * free
+            pose[19] += manner.shrug
+            out.append(pose)
+        return out
+
+    def _shape(self, shape: Array, tension: float, free: float) -> Array:
+        """Finger angles loosened or stiffened, and never twice the same."""
+        relaxed = FORMS["beat"].poses[0].values()[7:19]
+        loose = 0.30 * (1 - tension)
+        out = shape + (relaxed - shape) * loose
+        return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
+
+    def _follower(self, pose: Array, strength: float) -> Array:
+        """The other hand of a two-handed gesture: nearly the same, never exactly."""
+        out = pose.copy()
+        loose = 1 - self.style.symmetry
+        rest = RESTS[self.style.rest][LEFT].values()
+        out[:3] += (rest[:3] - out[:3]) * loose * 0.45 * (1.2 - strength)
+        out[:3] += [self._random.gauss(0, 0.025 + 0.04 * loose) for _ in range(3)]
+        out[4] += self._random.gauss(0, 5)
+        return out
+
+    def _sympathy(
+        self, state: _HandState, leader: _HandState, start: float, prepare: float, onset: float, stroke: float, poses: list[Array]
+    ) -> None:
+        """The idle hand stirs along with a one-handed gesture."""
+        share = 0.10 + 0.34 * self.style.symmetry
+        if state.place == "idle" or start < state.busy:
+            share *= 0.35
+        for onset_, length, delta in ((start + 0.03, prepare * 1.1, poses[0] - leader.home), (onset + 0.02, stroke, poses[1] - poses[0])):
+            part = np.zeros(CHANNELS)
+            part[:3] = np.clip(delta[:3], -0.35, 0.35) * share * self._random.uniform(0.6, 1.2)
+            part[5] = delta[5] * share * 0.5
+            state.track.add(onset_, length, part)
+        undo = np.zeros(CHANNELS)
+        goal = state.pose if state.place == "up" and state.pose is not None else state.home
+        undo[:7] = (goal - state.track.target)[:7] * 0.85
+        state.track.add(onset + stroke + self._random.uniform(0.15, 0.5), self._random.uniform(0.7, 1.2), undo)
+
+    def _let_go(self, now: float, phrases: Sequence[Phrase], known: float, manner: Manner) -> None:
+        """Retract hands that have nothing to hold; drop them for good in long pauses."""
+        quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
+        last = max((p.end for p in phrases if p.start <= now), default=0.0)
+        for hand, state in enumerate(self.hands):
+            if state.place == "up" and now > state.busy and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)):
+                self._retract(now, hand, state, "rest", manner)
+            elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
+                self._retract(now, hand, state, "idle", manner)
+
+    def _retract(self, now: float, hand: int, state: _HandState, place: str, manner: Manner) -> None:
+        table = RESTS[self.style.rest if place == "rest" else self.style.idle]
+        goal = table[hand].values()
+        free = 0.35 if self.style.seated or place == "idle" else 1.0
+        goal[:3] += [self._random.gauss(0, 0.035) * free, self._random.gauss(0, 0.03) * free, self._random.gauss(0, 0.025) * free]
+        goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
+        goal[19] += manner.shrug
+        length = self._reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
+        state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
+        state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
+
+    # -------------------------------------------------------------------------------------------------- times
+
+    def _stroke_time(self, a: Array, b: Array, tempo: float, manner: Manner) -> float:
+        """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
+        way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+        return max(0.20, (0.26 + 0.52 * way) / tempo * (1 - 0.22 * manner.abrupt))
+
+    def _reach_time(self, a: Array, b: Array, tempo: float) -> float:
+        """Seconds for an unhurried reach, peak speed about 1 m/s."""
+        way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+        turn = abs(float(b[4] - a[4])) / 90
+        return max(0.30, 0.34 + 0.85 * way ** 0.8, 0.34 * turn + 0.2) / math.sqrt(tempo) / (0.55 + 0.45 * tempo ** 0.5)
+
+

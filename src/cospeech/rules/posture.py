@@ -1,0 +1,176 @@
+"""Hips, torso, head, gaze and feet: they carry the hands' rhythm and have a slow life of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+
+import numpy as np
+
+from ..rotations import Array
+from .bodytrack import BODY_CHANNELS, Body
+from .heard import Accent, Phrase
+from .styles import Manner, Style
+from .track import Track
+
+__all__ = ["Posture"]
+
+_STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
+_TOE_OUT = 9.0  # degrees
+
+
+class Posture:
+    """Plans the body's track for one take."""
+
+    def __init__(self, style: Style, random: Random, intensity: float) -> None:
+        self.style, self._random = style, random
+        self.size = max(intensity, 0.25) ** 0.5  # stillness of the hands does not freeze the body (ours)
+        base = np.zeros(BODY_CHANNELS)
+        forward = 0.0 if style.seated else 0.03
+        base[Body.LEFT_FOOT] = (_STANCE, forward * random.uniform(-1, 1), _TOE_OUT)
+        base[Body.RIGHT_FOOT] = (-_STANCE, forward * random.uniform(-1, 1), -_TOE_OUT)
+        base[Body.PITCH] = style.lean
+        self.track = Track(base)
+        self._next = {"shift": random.uniform(0.5, 3), "lean": random.uniform(0.2, 1.0), "gaze": 0.4, "head": 0.3, "step": self._step_gap()}
+        self._away = False
+        self._phrase = -1.0
+        self._side = random.choice((-1, 1))
+        self._manner: Manner | None = None
+
+    def decide(self, now: float, *, phrases: Sequence[Phrase], manner: Manner, speaking: bool) -> None:
+        """One tick."""
+        if self._manner is None:
+            self._settle(0.0, 0.05, manner)
+        self._manner = manner
+        for phrase in phrases:
+            if phrase.start > self._phrase and phrase.start <= now + 0.4:
+                self._phrase = phrase.start
+                self._on_phrase(now, manner)
+        if now >= self._next["lean"]:
+            self._settle(now, self._random.uniform(0.9, 1.8), manner)
+            self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
+        if now >= self._next["head"]:
+            self._turn_head(now, manner, speaking)
+        if now >= self._next["gaze"]:
+            self._look(now, manner, speaking)
+        if now >= self._next["shift"]:
+            self._shift_weight(now)
+        if now >= self._next["step"]:
+            self._step(now)
+
+    def _gauss(self, size: float) -> float:
+        return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
+
+    def _settle(self, now: float, length: float, manner: Manner) -> None:
+        """A new place for the torso around the speaker's usual one."""
+        torso = self.style.torso * manner.torso * self.size
+        goal = (self.style.lean + manner.bow + self._gauss(2.6 * torso), self._gauss(1.8 * torso), manner.turn + self._gauss(4.2 * torso))
+        self.track.move(now + 0.02, length, np.array(goal), [Body.PITCH, Body.ROLL, Body.YAW])
+        self.track.move(now + 0.05, length * 1.1, np.array([self._gauss(2.0 * torso)]), [Body.HIPS_YAW])
+
+    def _on_phrase(self, now: float, manner: Manner) -> None:
+        self._next["lean"] = min(self._next["lean"], now + self._random.uniform(0, 0.3))
+        if self._random.random() < 0.55:
+            self._next["head"] = now
+
+    def _turn_head(self, now: float, manner: Manner, speaking: bool) -> None:
+        head = self.style.head * manner.head * self.size
+        goal = (
+            -manner.chin + self._gauss(4.3 * head),
+            manner.tilt + self._gauss(5.2 * head),
+            manner.turn * 0.5 + self._gauss(7.0 * head) + 0.45 * self._gaze_yaw(),
+        )
+        length = self._random.uniform(0.45, 0.85)
+        self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
+        self._next["head"] = now + self._random.uniform(0.6, 1.5) * (1.0 if speaking else 1.7)
+
+    def _gaze_yaw(self) -> float:
+        return float(self.track.target[Body.GAZE_YAW])
+
+    def _look(self, now: float, manner: Manner, speaking: bool) -> None:
+        """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
+        away = self._random.random() < min(0.85, self.style.averted + manner.averted)
+        if away:
+            goal = (self._random.choice((-1, 1)) * self._random.uniform(9, 24), self._random.choice((-13, -9, -5, 4, 9)))
+        else:
+            goal = (self._gauss(1.6), self._gauss(1.2))
+        self.track.move(now + 0.02, 0.075 if away != self._away else 0.05, np.array(goal), [Body.GAZE_YAW, Body.GAZE_UP])
+        if away != self._away and (away or self._random.random() < 0.6):
+            self._next["head"] = now + 0.05
+        self._away = away
+        self._next["gaze"] = now + (self._random.uniform(0.5, 1.5) if away else self._random.uniform(0.9, 3.6))
+
+    def _shift_weight(self, now: float) -> None:
+        if self.style.seated:
+            self._next["shift"] = now + 30
+            return
+        self._side = -self._side if self._random.random() < 0.75 else self._side
+        sway = self.style.sway * self.size
+        goal = (self._side * self._random.uniform(0.012, 0.042) * sway, self._gauss(0.012 * sway))
+        feet = (self.track.target[Body.LEFT_FOOT][0] + self.track.target[Body.RIGHT_FOOT][0]) / 2
+        depth = (self.track.target[Body.LEFT_FOOT][1] + self.track.target[Body.RIGHT_FOOT][1]) / 2
+        length = self._random.uniform(1.0, 1.9)
+        self.track.move(now + 0.02, length, np.array([feet + goal[0], depth + goal[1]]), [Body.HIPS_X, Body.HIPS_Z])
+        self._next["shift"] = now + self._random.uniform(2.2, 6.0) / max(sway, 0.3)
+
+    def _step_gap(self) -> float:
+        per_minute = 0.0 if self.style.seated else self.style.steps
+        return self._random.expovariate(per_minute / 60) + 1.5 if per_minute > 0 else 1e12
+
+    def _step(self, now: float) -> None:
+        """The unloaded foot takes a small step; the weight follows."""
+        self._next["step"] = now + self._step_gap()
+        left_free = self._side < 0  # weight on the right (−x): the left foot may go
+        foot, other = (Body.LEFT_FOOT, Body.RIGHT_FOOT) if left_free else (Body.RIGHT_FOOT, Body.LEFT_FOOT)
+        lift = Body.LEFT_LIFT if left_free else Body.RIGHT_LIFT
+        side = 1 if left_free else -1
+        still = self.track.target[other]
+        goal = np.array([still[0] + side * 2 * _STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0])
+        goal[0] = np.clip(goal[0], -0.24, 0.24)
+        goal[2] = side * (_TOE_OUT + self._random.uniform(-4, 8))
+        length = self._random.uniform(0.42, 0.55)
+        onset = now + 0.28
+        self._lean_over(now, other)
+        self.track.move(onset, length, goal, foot)
+        self.track.move(onset - 0.06, 0.6 * length, np.array([0.045]), [lift])
+        self.track.move(onset + 0.40 * length + 0.06, 0.6 * length, np.array([0.0]), [lift])
+        middle = (goal[:2] + still[:2]) / 2
+        self.track.move(onset + 0.6 * length, 0.9, middle + (side * 0.015, 0.0), [Body.HIPS_X, Body.HIPS_Z])
+        self._next["shift"] = max(self._next["shift"], onset + length + 1.0)
+        self._side = side
+
+    def _lean_over(self, now: float, foot: slice) -> None:
+        goal = self.track.target[foot][0] * 0.45 + self.track.target[Body.HIPS_X] * 0.55
+        self.track.move(now + 0.02, 0.5, np.array([goal]), [Body.HIPS_X])
+
+    def on_accent(self, now: float, accent: Accent, manner: Manner) -> None:
+        """Nods and tilts of the head on accents."""
+        if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
+            return
+        size = (2.5 + 6.0 * accent.strength) * self.style.head * manner.head * self.size * self._random.uniform(0.6, 1.25)
+        down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
+        onset = max(now + 0.02, accent.time + 0.02 - down)
+        nod = np.zeros(BODY_CHANNELS)
+        nod[Body.HEAD_PITCH], nod[Body.HEAD_ROLL], nod[Body.HEAD_YAW] = size, self._gauss(0.3 * size), self._gauss(0.35 * size)
+        nod[Body.PITCH] = 0.10 * size * self.style.torso
+        self.track.add(onset, down, nod)
+        self.track.add(onset + down * 0.8, up, -nod)
+
+    def on_stroke(self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: Manner) -> None:
+        """The torso goes along with the hands: towards what one hand does, forward or up with both."""
+        way = poses[1][:3] - poses[0][:3]
+        torso = self.style.torso * manner.torso * self.size
+        part = np.zeros(BODY_CHANNELS)
+        if len(hands) == 1:
+            side = 1 if hands[0] == 0 else -1
+            part[Body.YAW] = side * (5.0 * way[0] - 5.5 * way[2]) * torso
+            part[Body.ROLL] = -side * 2.2 * way[0] * torso
+        part[Body.PITCH] = (4.5 * way[2] - 4.0 * way[1]) * torso
+        part[Body.HIPS_Z] = 0.012 * way[2] * torso
+        part[Body.HEAD_YAW] = 0.5 * part[Body.YAW]
+        self.track.add(onset - 0.05, stroke + 0.12, part)
+        self.track.add(onset + stroke + 0.2, 0.9, -part)
+
+    def forget(self, before: float) -> None:
+        """Drop what lies in the past."""
+        self.track.forget(before)

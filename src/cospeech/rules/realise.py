@@ -1,0 +1,300 @@
+"""Realising: tracks → rotations of all joints at the asked times.
+
+Everything here is a pure function of time, given the moves planned so far: no filter state, no dependence on the size of
+the pieces.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rotations import (
+    Array,
+    euler_to_quat,
+    quat_conjugate,
+    quat_identity,
+    quat_multiply,
+    quat_rotate,
+    quat_to_rotvec,
+    rotvec_to_quat,
+)
+from ..skeleton import humanoid
+from . import arms
+from .bodytrack import Body
+from .hands import Channel
+from .legs import stand
+from .noise import smooth_noise
+from .styles import Style
+from .track import Track
+from .volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
+
+__all__ = ["Pieces", "realise"]
+
+_SPINE = (("spine", 0.28), ("chest", 0.34), ("upperChest", 0.38))  # shares of the torso's bend (ours: more towards the chest)
+_NECK_SHARE = 0.42  # of the head's turn
+_STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
+_BREATHS = 15.0 / 60  # per second (motion.md: 12–18 per minute)
+_GAZE_LIMIT = np.radians([28.0, 20.0])  # eyes in the head: sideways, up and down
+_PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
+_APART = 0.115  # metres between the palms below which hands make room for each other
+_CLEAR = 0.010  # metres of air kept between hand and body
+
+
+class Pieces(NamedTuple):
+    """What a realised block gives besides the rotations."""
+
+    rotations: Array
+    root: Array
+    gaze: Array
+    """(N, 2) of the eyes in the head: yaw to the left and pitch up, radians."""
+
+
+@lru_cache(1)
+def _offsets() -> dict[str, Array]:
+    s = humanoid()
+    names = ("hips", "spine", "chest", "upperChest", "neck", "head", "leftShoulder", "leftUpperArm")
+    return {n: s.offsets[s.index[n]] for n in names} | {"t:" + n: s.tpose[s.index[n]] for n in names}
+
+
+@lru_cache(1)
+def _finger_joints() -> tuple[list[int], list[int]]:
+    s = humanoid()
+    rows = [[side + f + j for f in ("Index", "Middle", "Ring", "Little") for j in ("Proximal", "Intermediate", "Distal")] for side in ("left", "right")]
+    thumbs = [[side + "Thumb" + j for j in ("Metacarpal", "Proximal", "Distal")] for side in ("left", "right")]
+    left, right = ([s.index[n] for n in t + r] for t, r in zip(thumbs, rows, strict=True))
+    return left, right
+
+
+def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: float = 0.0) -> Pieces:
+    """Pose the whole body.
+
+    Args:
+        times: (N,) seconds.
+        body: track of hips, torso, head, gaze, feet.
+        hands: tracks of the left and the right hand.
+        style: whose noise, stance and chair.
+        seed: of the noise.
+        size: factor on noise (intensity).
+        tremor: 0 … 1, added fine shaking (fear).
+    """
+    joint = humanoid().index
+    b = body.at(times)
+    _add_body_noise(b, times, style, seed, size)
+    rotations = quat_identity(len(times), len(humanoid()))
+    breath = _breath(times, seed)
+    turn = np.radians(style.turn)
+    hips, root = stand(b, style.seated, rotations)
+    torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
+    torso = quat_multiply(torso, arms._about(0, np.radians(-0.9) * breath))
+    bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), torso))
+    position, world = root, hips
+    places = {"hips": (root, hips)}
+    for name, share in _SPINE:
+        local = rotvec_to_quat(bend * share)
+        rotations[:, joint[name]] = local
+        position = position + quat_rotate(world, _offsets()[name])
+        world = quat_multiply(world, local)
+        places[name] = (position, world)
+    gaze = _head(b, torso, rotations, turn)
+    neck = position + quat_rotate(world, _offsets()["neck"])
+    _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
+    facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
+    rotations[:, 0] = quat_multiply(facing, hips)
+    return Pieces(rotations, quat_rotate(facing, root), gaze)
+
+
+def _euler(b: Array, columns: tuple[int, int, int]) -> Array:
+    """(N, 4) from yaw, pitch, roll columns in degrees."""
+    return euler_to_quat(np.radians(b[:, list(columns)]), "YXZ")
+
+
+def _breath(times: Array, seed: int) -> Array:
+    wander = smooth_noise(seed + 11, 1, times, 0.10, octaves=1)[:, 0]
+    return np.sin(2 * np.pi * (_BREATHS * times + 0.12 * wander))
+
+
+def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float) -> None:
+    n = smooth_noise(seed + 1, 9, times, 0.30, octaves=4, gain=0.58)
+    still = 0.6 + 0.4 * min(size, 1.0)
+    head, torso, sway = style.head * still, style.torso * still, style.sway * still * (0.3 if style.seated else 1.0)
+    scale = np.array([0.55 * torso, 0.5 * torso, 1.0 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.004 * sway, 0.004 * sway, 0.8 * sway])
+    columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW]
+    b[:, columns] += n * scale
+
+
+def _head(b: Array, torso: Array, rotations: Array, turn: float) -> Array:
+    """Neck, head and eyes; returns the gaze in the head."""
+    joint = humanoid().index
+    b = b.copy()
+    b[:, Body.HEAD_YAW] -= 0.62 * np.degrees(turn)
+    b[:, Body.GAZE_YAW] -= 0.9 * np.degrees(turn)
+    head = _euler(b, (Body.HEAD_YAW, Body.HEAD_PITCH, Body.HEAD_ROLL))
+    carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
+    head = quat_multiply(carried, head)
+    bend = quat_to_rotvec(quat_multiply(quat_conjugate(torso), head))
+    rotations[:, joint["neck"]] = rotvec_to_quat(bend * _NECK_SHARE)
+    rotations[:, joint["head"]] = rotvec_to_quat(bend * (1 - _NECK_SHARE))
+    yaw, up = np.radians(b[:, Body.GAZE_YAW]), np.radians(b[:, Body.GAZE_UP])
+    aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
+    aim = quat_rotate(quat_conjugate(head), aim)
+    gaze = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(np.clip(aim[:, 1], -1, 1))], -1)
+    gaze = _GAZE_LIMIT * np.tanh(gaze / _GAZE_LIMIT)
+    eye = quat_multiply(arms._about(1, gaze[:, 0]), arms._about(0, -gaze[:, 1]))
+    rotations[:, joint["leftEye"]] = rotations[:, joint["rightEye"]] = eye
+    return gaze
+
+
+# ---------------------------------------------------------------------------------------------------------- arms
+
+
+class _Frames(NamedTuple):
+    """The torso as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
+
+    to_hips: Array
+    hips_at: Array
+    gesture: Array
+    head_at: Array
+
+
+def _both(left: Array, mirror: Array) -> Array:
+    return np.stack([left, left * mirror], 1)
+
+
+_MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
+
+
+def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array) -> _Frames:
+    chest_at, chest = places["upperChest"]
+    hips_at, hips = places["hips"]
+    back = quat_conjugate(chest)
+    upright = b.copy()
+    upright[:, [Body.PITCH, Body.ROLL]] *= 0.5  # ours: gesture space follows the chest's turn, but only half its bend
+    gesture = quat_multiply(back, _euler(upright, (Body.YAW, Body.PITCH, Body.ROLL)))
+    joint = humanoid().index
+    neck_world = quat_multiply(chest, rotations[:, joint["neck"]])
+    head_joint = neck + quat_rotate(neck_world, _offsets()["head"])
+    head_world = quat_multiply(neck_world, rotations[:, joint["head"]])
+    head = quat_rotate(back, head_joint + quat_rotate(head_world, HEAD_CENTRE) - chest_at)
+    to_hips = quat_multiply(quat_conjugate(hips), chest)
+    hips_from = quat_rotate(quat_conjugate(hips), chest_at - hips_at)
+    return _Frames(_both(to_hips, _MIRROR_Q), _both(hips_from, _MIRROR_V), _both(gesture, _MIRROR_Q), _both(head, _MIRROR_V))
+
+
+def _arms(
+    times: Array, hands: list[Track], places: dict, neck: Array, b: Array, rotations: Array, style: Style, seed: int, size: float,
+    breath: Array, tremor: float,
+) -> None:  # fmt: skip
+    h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
+    _add_hand_noise(h, times, seed, size, tremor)
+    frames = _frames(places, neck, b, rotations)
+    o = _offsets()
+    length = arms.arm_lengths().total
+    angles = np.radians(h[..., 4:7])
+    angles = np.stack([_limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
+    target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length)
+    raised = h[..., Channel.UP]
+    lift = np.radians(h[..., Channel.SHRUG]) + np.radians(24) * _smoothstep((raised + 0.45) / 1.0) + np.radians(0.7) * breath[:, None]
+    reach_out = np.radians(14) * _smoothstep((h[..., Channel.FORWARD] - 0.35) / 0.7) * _smoothstep((raised + 0.9) / 0.5)
+    clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
+    shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
+    swivel = np.radians(h[..., Channel.SWIVEL])
+    rel = arms.reach(target - shoulder)
+    for _ in range(2):
+        rel = _make_room(rel, shoulder, swivel, angles, h, frames, style)
+    upper, fore = arms.solve_arm(rel, swivel)
+    twisted, wrist = arms.hand_rotations(fore, angles)
+    _write_arms(rotations, clavicle, upper, twisted, wrist, h)
+
+
+_WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))
+"""Pronation, flexion, deviation: within the active ranges of adults (Boone & Azen 1979)."""
+
+
+def _limit(x: Array, low: float, high: float) -> Array:
+    """Smooth clip: the identity inside, bent within the last fifth of the range."""
+    middle, half = (low + high) / 2, (high - low) / 2
+    u = (x - middle) / half
+    over = np.abs(u) - 0.8
+    bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
+    return middle + half * np.where(over > 0, bent, u)
+
+
+def _smoothstep(u: Array) -> Array:
+    u = np.clip(u, 0, 1)
+    return u * u * (3 - 2 * u)
+
+
+def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: float) -> None:
+    n = smooth_noise(seed + 2, 22, times, 0.45, octaves=3, gain=0.5)
+    still = 0.55 + 0.45 * min(size, 1.0)
+    for side in (0, 1):
+        k = n[:, side * 11 : side * 11 + 11] * still
+        h[:, side, :3] += k[:, :3] * (0.013, 0.012, 0.013)
+        h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
+        fingers = k[:, 7:11] * (3.5, 4.0, 4.0, 4.5)
+        h[:, side, Channel.KNUCKLES] += fingers
+        h[:, side, Channel.MIDDLES] += fingers * 1.3
+    if tremor > 0:
+        shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor)
+        h[:, :, :3] += shake.reshape(-1, 2, 3)
+
+
+def _make_room(rel: Array, shoulder: Array, swivel: Array, angles: Array, h: Array, frames: _Frames, style: Style) -> Array:
+    """Move wrists so that wrist, palm and fingertips stay out of torso, head, lap and the other hand."""
+    _, fore = arms.solve_arm(rel, swivel)
+    twisted, wrist = arms.hand_rotations(fore, angles)
+    hand = quat_multiply(twisted, wrist)
+    curl = np.radians(h[..., 7:15]).mean(-1)
+    palm = quat_rotate(hand, np.array([_PALM, -0.012, 0.0]))
+    fingers = np.stack([np.cos(curl) * (_TIP - 0.09) + 0.09, -np.sin(curl) * (_TIP - 0.09) - 0.006, np.zeros_like(curl)], -1)
+    tips = quat_rotate(hand, fingers)
+    thumb = quat_rotate(hand, np.array([0.085, -0.03, 0.07]))
+    wrist_at = shoulder + rel
+    for offset, radius in ((None, 0.036), (palm, 0.050), (tips, 0.026), (thumb, 0.022)):
+        point = wrist_at if offset is None else wrist_at + offset
+        wrist_at = wrist_at + _push(point, radius + _CLEAR, frames, style)
+    point = wrist_at + palm
+    apart = point[:, 0] - point[:, 1] * _MIRROR_V
+    distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
+    need = 0.5 * 0.012 * np.logaddexp(0.0, (_APART - distance) / 0.012)
+    way = (apart + (0.02, 0.0, 0.0)) / (distance + 0.02)
+    wrist_at = wrist_at + np.stack([way, -way * _MIRROR_V], 1) * need[:, None]
+    return arms.reach(wrist_at - shoulder)
+
+
+def _push(point: Array, radius: float, frames: _Frames, style: Style) -> Array:
+    """Displacement of points (N, 2, 3), relative to the upper chest in its frame, out of the body."""
+    o = _offsets()
+    upper = point + o["t:upperChest"]
+    in_hips = quat_rotate(frames.to_hips, point) + frames.hips_at
+    lower = in_hips + o["t:hips"]
+    mix = _smoothstep((upper[..., 1] - 1.02) / 0.20)[..., None]
+    both = upper * mix + lower * (1 - mix)
+    push = push_from_torso(both, radius)
+    push_low = quat_rotate(quat_conjugate(frames.to_hips), push)
+    out = push * mix + push_low * (1 - mix)
+    out = out + push_from_head(point + out, frames.head_at, radius)
+    if style.seated:
+        lap = push_from_thighs(lower, float(o["t:hips"][1]) - 0.04 + THIGH_TOP, 0.46, radius)
+        out = out + quat_rotate(quat_conjugate(frames.to_hips), lap)
+    return out
+
+
+def _write_arms(rotations: Array, clavicle: Array, upper: Array, forearm: Array, wrist: Array, h: Array) -> None:
+    joint = humanoid().index
+    locals_ = {
+        "Shoulder": clavicle,
+        "UpperArm": arms.to_parent(clavicle, upper),
+        "LowerArm": arms.to_parent(upper, forearm),
+        "Hand": wrist,
+    }
+    for name, q in locals_.items():
+        rotations[:, joint["left" + name]] = q[:, 0]
+        rotations[:, joint["right" + name]] = q[:, 1] * _MIRROR_Q
+    fingers = arms.finger_rotations(h)
+    left, right = _finger_joints()
+    rotations[:, left] = fingers[:, 0]
+    rotations[:, right] = fingers[:, 1] * _MIRROR_Q

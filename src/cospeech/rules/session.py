@@ -1,0 +1,167 @@
+"""One performance: speech in, piece by piece; motion out, a bounded time later."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+
+from ..errors import InputError
+from ..features.mel import RATE as SAMPLE_RATE
+from ..motion import Motion
+from ..rotations import Array, quat_identity
+from ..skeleton import humanoid
+from ..speech import Speech, Word, count_frames
+from .face import Face
+from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
+from .mood import SPAN, Mood
+from .plan import HORIZON, Gesture, Planner
+from .realise import realise
+from .styles import Style, blend_manners
+
+__all__ = ["LOOK_AHEAD", "Session"]
+
+LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
+"""Seconds of speech beyond a frame that must have been heard before the frame can be made (1.48 s): gestures begin before the
+word that they go with, so somebody has to wait."""
+_MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
+
+
+class Session:
+    """A performance under way.
+
+    Args:
+        style: the speaker.
+        emotion: one of the eight, or None to follow the voice.
+        seed: of this take.
+        intensity, temperature: see `RuleGesturer.generate`.
+        fps: of the motion.
+        parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose.
+    """
+
+    def __init__(
+        self, style: Style, *, emotion: str | None, seed: int, intensity: float, temperature: float, fps: float, parts: tuple[str, ...]
+    ) -> None:
+        self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
+        self.intensity = intensity
+        self.listener = Listener()
+        self.mood = Mood(emotion)
+        self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
+        self.face = Face(seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60)
+        self.gestures: list[Gesture] = []
+        self._duration = Fraction(0)
+        self._words: deque[Word] = deque()
+        self._ticks = 0
+        self._frame = 0
+        self._moods: deque[tuple[float, Array]] = deque()
+        self._resampler: object | None = None
+
+    def push(self, chunk: Speech) -> Iterator[Motion]:
+        """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""
+        self._duration += chunk.duration
+        self._words.extend(chunk.words or ())
+        self.listener.push(self._samples(chunk))
+        heard = self.listener.known + LEVEL_DELAY
+        while self._ticks * TICK + LOOK_AHEAD <= heard:
+            self._decide()
+            if self._ticks * TICK - self._frame / self.fps >= _MOST_AT_ONCE:
+                yield from self._emit(self._ticks * TICK)
+        yield from self._emit(self._ticks * TICK)
+
+    def finish(self) -> Iterator[Motion]:
+        """The speech is over: the rest of the motion, to exactly ceil(duration × fps) frames.
+
+        Raises:
+            InputError: there was no speech at all.
+        """
+        total = count_frames(self._duration, self.fps)
+        if total == 0:
+            raise InputError("there is no speech to gesture to", "give at least one sample")
+        if self._resampler is not None:
+            self.listener.push(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))  # type: ignore[attr-defined]
+        self.listener.finish()
+        while self._frame < total:
+            end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
+            while self._ticks * TICK < end:
+                self._decide()
+            yield from self._emit(end, total)
+
+    def _samples(self, chunk: Speech) -> Array:
+        if chunk.rate == SAMPLE_RATE:
+            return chunk.samples
+        if self._resampler is None:
+            from soxr import ResampleStream
+
+            self._resampler = ResampleStream(chunk.rate, SAMPLE_RATE, 1, "float32", "HQ")
+        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[attr-defined, no-any-return]
+
+    def _decide(self) -> None:
+        now = self._ticks * TICK
+        visible = now + LOOK_AHEAD
+        listener = self.listener
+        accents = [a for a in listener.accents if now - 1.5 < a.time <= now + HORIZON]
+        phrases = [p for p in listener.phrases if p.start <= now + HORIZON]
+        words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
+        if not self.mood.fixed and self._ticks % 5 == 0:
+            recent = [a for a in listener.accents if a.time <= now + HORIZON]
+            self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
+        manner = blend_manners(self.mood.probabilities, 1.0)
+        self._moods.append((now, self.mood.probabilities.copy()))
+        before = len(self.planner.gestures)
+        self.planner.decide(now, accents=accents, phrases=phrases, words=words, known=visible, manner=manner)
+        self.gestures.extend(list(self.planner.gestures)[before:])
+        self._ticks += 1
+        while self._words and self._words[0].end < now - 3:
+            self._words.popleft()
+
+    def _emit(self, until: float, total: int | None = None) -> Iterator[Motion]:
+        """Frames before ``until`` seconds that have not been sent."""
+        end = int(np.ceil(until * self.fps - 1e-9))
+        end = end if total is None else min(end, total)
+        if end <= self._frame:
+            return
+        times = np.arange(self._frame, end) / self.fps
+        yield self._realise(times)
+        self._frame = end
+        oldest = times[-1] - 0.5
+        for track in (self.planner.body, *(s.track for s in self.planner.hands)):
+            track.forget(oldest)
+        while len(self._moods) > 1 and self._moods[1][0] < oldest - 1:
+            self._moods.popleft()
+
+    def _realise(self, times: Array) -> Motion:
+        tracks = [s.track for s in self.planner.hands]
+        mood = self._mood_at(times)
+        size = self.intensity
+        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=float(mood[:, 6].mean()))
+        rotations = self._chosen(pose.rotations)
+        face = None
+        if "face" in self.parts:
+            heard = self.listener.window(times[0] - 0.6, times[-1] + 0.6)
+            accents = [a for a in self.listener.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
+            words = [w for w in self._words if w.start < times[-1] + 1.0]
+            face = self.face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze)
+            face = face.astype(np.float32)
+        return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
+
+    def _mood_at(self, times: Array) -> Array:
+        """(N, 8) probabilities, linear between ticks."""
+        at = np.array([t for t, _ in self._moods])
+        values = np.array([p for _, p in self._moods])
+        return np.stack([np.interp(times, at, values[:, k]) for k in range(values.shape[1])], -1)
+
+    def _chosen(self, rotations: Array) -> Array:
+        """Neutral rotations for parts that were not asked for."""
+        s = humanoid()
+        out = rotations
+        if "hands" not in self.parts:
+            fingers = [*s.left_hand, *s.right_hand]
+            out[:, fingers] = quat_identity(1)
+        if "body" not in self.parts:
+            eyes = {s.index["leftEye"], s.index["rightEye"]} if "face" in self.parts else set()
+            fingers = {*s.left_hand, *s.right_hand}
+            body = [k for k in range(len(s)) if k not in fingers | eyes]
+            out[:, body] = quat_identity(1)
+        return out

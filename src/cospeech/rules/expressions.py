@@ -1,0 +1,105 @@
+"""What the face shows besides speech: the emotion's expression, brows on accents, small friendly signs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..rotations import Array
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from .heard import Accent
+from .noise import hashed_uniform
+
+__all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
+
+# The apex of each emotion after the action units of EMFACS (Ekman & Friesen 1983), with ARKit's names; "Both" stands
+# for Left and Right. The amounts are ours, by eye. Rows in the order of the emotions of `cospeech.rules`.
+_APEX: dict[str, dict[str, float]] = {
+    "neutral": {},
+    "happiness": {  # AU 6 + 12
+        "mouthSmileBoth": 0.62, "cheekSquintBoth": 0.50, "eyeSquintBoth": 0.28, "mouthDimpleBoth": 0.12,
+        "mouthUpperUpBoth": 0.10, "browOuterUpBoth": 0.12, "browInnerUp": 0.08,
+    },
+    "anger": {  # AU 4 + 5 + 7 + 23/24
+        "browDownBoth": 0.75, "eyeSquintBoth": 0.38, "eyeWideBoth": 0.18, "noseSneerBoth": 0.28, "mouthPressBoth": 0.35,
+        "mouthFrownBoth": 0.20, "mouthRollLower": 0.08, "jawForward": 0.15, "mouthUpperUpBoth": 0.06,
+    },
+    "sadness": {  # AU 1 + 4 + 15
+        "browInnerUp": 0.68, "browDownBoth": 0.12, "mouthFrownBoth": 0.52, "eyeBlinkBoth": 0.16, "mouthShrugLower": 0.30,
+        "eyeSquintBoth": 0.10, "cheekSquintBoth": 0.06,
+    },
+    "contempt": {  # AU 12 + 14 on one side
+        "mouthSmileLeft": 0.34, "mouthDimpleLeft": 0.45, "eyeSquintBoth": 0.22, "mouthLeft": 0.10, "mouthPressLeft": 0.18,
+        "browOuterUpLeft": 0.22, "browDownRight": 0.22, "eyeBlinkBoth": 0.08, "cheekSquintLeft": 0.15,
+    },
+    "surprise": {  # AU 1 + 2 + 5 + 26
+        "browInnerUp": 0.75, "browOuterUpBoth": 0.70, "eyeWideBoth": 0.62, "jawOpen": 0.10, "mouthFunnel": 0.06,
+    },
+    "fear": {  # AU 1 + 2 + 4 + 5 + 20
+        "browInnerUp": 0.72, "browOuterUpBoth": 0.26, "browDownBoth": 0.15, "eyeWideBoth": 0.58, "mouthStretchBoth": 0.42,
+        "mouthFrownBoth": 0.14, "mouthLowerDownBoth": 0.10,
+    },
+    "disgust": {  # AU 9 + 10 + 17
+        "noseSneerBoth": 0.70, "mouthUpperUpBoth": 0.30, "browDownBoth": 0.48, "eyeSquintBoth": 0.35, "cheekSquintBoth": 0.28,
+        "mouthFrownBoth": 0.28, "mouthShrugLower": 0.22, "mouthShrugUpper": 0.12,
+    },
+}  # fmt: skip
+
+
+def _rows() -> Array:
+    table = np.zeros((len(_APEX), len(ARKIT)))
+    for row, shape in zip(table, _APEX.values(), strict=True):
+        for name, amount in shape.items():
+            for side in (name.replace("Both", "Left"), name.replace("Both", "Right")):
+                row[ARKIT_INDEX[side]] = amount
+    return table
+
+
+EXPRESSIONS = _rows()
+"""(8, 52) ARKit weights at the apex of each emotion."""
+IS_MOUTH = np.array([name.startswith(("mouth", "jaw", "tongue")) for name in ARKIT])
+"""(52,) channels that speech needs."""
+
+_STRONG = 0.35  # accents from this strength on may raise the brows (ours)
+_RISE, _HOLD, _FALL = 0.20, 0.14, 0.55  # s; a brow flash: up before the accent's peak, then slowly down (ours)
+_EARLY = 0.24  # s; it starts this long before the energy peak
+_KNIT = 0.14  # share of accents with the brows drawn together instead
+_ALONE = 0.10  # share of rises of one brow only
+_WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
+
+
+def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array:
+    """(T, 4): brow inner up, outer up left, outer up right, down, raised by accents; 0 … about 0.8.
+
+    Some 40 % of strong accents move the brows; how much, which and how evenly is drawn from the seed and the accent's time.
+    """
+    if not len(accents):
+        return np.zeros((len(times), 4))
+    when, strength = np.array(accents, float).T
+    index = np.rint(when * 1000).astype(np.int64)
+    which, side, much, inner = hashed_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
+    chance = np.where(strength < _STRONG, 0.06, 0.30 + 0.35 * strength)
+    knit = (which > 1 - _KNIT) & (strength > _STRONG)
+    size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength)
+    up = np.where(which < chance, size, 0.0)
+    alone = np.where(side < _ALONE / 2, -1.0, np.where(side > 1 - _ALONE / 2, 1.0, 0.5 * (side - 0.5)))
+    amount = np.stack([
+        up * (0.55 + 0.45 * inner) * (1 - 0.6 * np.abs(alone)),
+        up * (0.9 - 0.5 * inner) * (1 + np.minimum(alone, 0)),
+        up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
+        np.where(knit, 0.8 * size, 0.0),
+    ], 1)  # fmt: skip
+    since = times[:, None] - (when - _EARLY)
+    ramp = np.minimum(np.clip(since / _RISE, 0, 1), np.clip((_RISE + _HOLD + _FALL - since) / _FALL, 0, 1))
+    course = ramp * ramp * (3 - 2 * ramp)
+    return np.tanh(course @ amount)  # overlapping rises saturate
+
+
+def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
+    """(T,) 0 … 1: how much is being stressed around each time, slowly; an expression is strongest there."""
+    if not len(accents):
+        return np.zeros(len(times))
+    when, strength = np.array(accents, float).T
+    near = np.clip(1 - np.abs(times[:, None] - when - 0.15) / 1.2, 0, 1)  # within what the caller gives, ±1.5 s
+    return np.tanh((near * near * (3 - 2 * near)) @ strength)

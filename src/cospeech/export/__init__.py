@@ -36,9 +36,9 @@ FORMATS: dict[str, Format] = {
     ".csv": Format("cospeech.export.live_link_csv", "Live Link Face recording, 61 channels", True),
     ".json": Format("cospeech.export.arkit_json", "ARKit-52 weights in BEAT's face layout", True),
     ".npz": Format("cospeech.export.npz", "SMPL-X poses in BEAT2's layout", True),
-    ".mp4": Format("cospeech.export.video", "preview video with the speech", False),
-    ".gif": Format("cospeech.export.video", "moving preview picture", False),
-    ".png": Format("cospeech.export.video", "strip of frames with the waveform", False),
+    ".mp4": Format("cospeech.export.mp4", "preview video with the speech", False),
+    ".gif": Format("cospeech.export.gif", "moving preview picture", False),
+    ".png": Format("cospeech.export.png", "strip of frames with the waveform", False),
 }
 """Suffix → module; `cospeech list formats` and the tests iterate over it."""
 

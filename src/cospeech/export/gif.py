@@ -1,0 +1,125 @@
+"""``.gif``: a moving picture for places that show no video, a README say; it loops for ever.
+
+All pictures share one palette, made from the first two seconds, and each holds only what has changed since the one before,
+so that some seconds stay within two or three megabytes.
+"""
+
+from __future__ import annotations
+
+import struct
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..render.artist import Pictures
+from ..skeleton import Skeleton
+from .moving import MovingWriter
+
+__all__ = ["Writer"]
+
+_SIZE = (400, 400)  # ours: half the width of a README's column
+_MOST_RATE = 15.0  # pictures per second; ours: smooth enough for gestures, and half the bytes of 30
+_RATES = (1.0, 50.0)  # browsers slow down pictures that ask for less than 2/100 s
+_COLOURS = 160  # of the palette; ours: more cannot be told apart here, and cost bytes
+_CLEAR = 255  # the index that means "as before"
+_PALETTE_FROM = 30  # pictures that the palette is made from
+
+
+class Writer(MovingWriter):
+    """Writes a ``.gif``.
+
+    Args:
+        audio: not used: these have no sound.
+        size: (width, height) in pixels.
+        camera: ``body``, ``full``, ``face`` or ``hands``.
+        rate: pictures per second; 15, or those of the motion if fewer, where not given.
+        background: sRGB colour of the backdrop.
+
+    Raises:
+        InputError: the rate is outside 1 … 50.
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        skeleton: Skeleton,
+        fps: float,
+        audio: str | PathLike[str] | None = None,
+        size: tuple[int, int] = _SIZE,
+        camera: str = "body",
+        rate: float | None = None,
+        background: tuple[int, int, int] | None = None,
+    ) -> None:
+        rate = max(min(float(fps), _MOST_RATE), _RATES[0]) if rate is None else rate
+        if not _RATES[0] <= rate <= _RATES[1]:
+            raise InputError(f"{rate} pictures per second in a .gif", f"{_RATES[0]:g} … {_RATES[1]:g}")
+        super().__init__(
+            path, skeleton=skeleton, fps=fps, audio=audio, size=size, camera=camera, rate=rate, background=background
+        )
+        self._file: BinaryIO | None = None
+        self._held: list[Pictures] = []
+        self._before: NDArray[np.uint8] | None = None
+        self._written = 0
+
+    def _open(self, temporary: Path) -> None:
+        self._file = temporary.open("wb")
+
+    def _picture(self, picture: Pictures) -> None:
+        if self._before is not None:
+            self._append(picture)
+            return
+        self._held.append(picture.copy())
+        if len(self._held) == _PALETTE_FROM:
+            self._head()
+
+    def _close(self) -> None:
+        if self._before is None:
+            self._head()
+        assert self._file is not None
+        self._file.write(b";")
+        self._file.close()
+
+    def _discard(self) -> None:
+        super()._discard()
+        if self._file is not None:
+            self._file.close()
+
+    def _head(self) -> None:
+        """Choose the palette, write the file's head and the pictures held back."""
+        from PIL import Image
+
+        some = np.concatenate(self._held[:: max(1, len(self._held) // 5)])
+        self._palette = Image.fromarray(some).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT, kmeans=1)
+        colours = bytes(self._palette.getpalette() or [])[: 3 * _COLOURS].ljust(768, b"\0")
+        assert self._file is not None
+        self._file.write(b"GIF89a" + struct.pack("<HHBBB", *self.size, 0xF7, 0, 0) + colours)
+        self._file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", 0) + b"\0")  # 0: loop for ever
+        held, self._held = self._held, []
+        for picture in held:
+            self._append(picture)
+
+    def _append(self, picture: Pictures) -> None:
+        """Write what differs from the picture before."""
+        from PIL import GifImagePlugin, Image
+
+        index = np.asarray(Image.fromarray(picture).quantize(palette=self._palette, dither=Image.Dither.NONE))
+        left, top, part = 0, 0, index
+        if self._before is not None:
+            changed = index != self._before
+            rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
+            top, bottom = (rows[0], rows[-1] + 1) if len(rows) else (0, 1)
+            left, right = (columns[0], columns[-1] + 1) if len(columns) else (0, 1)
+            part = np.where(changed, index, np.uint8(_CLEAR))[top:bottom, left:right]
+        self._before = index
+        # in hundredths of a second, rounded so that the sum never drifts
+        ticks = round(100 * (self._written + 1) / self.rate) - round(100 * self._written / self.rate)
+        self._written += 1
+        image = Image.fromarray(np.ascontiguousarray(part))
+        assert self._file is not None
+        options = {"duration": 10 * ticks, "transparency": _CLEAR, "disposal": 1}
+        self._file.writelines(GifImagePlugin.getdata(image, (int(left), int(top)), **options))

@@ -1,0 +1,110 @@
+"""What the moving previews, .mp4 and .gif, have in common: a film that is drawn while motion comes in."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable
+from contextlib import suppress
+from os import PathLike
+from pathlib import Path
+
+from ..errors import InputError
+from ..motion import Motion
+from ..render.artist import Look, Pictures
+from ..render.camera import view_named
+from ..render.film import BACKDROP, Film
+from ..skeleton import Skeleton
+from . import Writer
+from .standing import as_humanoid
+
+__all__ = ["MovingWriter", "background_of", "size_of"]
+
+
+class MovingWriter(Writer):
+    """A Writer of pictures that follow each other.
+
+    Subclasses implement ``_open(temporary)`` and ``_picture(rgb)``, and end their file in ``_close()``.
+
+    Args:
+        size: (width, height) in pixels.
+        camera: name of a view (`cospeech.render.camera.CAMERAS`).
+        rate: pictures per second.
+        background: sRGB colour of the backdrop, 0 … 255 each.
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        skeleton: Skeleton,
+        fps: float,
+        audio: str | PathLike[str] | None = None,
+        size: tuple[int, int],
+        camera: str,
+        rate: float,
+        background: tuple[int, int, int] | None = None,
+    ) -> None:
+        super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
+        self.size, self.rate, self.pictures = size_of(size), float(rate), 0
+        self._film = Film(Look(*self.size, view_named(camera), background_of(background)), self.fps, self.rate)
+
+    @abstractmethod
+    def _open(self, temporary: Path) -> None: ...
+
+    @abstractmethod
+    def _picture(self, picture: Pictures) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None: ...
+
+    def _begin(self, temporary: Path) -> None:
+        self._open(temporary)
+
+    def _write(self, motion: Motion) -> None:
+        self._take(self._film.push(as_humanoid(motion)))
+
+    def _finish(self) -> None:
+        self._take(self._film.flush())
+        if not self.pictures:
+            raise InputError(f"no motion to draw in {str(self.path)!r}", "it has no frames")
+        self._close()
+
+    def _take(self, batches: Iterable[Pictures]) -> None:
+        for batch in batches:
+            for picture in batch:
+                self._picture(picture)
+                self.pictures += 1
+
+    def _discard(self) -> None:
+        with suppress(OSError):
+            self._film.close()
+
+
+def size_of(size: tuple[int, int]) -> tuple[int, int]:
+    """Check a size given by the user.
+
+    Raises:
+        InputError: it is not two whole numbers.
+    """
+    try:
+        width, height = (int(side) for side in size)
+    except (TypeError, ValueError):
+        raise InputError(f"a picture size of {size!r}", "width and height in pixels, such as 720 and 720") from None
+    return width, height
+
+
+def background_of(colour: tuple[int, int, int] | None) -> tuple[int, int, int]:
+    """Check a colour given by the user; ours where none was.
+
+    Raises:
+        InputError: it is not three whole numbers of 0 … 255.
+    """
+    if colour is None:
+        return BACKDROP
+    try:
+        red, green, blue = (int(part) for part in colour)
+    except (TypeError, ValueError):
+        raise InputError(f"a background of {colour!r}", "red, green and blue, 0 … 255 each") from None
+    if not 0 <= min(red, green, blue) <= max(red, green, blue) <= 255:
+        raise InputError(f"a background of {colour!r}", "red, green and blue, 0 … 255 each")
+    return red, green, blue

@@ -1,0 +1,99 @@
+"""The studio: three lights, a backdrop, and how surfaces answer them.
+
+A warm soft key from the front left, a cool rim from behind on the right, and light from all around, cool from above and warm
+from the floor. All colours are linear RGB until `develop` makes 8-bit sRGB of them (IEC 61966-2-1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["KEY", "backdrop", "develop", "from_srgb", "shade"]
+
+Floats = NDArray[np.float32]
+
+
+def _colour(r: float, g: float, b: float) -> Floats:
+    return np.array([r, g, b], np.float32)[:, None]
+
+
+def _unit(x: float, y: float, z: float) -> Floats:
+    v = np.array([x, y, z], np.float32)
+    return v / np.linalg.norm(v)
+
+
+# Directions towards the lights in the camera's frame (right, up, back to the camera), and everything below: ours, by eye.
+KEY = _unit(-0.55, 0.75, 0.75)
+_RIM = _unit(0.80, 0.45, -0.60)
+_KEY_COLOUR = _colour(1.62, 1.52, 1.40)
+_RIM_COLOUR = _colour(0.75, 0.90, 1.15)
+_SKY, _GROUND = _colour(0.52, 0.57, 0.66), _colour(0.27, 0.245, 0.24)
+_WRAP = _colour(0.32, 0.20, 0.16)  # how far the key reaches round an edge; red farthest, as in skin
+_SHOULDER = 0.72  # linear light above which highlights are compressed
+_STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the most of it, that `develop` tells apart
+
+
+def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open_sky: Floats, lit: Floats) -> Floats:
+    """Light that surface points send to the camera, linear RGB (3, N).
+
+    Args:
+        normal: (3, N) unit normals in the camera's frame (right, up, back to the camera).
+        sight: (3, N) unit directions from the points to the camera, same frame.
+        colour: (3, N) linear albedo.
+        roughness: (N,) 0 mirror … 1 chalk.
+        open_sky: (N,) 0 … 1, how much of the surroundings the point sees.
+        lit: (N,) 0 … 1, how much of the key it sees.
+    """
+    facing = KEY @ normal
+    wrapped = np.maximum((facing + _WRAP) / (1 + _WRAP), 0)
+    up = np.float32(0.5) + np.float32(0.5) * normal[1]
+    out = (_GROUND + (_SKY - _GROUND) * up) * open_sky
+    out += _KEY_COLOUR * (wrapped * lit)
+    out *= colour
+    edge = 1 - np.clip(_dot(normal, sight), 0, 1)
+    rim = np.maximum(_RIM @ normal + np.float32(0.25), 0) * (edge * edge * edge) * open_sky
+    out += _RIM_COLOUR * (rim * np.float32(0.55))
+    half = KEY[:, None] + sight
+    half /= np.sqrt(_dot(half, half))
+    sharp = 2 / np.maximum(roughness, np.float32(0.12)) ** 4  # Blinn–Phong exponent of a GGX lobe (Walter et al. 2007)
+    gloss = np.exp(sharp * (_dot(normal, half) - 1)) * (sharp + 8)  # cosine power as a spherical Gaussian
+    gloss *= np.maximum(facing, 0) * lit * np.float32(0.04 / 8 / np.pi)  # 0.04: reflectance of skin, cloth and plastics
+    out += _KEY_COLOUR * gloss
+    return out
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def backdrop(width: int, height: int, colour: tuple[int, int, int]) -> Floats:
+    """A paper backdrop lit from the front: (3, height, width) linear RGB around the 8-bit sRGB ``colour``.
+
+    It changes only from top to bottom, so that pictures set side by side show no seam.
+    """
+    y = np.linspace(0, 1, height, dtype=np.float32)
+    fall = 0.90 + 0.20 * np.exp(-(((y - 0.42) / 0.50) ** 2))
+    column = from_srgb(np.array(colour, np.float32) / 255)[:, None] * fall
+    return np.ascontiguousarray(np.broadcast_to(column[:, :, None], (3, height, width)), np.float32)
+
+
+def from_srgb(value: Floats) -> Floats:
+    """sRGB 0 … 1 → linear light."""
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def _curve() -> NDArray[np.uint8]:
+    linear = np.arange(_STEPS) * (_RANGE / _STEPS)
+    room = 1 - _SHOULDER
+    soft = np.where(linear <= _SHOULDER, linear, _SHOULDER + room * (1 - np.exp(-(linear - _SHOULDER) / room)))
+    srgb = np.where(soft <= 0.0031308, 12.92 * soft, 1.055 * soft ** (1 / 2.4) - 0.055)
+    return np.round(255 * srgb).astype(np.uint8)
+
+
+_CURVE = _curve()
+
+
+def develop(light: Floats) -> NDArray[np.uint8]:
+    """Linear light of any shape → 8-bit sRGB with a soft shoulder, so that highlights do not burn out."""
+    return _CURVE[np.clip(light * np.float32(_STEPS / _RANGE), 0, _STEPS - 1).astype(np.int32)]

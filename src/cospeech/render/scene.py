@@ -1,0 +1,141 @@
+"""A character in front of a backdrop: pose in, picture out.
+
+What is seen is found at four samples per pixel (`raster`). Pixels that show one smooth piece of surface are shaded once, in
+their middle; pixels at an outline or at a border of two parts are shaded at every sample and averaged in linear light.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mannequin import Character, skin_with_normals
+from ..rotations import Array
+from . import light, raster
+from .camera import Camera
+
+__all__ = ["Scene"]
+
+_DEEP = 0.012  # metres of depth within one pixel above which it shows an outline; ours: half a finger
+
+
+class _Points(NamedTuple):
+    """Points to shade: place in the picture, pixels; triangle; inverse depth."""
+
+    x: raster.Floats
+    y: raster.Floats
+    triangle: raster.Ints
+
+
+class Scene:
+    """Draws one character.
+
+    Args:
+        character: see `cospeech.mannequin`.
+        width: of the pictures, pixels.
+        height: of the pictures, pixels.
+        background: 8-bit sRGB colour of the backdrop.
+    """
+
+    def __init__(self, character: Character, width: int, height: int, background: tuple[int, int, int]) -> None:
+        self.character = character
+        parts = character.parts
+        starts = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+        self._triangles = np.concatenate([p.triangles + s for p, s in zip(parts, starts, strict=True)]).astype(np.int32)
+        self._part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p.triangles) for p in parts])
+        colours = [np.broadcast_to(np.asarray(p.colour, np.float32), p.vertices.shape) for p in parts]
+        self._colour = np.concatenate(colours).T.copy()  # (3, V)
+        self._roughness = np.array([p.roughness for p in parts], np.float32)
+        self._open = np.ones((1, sum(len(p.vertices) for p in parts)), np.float32)
+        self._backdrop = light.backdrop(width, height, background)
+        self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
+
+    def draw(self, camera: Camera, rotations: Array, positions: Array, face: Array | None = None) -> NDArray[np.uint8]:
+        """One picture (H, W, 3), 8-bit sRGB.
+
+        Args:
+            camera: of the size of the pictures.
+            rotations: (J, 4) world rotations of the joints, xyzw.
+            positions: (J, 3) their world positions, metres.
+            face: (52,) ARKit weights.
+        """
+        posed, turned = skin_with_normals(self.character, rotations, positions, face)
+        vertices, normals = np.concatenate(posed), np.concatenate(turned)
+        screen = camera.project(vertices)
+        front = np.flatnonzero(raster.front_facing(screen, self._triangles))
+        seen = raster.see(screen, self._triangles[front], camera.width, camera.height)
+        seen = seen._replace(triangle=front[seen.triangle])
+        picture = self._blank.copy()
+        if len(seen.sample):
+            pixel, colour = self._resolve(camera, seen, screen, normals)
+            picture.reshape(-1, 3)[pixel] = light.develop(colour).T
+        return picture
+
+    def _resolve(self, camera: Camera, seen: raster.Seen, screen: Array, normals: Array) -> tuple[raster.Ints, raster.Floats]:
+        """Pixels that show the character, and their linear colours (3, P)."""
+        width = camera.width
+        of_sample = seen.sample >> 2
+        first = np.flatnonzero(np.r_[True, of_sample[1:] != of_sample[:-1]])
+        count = np.diff(np.r_[first, len(of_sample)])
+        pixel = of_sample[first]
+        smooth = count == raster.SAMPLES
+        four = first[smooth] + np.arange(raster.SAMPLES)[:, None]
+        inverse, part = seen.inverse[four], self._part[seen.triangle[four]]
+        near, far = inverse.max(0), inverse.min(0)
+        smooth[smooth] = (near - far < _DEEP * near * far) & (part.max(0) == part.min(0))
+
+        rough = np.repeat(~smooth, count)
+        middle_y = pixel[smooth] // np.int32(width)
+        middle_x = pixel[smooth] - middle_y * np.int32(width)
+        edge_x, edge_y = raster.sample_positions(seen.sample[rough], width)
+        points = _Points(
+            np.concatenate([middle_x + np.float32(0.5), edge_x]),
+            np.concatenate([middle_y + np.float32(0.5), edge_y]),
+            np.concatenate([seen.triangle[first[smooth]], seen.triangle[rough]]),
+        )
+        colour = self._shade(camera, points, screen, normals)
+        middles = len(middle_x)
+        out = np.empty((3, len(pixel)), np.float32)
+        out[:, smooth] = colour[:, :middles]
+        if middles < len(points.x):
+            counts = count[~smooth]
+            starts = np.cumsum(counts) - counts
+            behind = self._backdrop.reshape(3, -1)[:, pixel[~smooth]]
+            total = np.add.reduceat(np.minimum(colour[:, middles:], 1), starts, axis=1)
+            out[:, ~smooth] = (total + behind * (raster.SAMPLES - counts)) * np.float32(1 / raster.SAMPLES)
+        return pixel, out
+
+    def _shade(self, camera: Camera, points: _Points, screen: Array, normals: Array) -> raster.Floats:
+        """Linear colours (3, N) of surface points."""
+        axes = camera.axes.astype(np.float32) * np.array([[1], [1], [-1]], np.float32)
+        table = np.concatenate([axes @ normals.T, self._colour, self._open])
+        corner = self._triangles[points.triangle].T.copy()  # (3, N)
+        weight = _weights(screen, corner, points.x, points.y)
+        mixed = np.empty((len(table), len(points.x)), np.float32)
+        for row, values in zip(mixed, table, strict=True):
+            a, b, c = (values[corner[k]] for k in range(3))
+            np.add(a * weight[0] + b * weight[1], c * weight[2], out=row)
+        normal = mixed[:3] / np.sqrt(_dot(mixed[:3], mixed[:3]) + np.float32(1e-12))
+        focal = np.float32(1 / camera.focal)
+        sight = np.stack([(camera.width / 2 - points.x) * focal, (points.y - camera.height / 2) * focal])
+        sight = np.concatenate([sight, np.ones((1, len(points.x)))]).astype(np.float32)
+        sight /= np.sqrt(_dot(sight, sight))
+        roughness = self._roughness[self._part[points.triangle]]
+        return light.shade(normal, sight, mixed[3:6], roughness, mixed[6], np.float32(1))
+
+
+def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Floats) -> raster.Floats:
+    """Perspective-correct barycentric weights (3, N) of points in the triangles with corners (3, N)."""
+    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = np.ascontiguousarray(screen.T)[:, corner]
+    ax, bx, cx, ay, by, cy = ax - x, bx - x, cx - x, ay - y, by - y, cy - y
+    area = np.stack([(bx * cy - cx * by) * az, (cx * ay - ax * cy) * bz, (ax * by - bx * ay) * cz])
+    total = area[0] + area[1] + area[2]
+    total[np.abs(total) < 1e-12] = 1
+    area /= total
+    return np.clip(area, 0, 1, out=area)
+
+
+def _dot(a: raster.Floats, b: raster.Floats) -> raster.Floats:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

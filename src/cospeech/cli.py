@@ -323,7 +323,7 @@ def main() -> None:
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
     signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="cospeech", standalone_mode=False)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         code = 130

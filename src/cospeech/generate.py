@@ -21,12 +21,12 @@ from .errors import InputError, nearest
 from .export import FORMATS, Writer, open_writer
 from .export import format_of as format_of_file
 from .files import all_or_none
-from .models import DEFAULT, PARTS
+from .models import DEFAULT, PARTS, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
 from .retarget import retarget
-from .rules.styles import EMOTIONS
+from .rules.styles import EMOTIONS, STYLES
 from .speech import Speech, SpeechSource, Word, open_speech
 
 __all__ = [
@@ -129,9 +129,9 @@ def generate_files(
         counts = set()
         for take in range(takes):
             staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
-            moving = gesturer.stream(speech_chunks(source), seed=seed + take, **vars(options))
-            shown = _told(moving, progress, take, takes, source.expected_seconds)
-            counts.add(_write_all(shown, staged, skeleton, options.fps, audio, avatar))
+            performance = gesturer.session(seed=seed + take, **vars(options))
+            moving = _told(_played(performance, source), progress, take, takes, source.expected_seconds)
+            counts.add(_write_all(moving, staged, skeleton, options.fps, audio, avatar))
         seconds = source.seconds or 0.0
         wanted = source.frames(options.fps)
         if counts != {wanted}:
@@ -144,8 +144,8 @@ def generate_files(
             seed=seed,
             takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
-            emotion=_emotion_heard(gesturer, emotion),
-            style=str(style or speaker or _default_style(gesturer)),
+            emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
+            style=style or speaker or next(iter(STYLES)),
             outputs=[str(path) for path in names],
             version=__version__,
         )
@@ -188,6 +188,13 @@ def _chunk(
         spoken = tuple(words[:count])
         del words[:count]
     return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
+
+
+def _played(performance: Performance, source: SpeechSource) -> Iterator[Motion]:
+    """The whole of a take, piece by piece."""
+    for chunk in speech_chunks(source):
+        yield from performance.push(chunk)
+    yield from performance.finish()
 
 
 def _told(
@@ -259,14 +266,3 @@ def check_files(audio: File, outputs: list[Path], inputs: list[File], report: Fi
         if real in seen:
             raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")
         seen[real] = "another output"
-
-
-def _emotion_heard(model: object, emotion: str) -> dict[str, float]:
-    """Probability of each emotion: as heard, or as told."""
-    if emotion != "auto":
-        return {name: float(name == emotion) for name in EMOTIONS}
-    return dict(getattr(model, "emotion", {}))
-
-
-def _default_style(model: object) -> str:
-    return str(getattr(model, "default_style", "natural"))

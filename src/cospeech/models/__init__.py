@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..motion import Motion
     from ..speech import Speech
 
-__all__ = ["DEFAULT", "MODELS", "PARTS", "Gesturer", "load"]
+__all__ = ["DEFAULT", "MODELS", "PARTS", "Gesturer", "Performance", "load"]
 
 MODELS: dict[str, str] = {"rules": "cospeech.rules:RuleGesturer"}
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
@@ -24,37 +24,39 @@ PARTS = ("face", "body", "hands")
 """What can be generated alone or together."""
 
 
-class Gesturer(Protocol):
-    """What every model offers. The same seed gives the same motion; the stream, joined, is what ``generate`` gives."""
+class Performance(Protocol):
+    """One take under way: speech goes in, piece by piece; motion comes out."""
 
-    def generate(
-        self,
-        speech: Speech,
-        *,
-        style: str | Motion | None = None,
-        emotion: str = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: tuple[str, ...] = PARTS,
-    ) -> Motion:
-        """Motion for the whole speech: exactly ceil(duration × fps) frames."""
+    @property
+    def emotion(self) -> dict[str, float]:
+        """Probability of each emotion, over all that was heard."""
         ...
 
-    def stream(
-        self,
-        chunks: Iterable[Speech],
-        *,
-        style: str | Motion | None = None,
-        emotion: str = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: tuple[str, ...] = PARTS,
-    ) -> Iterator[Motion]:
+    def push(self, chunk: Speech) -> Iterator[Motion]:
+        """Hear the next piece; yields the motion that has become certain."""
+        ...
+
+    def finish(self) -> Iterator[Motion]:
+        """The speech is over; yields the rest of the motion."""
+        ...
+
+
+class Gesturer(Protocol):
+    """What every model offers; each of the three takes the keywords ``style, emotion, seed, intensity, temperature, fps, parts``.
+
+    The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
+    """
+
+    def generate(self, speech: Speech, **options: Any) -> Motion:
+        """Motion for the whole speech."""
+        ...
+
+    def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
         """The same, in pieces, as the speech comes in."""
+        ...
+
+    def session(self, **options: Any) -> Performance:
+        """The same, for those who push."""
         ...
 
 

@@ -42,14 +42,24 @@ class Session:
     """
 
     def __init__(
-        self, style: Style, *, emotion: str | None, seed: int, intensity: float, temperature: float, fps: float, parts: tuple[str, ...]
+        self,
+        style: Style,
+        *,
+        emotion: str | None,
+        seed: int,
+        intensity: float,
+        temperature: float,
+        fps: float,
+        parts: tuple[str, ...],
     ) -> None:
         self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
         self.intensity = intensity
         self.listener = Listener()
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
-        self.face = Face(seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60)
+        self.face = Face(
+            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60
+        )
         self.gestures: list[Gesture] = []
         self._duration = Fraction(0)
         self._words: deque[Word] = deque()
@@ -57,6 +67,11 @@ class Session:
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
         self._resampler: object | None = None
+
+    @property
+    def emotion(self) -> dict[str, float]:
+        """Probability of each emotion, over all that was heard."""
+        return self.mood.mean
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""

@@ -317,7 +317,6 @@ def _stop(signum: int, frame: object) -> NoReturn:
 
 def main() -> None:
     """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
-    debug = "--debug" in sys.argv
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
@@ -328,21 +327,21 @@ def main() -> None:
         print("interrupted", file=sys.stderr)
         code = 130
     except (CospeechError, typer.TyperException) as problem:
-        if debug:
-            raise
         error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
         code = _say(error, 1 if isinstance(error, InternalError) else 2)
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         sys.stdout = None  # type: ignore[assignment]  # nothing is flushed into the void at exit
         code = 0
     except Exception as problem:
-        if debug:
-            raise
         code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
     sys.exit(code)
 
 
 def _say(error: CospeechError, code: int) -> int:
+    if "--debug" in sys.argv:
+        import traceback
+
+        traceback.print_exc()
     print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return code
 

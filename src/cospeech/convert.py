@@ -7,7 +7,6 @@ from pathlib import Path
 from .export import format_of, load
 from .generate import FPS_RANGE, File, check_files, check_range
 from .motion import Motion
-from .retarget import retarget
 
 __all__ = ["convert_file"]
 
@@ -43,7 +42,7 @@ def convert_file(
     motion = load(source)
     options: dict[str, object] = {}
     if skeleton is not None:
-        motion = retarget(motion, skeleton, **({"map": names} if names else {}))
+        motion = motion.retarget(skeleton, **({"map": names} if names else {}))
     if fps is not None:
         motion = motion.resample(fps)
     if audio is not None:

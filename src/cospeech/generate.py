@@ -25,8 +25,8 @@ from .models import DEFAULT, PARTS, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
-from .retarget import retarget
 from .rules.styles import EMOTIONS, STYLES
+from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
 
 __all__ = [
@@ -47,6 +47,7 @@ Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
 
 FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
+SEED_RANGE = (0, 2**63 - 1)
 MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
 INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
 TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
@@ -119,7 +120,7 @@ def generate_files(
         raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
     files = [Path(path) for path in outputs]
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
-    _check_options(options, takes, avatar, {path.suffix.lower() for path in files})
+    _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     check_files(audio, files, [path for path in (transcript, avatar) if path], report)
     gesturer = load_model(model)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
@@ -213,7 +214,7 @@ def _write_all(moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: 
     count, writers = 0, []
     with ExitStack() as stack:
         for piece in moving:
-            other = piece if skeleton == "humanoid" else retarget(piece, skeleton)
+            other = piece if skeleton == "humanoid" else piece.retarget(skeleton)
             if not writers:
                 writers = [stack.enter_context(_writer(path, piece, other, fps, audio, avatar)) for path in paths]
             for writer in writers:
@@ -231,7 +232,7 @@ def _writer(path: Path, piece: Motion, other: Motion, fps: float, audio: File, a
     return open_writer(path, skeleton=(other if suffix in KEEPS_SKELETON else piece).skeleton, fps=fps, **options)
 
 
-def _check_options(options: _Options, takes: int, avatar: File | None, suffixes: set[str]) -> None:
+def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:
     if options.emotion != "auto" and options.emotion not in EMOTIONS:
         raise InputError(f"no emotion is called {options.emotion!r}", nearest(options.emotion, ("auto", *EMOTIONS)))
     for part in options.parts:
@@ -243,6 +244,9 @@ def _check_options(options: _Options, takes: int, avatar: File | None, suffixes:
     check_range("temperature", options.temperature, TEMPERATURE_RANGE)
     check_range("fps", options.fps, FPS_RANGE)
     check_range("takes", takes, (1, MOST_TAKES))
+    check_range("seed", seed, SEED_RANGE)
+    if skeleton not in SKELETONS:
+        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
     if avatar is not None and not suffixes & WEARS_AVATAR:
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
     if avatar is not None and not Path(avatar).is_file():

@@ -42,7 +42,7 @@ class Performance(Protocol):
 
 
 class Gesturer(Protocol):
-    """What every model offers; each of the three takes the keywords ``style, emotion, seed, intensity, temperature, fps, parts``.
+    """What every model offers; all three with the keywords style, emotion, seed, intensity, temperature, fps, parts.
 
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
     """

@@ -1,0 +1,135 @@
+"""The command line as a process: signals, terminals, closed pipes, and what it never imports."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import soundfile
+
+from cospeech.demo import EXAMPLE
+
+COSPEECH = [sys.executable, "-m", "cospeech"]
+
+NO_TORCH = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Refuse(MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"torch", "tensorflow", "jax", "librosa", "faster_whisper"}:
+            raise AssertionError(f"imports {name}")
+
+sys.meta_path.insert(0, Refuse())
+sys.argv = ["cospeech", *sys.argv[1:]]
+from cospeech.cli import main
+main()
+"""
+
+
+@pytest.fixture
+def long_speech(tmp_path):
+    """Ten minutes of speech: enough to be interrupted in."""
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    path = tmp_path / "long.wav"
+    with soundfile.SoundFile(path, "w", rate, 1) as file:
+        for _ in range(int(600 / (len(samples) / rate))):
+            file.write(samples)
+    return path
+
+
+@pytest.mark.parametrize(
+    "line", ["--help", "list models", "generate {speech} -o a.bvh -o b.glb -o c.png", "convert {motion} d.vrma -q"]
+)
+def test_torch_is_never_imported(tmp_path, line):
+    (tmp_path / "in").mkdir()
+    motion = tmp_path / "in" / "talk.bvh"
+    if "{motion}" in line:
+        subprocess.run([*COSPEECH, "generate", str(EXAMPLE), "-o", str(motion), "-q"], check=True)
+    arguments = line.format(speech=EXAMPLE, motion=motion).split()
+    done = subprocess.run([sys.executable, "-c", NO_TORCH, *arguments], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_help_imports_nothing_heavy():
+    """What keeps ``cospeech --help`` under half a second; the time itself is in the table of benchmarks."""
+    code = (
+        "import sys; sys.argv = ['cospeech', '--help']\nfrom cospeech.cli import main\ntry: main()\nexcept SystemExit: pass\n"
+    )
+    code += "heavy = {'numpy', 'scipy', 'rich', 'pydantic', 'soundfile', 'PIL', 'av'}\n"
+    code += "print(sorted({m.split('.')[0] for m in sys.modules} & heavy))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, code):
+    out = tmp_path / "out"
+    out.mkdir()
+    command = [*COSPEECH, "generate", str(long_speech), "-o", str(out / "a.bvh"), "-o", str(out / "b.npz")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not any(path.stat().st_size > 10_000 for path in out.rglob("*.bvh")):  # it is writing now
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "Traceback" not in err
+    assert list(out.iterdir()) == []
+
+
+def test_a_terminal_sees_progress_and_a_file_does_not(tmp_path, long_speech):
+    """On a terminal a bar appears after a second; not in a pipe, and never on stdout."""
+    command = [*COSPEECH, "generate", str(long_speech), "-o", str(tmp_path / "a.bvh")]
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    os.close(theirs)
+    seen = b""
+    while True:
+        try:
+            piece = os.read(ours, 4096)
+        except OSError:  # the other end is closed: Linux says EIO
+            break
+        if not piece:
+            break
+        seen += piece
+    out = process.stdout.read()
+    os.close(ours)
+    assert process.wait() == 0
+    assert b"generating" in seen
+    assert b"generating" not in out
+    assert b"a.bvh" in out
+
+
+def test_closed_pipe_is_no_crash():
+    process = subprocess.Popen([*COSPEECH, "list", "styles"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert b"Traceback" not in process.stderr.read()
+    process.wait()
+    process.stderr.close()
+
+
+def test_runs_where_the_terminal_speaks_ascii(tmp_path):
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    done = subprocess.run([*COSPEECH, "generate", "--help"], capture_output=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    done = subprocess.run([*COSPEECH, "generate", "käse.wav"], capture_output=True, env=environment, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"error: ")
+
+
+def test_unwritable_folder(tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    done = subprocess.run([*COSPEECH, "generate", str(EXAMPLE), "-o", str(Path(folder, "a.bvh"))], capture_output=True)
+    assert (done.returncode, list(folder.iterdir())) == (2, [])

@@ -1,0 +1,96 @@
+"""`make docs`: writes what the documentation takes from the code, so that it cannot drift; a test compares.
+
+``docs/cli.md`` is written whole. In other pages (README.md too) the lines between ``<!-- table: NAME -->`` and
+``<!-- end -->`` are.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from cospeech.catalogue import catalogue
+from cospeech.cli import HOW_TO_OPEN
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = ("generate", "convert", "render", "list", "demo", "bench")
+BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
+
+CLI_HEAD = """\
+# Command line
+
+<!-- Written by `make docs` from the program itself; do not edit. -->
+
+Every error is one line, `error: what is wrong (how to mend it)`. Exit codes: 0 done; 1 a failure of ours;
+2 something that you gave cannot be used, and nothing was written; 130 interrupted, and nothing half-written is left.
+"""
+
+
+def cli_page() -> str:
+    """All of ``--help``, as a page."""
+    parts = [CLI_HEAD]
+    for command in ("", *COMMANDS):
+        title = f"cospeech {command}".strip()
+        parts.append(f"\n## {title}\n\n```text\n{help_of(command)}```\n")
+    return "".join(parts)
+
+
+def help_of(command: str) -> str:
+    """What ``cospeech COMMAND --help`` prints, on a terminal of 100 columns."""
+    environment = os.environ | {"COLUMNS": "100", "PYTHONIOENCODING": "utf-8", "NO_COLOR": "1"}
+    arguments = [sys.executable, "-m", "cospeech", *command.split(), "--help"]
+    done = subprocess.run(arguments, capture_output=True, check=True, env=environment)
+    return "\n".join(line.rstrip() for line in done.stdout.decode().strip().splitlines()) + "\n"
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines)
+
+
+def named(what: str) -> Callable[[], str]:
+    """A table of everything of a kind: name and one line."""
+    return lambda: table([what[:-1], ""], [[f"`{row['name']}`", row["what"]] for row in catalogue(what)])
+
+
+def formats() -> str:
+    rows = [
+        [f"[`{r['name']}`](#{r['name'][1:]})", r["what"], r["access"], HOW_TO_OPEN[r["name"]]] for r in catalogue("formats")
+    ]
+    return table(["suffix", "what it holds", "cospeech can", "where it goes"], rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "models": named("models"),
+    "styles": named("styles"),
+    "emotions": named("emotions"),
+    "skeletons": named("skeletons"),
+    "metrics": named("metrics"),
+    "formats": formats,
+}
+
+
+def pages() -> dict[Path, str]:
+    """Path → text of every page, as it should be."""
+    found = {ROOT / "docs" / "cli.md": cli_page()}
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        if path not in found:
+            text = path.read_text("utf-8")
+            found[path] = BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
+    return found
+
+
+def main() -> None:
+    for path, text in pages().items():
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
+            print(f"wrote {path.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -32,9 +32,10 @@ def hashed_uniform(seed: int, stream: Array | int, index: Array | int) -> Array:
 
 def hashed_normal(seed: int, stream: Array | int, index: Array | int) -> Array:
     """Unit normal values (approximate: a sum of three uniforms) from the same hash; |value| < 3."""
-    stream = np.asarray(stream)
-    total = sum(hashed_uniform(seed, stream * 3 + k + 1000003, index) for k in range(3))
-    return (total - 1.5) * 2.0
+    stream, index = np.asarray(stream), np.asarray(index)
+    draws = np.arange(1000003, 1000006).reshape(-1, *[1] * max(stream.ndim, index.ndim))
+    total = hashed_uniform(seed, stream * 3 + draws, index)  # the three at once
+    return (total[0] + total[1] + total[2] - 1.5) * 2.0
 
 
 def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves: int = 3, gain: float = 0.5) -> Array:

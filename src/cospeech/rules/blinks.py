@@ -21,7 +21,8 @@ _APART = 0.55  # s; a blink that an event asks for is dropped this close to one 
 _AT_PHRASE_END, _AT_SHIFT = 0.40, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
 _LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
 _SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
-_DUE, _WIDTH, _DEPTH, _SECOND, _CHANCE, _SHIFT = range(5101, 5107)  # streams of the hash
+_PAIR = np.array([[0], [1]])
+_PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT = 5101 + _PAIR, 5103, 5104, 5105, 5107  # streams of the hash
 
 
 def phrase_ends(heard: Heard) -> Array:
@@ -42,8 +43,7 @@ def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array
     if rate <= 0:
         return np.zeros(0), np.zeros(0, int)
     cell = np.arange(int(np.floor((start - 2.0) * rate)), int(np.floor((end + 1.0) * rate)) + 1)
-    place = hashed_uniform(seed, _DUE, cell)
-    kind = hashed_uniform(seed, _SECOND, cell)
+    place, kind = hashed_uniform(seed, _PER_CELL, cell)
     first = (cell + 0.08 + 0.84 * place) / rate
     again = kind < _TWICE
     second = first[again] + 0.45 + 4.0 * kind[again]
@@ -53,11 +53,11 @@ def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array
 
 def _caused(seed: int, due: Array, when: Array, index: Array, stream: int, chance: Array | float) -> tuple[Array, Array]:
     """Blinks at events, with a chance, unless one is due anyway."""
-    late = 0.12 * hashed_uniform(seed, stream + 100, index)
-    keep = hashed_uniform(seed, stream, index) < chance
+    drawn, late = hashed_uniform(seed, stream + _PAIR, index)
+    keep = drawn < chance
     if len(due):
         keep &= np.abs(when[:, None] - due).min(1) > _APART
-    return (when + late)[keep], index[keep] + (stream << 40)
+    return (when + 0.12 * late)[keep], index[keep] + (stream << 40)
 
 
 def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Sequence[tuple[float, float]] = ()) -> Array:
@@ -87,5 +87,6 @@ def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Seque
     width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hashed_normal(seed, _WIDTH, index)), *_WIDTHS)
     depth = 1.0 - 0.25 * hashed_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
     since = (times[:, None] - begin) / width
-    ramp = np.minimum(np.clip(since / _CLOSE, 0, 1), np.clip((_CLOSE + _SHUT + _OPEN - since) / _OPEN, 0, 1))
+    ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)
+    ramp = np.minimum(np.maximum(ramp, 0), 1)
     return (ramp * ramp * (3 - 2 * ramp) * depth).max(1)

@@ -91,7 +91,8 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array
         np.where(knit, 0.8 * size, 0.0),
     ], 1)  # fmt: skip
     since = times[:, None] - (when - _EARLY)
-    ramp = np.minimum(np.clip(since / _RISE, 0, 1), np.clip((_RISE + _HOLD + _FALL - since) / _FALL, 0, 1))
+    ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
+    ramp = np.minimum(np.maximum(ramp, 0), 1)
     course = ramp * ramp * (3 - 2 * ramp)
     return np.tanh(course @ amount)  # overlapping rises saturate
 
@@ -101,5 +102,5 @@ def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
     if not len(accents):
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T
-    near = np.clip(1 - np.abs(times[:, None] - when - 0.15) / 1.2, 0, 1)  # within what the caller gives, ±1.5 s
+    near = np.maximum(1 - np.abs(times[:, None] - when - 0.25) / 1.05, 0)  # from 0.8 s before the accent on
     return np.tanh((near * near * (3 - 2 * near)) @ strength)

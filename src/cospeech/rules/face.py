@@ -151,12 +151,12 @@ class Face:
     def _eyes(self, out: Array, times: Array, heard: Heard, gaze: Array, head_speed: Array | None, shifts: Sequence) -> None:
         yaw, pitch = gaze[:, 0] / _LOOK_FULL[0], gaze[:, 1] / _LOOK_FULL[1]
         look = (yaw - _CONVERGENCE, _CONVERGENCE - yaw, -yaw - _CONVERGENCE, yaw + _CONVERGENCE, pitch, pitch, -pitch, -pitch)
-        out[:, _LOOK] = np.clip(np.stack(look, 1), 0.0, 1.0)
+        out[:, _LOOK] = np.maximum(np.array(look).T, 0.0)
         lids = out[:, _BLINK] + _LID_FOLLOWS * out[:, _DOWN] - 0.10 * out[:, _LOOK[4:6]]
         if head_speed is not None:
             lids += 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
         shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts)[:, None]
-        lids = np.clip(lids + 0.02 * (1 - out[:, _WIDE]), 0, 1)
+        lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
         out[:, _WIDE] = (out[:, _WIDE] + 0.15 * out[:, _LOOK[4:6]]) * (1 - shut)
         out[:, _SQUINT] *= 1 - 0.6 * shut

@@ -24,12 +24,14 @@ _VOWEL = (0.055, 0.14, 0.155, 0.06)  # jaw of a vowel at full voice: neutral, op
 _BREATH = 0.12
 _LOUDER = 0.50  # for each unit of loudness over _FULL
 _TAU = 0.026  # s; time constant of the critically damped filter (impulse response t·exp(-t/τ), mean delay 2τ)
-_JAW_LAG, _LIP_LAG = 0.029, 0.010  # s after the sound; motion.md: the jaw lags by 26–32 ms. Lips: ours
-_PAD = 50  # rows of silence beyond the window
+_LAG = 0.009  # s of lips after the sound; ours
+_JAW_LATER = 2  # rows; so the jaw lags by 29 ms (motion.md: 26–32 ms after log energy)
 _BEFORE, _AFTER = 8, 10  # rows: lips part this long before sound and stay this long after it (plus the filter's rise)
 _DIP = 12  # rows to both sides among which a dip of the energy is one closure
-_SPEAK = np.arange(32) * np.exp(-np.arange(32) / (_TAU * RATE))
-_SPEAK /= _SPEAK.sum()
+_PAD = 50  # rows of silence beyond the window
+_ROWS = np.arange(32)
+_SPEAK = _ROWS * np.exp(-_ROWS / (_TAU * RATE))
+_SPEAK = _SPEAK[::-1] / _SPEAK.sum()
 _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether somebody is talking here
 
 
@@ -49,75 +51,69 @@ class Voice(NamedTuple):
 
 
 def _ramp(x: Array, low: float, high: float) -> Array:
-    return np.clip((x - low) / (high - low), 0.0, 1.0)
-
-
-def _running_max(x: Array, before: int, after: int) -> Array:
-    """Maximum of rows k - before … k + after; the ends count as 0."""
-    padded = np.concatenate([np.zeros(before), x, np.zeros(after)])
-    return np.lib.stride_tricks.sliding_window_view(padded, before + after + 1).max(1)
+    return np.minimum(np.maximum((x - low) / (high - low), 0.0), 1.0)
 
 
 def _rows(heard: Heard) -> Array:
-    """(T, 9): what the mouth aims at, row by row: MOUTH's jaw … upper up (7), closed, active."""
+    """(T, 10): what the mouth aims at, row by row: MOUTH's jaw … upper up (7), closed, active, loudness."""
     loud, voiced, bands = heard.loudness, heard.voicing, heard.bands
     level = _ramp(loud, _QUIET, _FULL)
+    full = voiced * level
     hiss = _ramp(bands[:, 4] - bands[:, 1], -20.0, -2.0) * (1 - 0.6 * voiced) * _ramp(loud, 0.15, 0.4)
-    front = _ramp(bands[:, 3] - bands[:, 2], -6.0, 14.0) * voiced * level  # F2 above 1.5 kHz: i, e
-    back = _ramp(bands[:, 1] - bands[:, 3], 20.0, 34.0) * voiced * level  # little above 1.5 kHz: o, u, w, m, n
+    front = _ramp(bands[:, 3] - bands[:, 2], -6.0, 14.0) * full  # F2 above 1.5 kHz: i, e
+    back = _ramp(bands[:, 1] - bands[:, 3], 20.0, 34.0) * full  # little above 1.5 kHz: o, u, w, m, n
     open_ = np.tanh((bands[:, 1] - bands[:, 0] + 8.0) / 10.0)  # strong first formant against the voice bar: a
     clear = np.tanh((bands[:, 4] - bands[:, 1] + 25.0) / 15.0)  # bright: not nasal, not rounded, not murmured
     vowel = _VOWEL[0] + _VOWEL[1] * open_ + _VOWEL[2] * clear - _VOWEL[3] * front
-    breath = _BREATH * (1 - clear)  # aspiration yes, hiss no
-    jaw = (
-        _PARTED * _ramp(loud, 0.2, 0.5)
-        + level * (voiced * vowel + (1 - voiced) * breath)
-        + _LOUDER * np.maximum(loud - _FULL, 0)
-    )
-    jaw = np.maximum(jaw, 0.0)
-    around = np.minimum(_running_max(level, _DIP, 0), _running_max(level, 0, _DIP))
-    burst = _running_max(hiss, 2, 6)
-    closed = _ramp(around - level, 0.45, 0.75) * (1 - burst)
-    active = _running_max(_ramp(loud, 0.22, 0.45), _AFTER, _BEFORE)
+    jaw = full * vowel + (level - full) * (_BREATH * (1 - clear))  # aspiration opens, hiss does not
+    jaw = np.maximum(jaw + _PARTED * _ramp(loud, 0.2, 0.5) + _LOUDER * np.maximum(loud - _FULL, 0), 0.0)
+    closed, active = _closures(level, hiss, _ramp(loud, 0.22, 0.45))
     round_ = back * (1 - 0.5 * np.maximum(open_, 0))
     sharp = _ramp(hiss, 0.2, 0.9)
-    columns = (
-        jaw,
-        0.16 * round_ + 0.05 * sharp,
-        0.34 * round_,
-        0.20 * front + 0.16 * sharp,
-        0.12 * front + 0.05 * sharp,
-        (0.035 * active + 0.16 * level * (0.6 + 0.4 * open_) + 0.14 * sharp) * (1 - 0.6 * round_),
-        0.012 * active + 0.07 * level * (0.5 + 0.5 * front) + 0.05 * sharp,
-        closed,
-        active,
-    )
-    return np.stack(columns, 1)
+    out = np.empty((len(loud), 10))
+    out[:, 0] = jaw
+    out[:, 1] = 0.16 * round_ + 0.05 * sharp
+    out[:, 2] = 0.34 * round_
+    out[:, 3] = 0.20 * front + 0.16 * sharp
+    out[:, 4] = 0.12 * front + 0.05 * sharp
+    out[:, 5] = (0.035 * active + level * (0.10 + 0.06 * open_) + 0.14 * sharp) * (1 - 0.6 * round_)
+    out[:, 6] = 0.012 * active + 0.035 * (level + front) + 0.05 * sharp
+    out[:, 7], out[:, 8], out[:, 9] = closed, active, loud
+    return out
+
+
+def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
+    """Dips between louder moments, unless they hiss or end in hiss; and presence, spread to _BEFORE and _AFTER."""
+    count, wide = len(level), _DIP + 1
+    padded = np.zeros((3, count + 2 * _DIP))
+    padded[:, _DIP:-_DIP] = level, hiss, present
+    most = np.lib.stride_tricks.sliding_window_view(padded, wide, axis=1).max(2)  # column k: rows k - _DIP … k
+    around = np.minimum(most[0, :count], most[0, _DIP:])
+    burst = most[1, 8 : 8 + count]  # 4 rows before … 8 after
+    active = np.maximum(most[2, _DIP - _AFTER : count + _DIP - _AFTER], most[2, _BEFORE : count + _BEFORE])
+    return _ramp(around - level, 0.45, 0.75) * (1 - burst), active
 
 
 def voice_to_mouth(times: Array, heard: Heard) -> Voice:
     """The mouth at ``times`` (T,) in seconds; beyond the window there is silence."""
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
-    rows[_PAD:-_PAD, :9] = _rows(heard)
-    rows[_PAD:-_PAD, 9] = np.maximum(heard.loudness, 0)
-    reach = len(_SPEAK) - 1
-    history = np.lib.stride_tricks.sliding_window_view(np.pad(rows, ((reach, 0), (0, 0))), reach + 1, axis=0)
-    smooth = history @ _SPEAK[::-1]
-    slow = np.convolve(rows[:, 8], _SLOW, "same")
-    base = (heard.start - _PAD) / RATE - 2 * _TAU
-    jaw, lips = (_read(smooth, (times - lag - base) * RATE) for lag in (_JAW_LAG, _LIP_LAG))
+    rows[_PAD:-_PAD] = _rows(heard)
+    rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
+    at = np.minimum(np.maximum(times * RATE - (heard.start - _PAD), 0), len(rows) - 1)
+    now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, len(_SPEAK) - 1)
+    talking = _filtered(rows[:, 8:9], at, _SLOW, len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))
-    shape[:, 0] = jaw[:, 0]
-    shape[:, 1:7] = lips[:, 1:7]
-    effort = 0.40 + 0.75 * jaw[:, 9]
-    return Voice(shape, _ramp(lips[:, 7], 0.15, 0.65), lips[:, 8], effort, _read(slow, (times - base - 2 * _TAU) * RATE))
+    shape[:, :7] = now[:, :7]
+    return Voice(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)
 
 
-def _read(rows: Array, at: Array) -> Array:
-    """Linear interpolation of rows; the ends are held."""
-    at = np.clip(at, 0, len(rows) - 1)
-    low = np.minimum(at.astype(int), len(rows) - 2)
-    part = at - low
-    if rows.ndim > 1:
-        part = part[:, None]
-    return rows[low] * (1 - part) + rows[low + 1] * part
+def _filtered(rows: Array, at: Array, kernel: Array, back: int) -> Array:
+    """``kernel`` laid over rows ``at - back`` onwards (fractions interpolate linearly); rows beyond the ends are held."""
+    first = np.floor(at)
+    part = (at - first)[:, None]
+    weights = np.zeros((len(at), len(kernel) + 1))
+    weights[:, :-1] = kernel * (1 - part)
+    weights[:, 1:] += kernel * part
+    index = (first.astype(int) - back)[:, None] + np.arange(len(kernel) + 1)
+    index = np.minimum(np.maximum(index, 0), len(rows) - 1)
+    return (weights[:, None, :] @ rows[index])[:, 0]

@@ -59,7 +59,8 @@ _PHONES: dict[str, tuple[tuple[str, float, int], ...]] = {
     "aw": (("aa", 1, 95), ("U", 0.9, 65)), "oy": (("O", 1, 90), ("I", 1, 65)),
 }  # fmt: skip
 
-_REACH = 0.35  # s; phones further than this from all times do not touch the mouth (their dominance is < 1e-6)
+_REACH = 0.45  # s; phones further than this from all times cannot touch the mouth
+_FAR = 0.35  # s; where a phone's dominance is down to nothing, so that the mouth is a function of what is near in time
 _SLACK = 0.025  # s; spread of a phone's dominance beyond its own length; ours, by fit
 _AHEAD = 1.25  # the mouth prepares a phone for longer than it keeps it (Cohen & Massaro 1993: anticipation)
 
@@ -134,7 +135,8 @@ def phones_to_mouth(times: Array, phones: Phones) -> Mouth:
     away = times[:, None] - phones.centre
     spread = 0.6 * np.minimum(phones.half, 0.12) + _SLACK
     scaled = np.where(away < 0, away / (_AHEAD * spread), away / spread)
-    dominance = np.exp(-0.5 * scaled * scaled)
+    near = np.maximum(1 - np.square(away / _FAR), 0.0)
+    dominance = np.exp(-0.5 * scaled * scaled) * near
     jaw, lips = dominance * _JAW[phones.viseme], dominance * _LIPS[phones.viseme]
     target = _SHAPE[phones.viseme] * phones.reached[:, None]
     shape = (lips @ target) / (lips.sum(1) + 1e-9)[:, None]

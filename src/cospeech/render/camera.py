@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from ..skeleton import Skeleton
 
 __all__ = ["CAMERAS", "Camera", "View", "view_named"]
 
@@ -84,6 +85,10 @@ class View:
     yaw: float
     pitch: float
     angle: float
+
+    def joints_of(self, skeleton: Skeleton) -> list[int]:
+        """Indices of the joints that must stay in the picture."""
+        return [k for k, name in enumerate(skeleton.names) if not self.joints or name.startswith(self.joints)]
 
     def camera(self, low: Array, high: Array, width: int, height: int) -> Camera:
         """The nearest camera from which the box ``low … high`` (each (3,), metres) is in the picture, and centred."""

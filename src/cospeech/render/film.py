@@ -17,7 +17,7 @@ from ..motion import Motion
 from ..rotations import Array
 from ..skeleton import humanoid
 from .artist import Artist, Helper, Look, Pictures, pack
-from .stage import Framing, Stage
+from .stage import Framing, Pose, Stage
 
 __all__ = ["BACKDROP", "Film", "cores"]
 
@@ -62,7 +62,7 @@ class Film:
 
     def push(self, motion: Motion) -> Iterator[Pictures]:
         """Take a piece of motion; give the pictures, (N, H, W, 3) at a time, that are ready."""
-        for pose in self._stage.poses(motion):
+        for pose in map(Pose, *self._stage.place(motion)):
             while int(self._drawn * self._step) == self._taken:
                 self._drawn += 1
                 self._rows.extend(pack(*framed) for framed in self._framing.push(pose))

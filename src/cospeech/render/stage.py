@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -14,14 +15,17 @@ from ..skeleton import Skeleton
 from ..skeletons.arkit import ARKIT
 from .camera import View
 
-__all__ = ["Framing", "Pose", "Stage"]
+__all__ = ["Framing", "Pose", "Stage", "box_of"]
 
 _SLACK = 0.12  # metres that the hips may wander before the camera follows; ours: swaying is seen, walking is followed
 _HURRY = 0.08  # share of the remaining way that the camera goes in 1/30 s; ours
 
 
 class Pose(NamedTuple):
-    """One frame, ready to draw: world rotations (J, 4), positions (J, 3) in metres, ARKit weights (52,)."""
+    """One frame, ready to draw: world rotations (J, 4), positions (J, 3) in metres, ARKit weights (52,).
+
+    With one more dimension in front, a row of frames.
+    """
 
     rotations: Array
     positions: Array
@@ -38,23 +42,30 @@ class Stage:
         self._skeleton = skeleton
         self._pace = 1 - (1 - _HURRY) ** (30 / fps)
         self._facing: Array | None = None
-        self._centre = np.zeros(2)
+        self._centre = (0.0, 0.0)
 
-    def poses(self, motion: Motion) -> Iterator[Pose]:
-        """The frames of ``motion``, which is on the skeleton announced."""
+    def place(self, motion: Motion) -> Pose:
+        """The T frames of ``motion``, which is on the skeleton announced: (T, J, 4), (T, J, 3) and (T, 52)."""
         positions, rotations = self._skeleton.forward(motion.rotations, motion.root)
-        for k in range(len(motion)):
-            face = np.zeros(len(ARKIT)) if motion.face is None else motion.face[k]
-            if self._facing is None:
-                ahead = quat_rotate(rotations[k, 0], np.array([0.0, 0.0, 1.0]))
-                self._facing = axis_angle_to_quat((0, 1, 0), -np.arctan2(ahead[0], ahead[2]))
-                self._centre = positions[k, 0, [0, 2]]
-            away = positions[k, 0, [0, 2]] - self._centre
-            far = np.linalg.norm(away)
-            if far > _SLACK:
-                self._centre = self._centre + away * ((far - _SLACK) / far * self._pace)
-            moved = positions[k] - [self._centre[0], 0, self._centre[1]]
-            yield Pose(quat_multiply(self._facing, rotations[k]), quat_rotate(self._facing, moved), face)
+        face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
+        if self._facing is None and len(motion):
+            ahead = quat_rotate(rotations[0, 0], np.array([0.0, 0.0, 1.0]))
+            self._facing = axis_angle_to_quat((0, 1, 0), -np.arctan2(ahead[0], ahead[2]))
+            self._centre = (float(positions[0, 0, 0]), float(positions[0, 0, 2]))
+        if not len(motion):
+            return Pose(rotations, positions, face)
+        centres = np.zeros((len(motion), 1, 3))
+        centres[:, 0, [0, 2]] = [self._follow(x, z) for x, z in positions[:, 0, [0, 2]].tolist()]
+        return Pose(quat_multiply(self._facing, rotations), quat_rotate(self._facing, positions - centres), face)
+
+    def _follow(self, x: float, z: float) -> tuple[float, float]:
+        """Where the camera's point of rest on the floor is when the hips are above (x, z)."""
+        away = (x - self._centre[0], z - self._centre[1])
+        far = hypot(*away)
+        if far > _SLACK:
+            share = (far - _SLACK) / far * self._pace
+            self._centre = (self._centre[0] + away[0] * share, self._centre[1] + away[1] * share)
+        return self._centre
 
 
 class Framing:
@@ -71,11 +82,9 @@ class Framing:
     SETTLE, AHEAD = 10.0, 1.5  # seconds: ours. The first is as long as a short clip: most never see the camera move
 
     def __init__(self, view: View, skeleton: Skeleton, fps: float) -> None:
-        self._reach = view.reach
-        names = enumerate(skeleton.names)
-        self._joints = np.array([k for k, name in names if not view.joints or name.startswith(view.joints)])
+        self._view, self._skeleton = view, skeleton
         self._settle, self._ahead = max(1, round(self.SETTLE * fps)), max(1, round(self.AHEAD * fps))
-        self._box = np.array([*view.low, *(-x for x in view.high)])  # (6,) low corner, minus the high corner: both shrink
+        self._box: Array | None = None
         self._waiting: deque[Pose] = deque()
         self._boxes: deque[Array] = deque()
         self._sum = np.zeros(6)
@@ -83,8 +92,9 @@ class Framing:
 
     def push(self, pose: Pose) -> Iterator[tuple[Pose, Array]]:
         """Take a pose; give those whose box (6,) — low corner, high corner — is now known."""
-        at = pose.positions[self._joints]
-        self._box = np.minimum(self._box, np.concatenate([at.min(0) - self._reach, -at.max(0) - self._reach]))
+        box = box_of(self._view, self._skeleton, pose.positions[None])
+        old = box if self._box is None else self._box
+        self._box = np.concatenate([np.minimum(old[:3], box[:3]), np.maximum(old[3:], box[3:])])
         self._waiting.append(pose)
         if self._settled:
             self._see(self._box)
@@ -94,6 +104,8 @@ class Framing:
 
     def flush(self) -> Iterator[tuple[Pose, Array]]:
         """The rest, at the end of the motion."""
+        if self._box is None:
+            return
         if not self._settled:
             yield from self._start()
         while self._waiting:
@@ -114,5 +126,15 @@ class Framing:
             self._sum = self._sum - self._boxes.popleft()
 
     def _next(self) -> tuple[Pose, Array]:
-        mean = self._sum / len(self._boxes)
-        return self._waiting.popleft(), np.concatenate([mean[:3], -mean[3:]])
+        return self._waiting.popleft(), self._sum / len(self._boxes)
+
+
+def box_of(view: View, skeleton: Skeleton, positions: Array) -> Array:
+    """Low and high corner (6,) of the box that the camera must show: the view's own and what its joints need.
+
+    Args:
+        positions: (T, J, 3) metres.
+    """
+    at = positions[:, view.joints_of(skeleton)]
+    low = np.minimum(view.low, at.min((0, 1)) - view.reach)
+    return np.concatenate([low, np.maximum(view.high, at.max((0, 1)) + view.reach)])

@@ -1,0 +1,104 @@
+"""``.png``: a strip, some moments of the motion above the waveform of the speech, as papers about gesture show them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion import Motion
+from ..render.artist import Artist, Look, pack
+from ..render.camera import view_named
+from ..render.moments import Moments
+from ..render.stage import Stage, box_of
+from ..skeleton import Skeleton, humanoid
+from ..speech import Word, open_speech
+from . import Writer as BaseWriter
+from .moving import background_of, size_of
+from .standing import as_humanoid
+
+__all__ = ["Writer"]
+
+_SIZE = (1600, 660)  # ours: seven standing figures and a waveform, readable at the width of a page
+_PICTURES = 7
+_AUDIO_RATE = 16_000  # Hz; enough to look at
+_STEP = 160  # samples per value of the waveform: 10 ms, so that three hours take 9 MB
+
+
+class Writer(BaseWriter):
+    """Writes a strip as ``.png``, in constant memory.
+
+    Args:
+        audio: the speech, drawn as a waveform.
+        size: (width, height) of the whole strip in pixels.
+        camera: ``full``, ``body``, ``face`` or ``hands``.
+        background: sRGB colour of the backdrop.
+        pictures: how many moments to show, 1 … 24.
+        words: of the speech, written below the waveform.
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        skeleton: Skeleton,
+        fps: float,
+        audio: str | PathLike[str] | None = None,
+        size: tuple[int, int] = _SIZE,
+        camera: str = "full",
+        background: tuple[int, int, int] | None = None,
+        pictures: int = _PICTURES,
+        words: Sequence[Word] = (),
+    ) -> None:
+        super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
+        self._size, self._view, self._background = size_of(size), view_named(camera), background_of(background)
+        if not (200 <= self._size[0] <= 8192 and 160 <= self._size[1] <= 4096):
+            raise InputError(f"a strip of {self._size[0]} × {self._size[1]} pixels", "200 × 160 … 8192 × 4096")
+        if not 1 <= pictures <= 24:
+            raise InputError(f"a strip of {pictures} pictures", "1 … 24")
+        self._pictures, self._words = pictures, tuple(words)
+        self._stage, self._moments = Stage(humanoid(), self.fps), Moments(humanoid(), self.fps)
+
+    def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        if self.audio is not None:  # what cannot be read is to be known before the work
+            open_speech(self.audio).close()
+
+    def _write(self, motion: Motion) -> None:
+        self._moments.push(self._stage.place(as_humanoid(motion)))
+
+    def _finish(self) -> None:
+        from PIL import Image
+
+        from ..render.strip import Layout, draw_strip
+
+        moments = self._moments.best(self._pictures)
+        if not moments:
+            raise InputError(f"no motion to draw in {str(self.path)!r}", "it has no frames")
+        layout = Layout(*self._size, len(moments))
+        box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
+        artist = Artist(Look(*layout.cell, self._view, self._background))
+        drawn = artist.draw(np.stack([pack(pose, box) for _, pose in moments]))
+        times = [frame / self.fps for frame, _ in moments]
+        duration = self._moments.frames / self.fps
+        sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)
+        Image.fromarray(sheet).save(self._temporary, "PNG", optimize=True)
+
+    def _sound(self):  # type: ignore[no-untyped-def]
+        """The waveform of the speech, or None without one."""
+        from ..render.strip import Sound
+
+        if self.audio is None:
+            return None
+        peaks, levels, rest = [], [], np.zeros(0, np.float32)
+        with open_speech(self.audio, rate=_AUDIO_RATE) as speech:
+            for block in speech.blocks():
+                block = np.concatenate([rest, block])
+                whole = len(block) // _STEP * _STEP
+                rest, steps = block[whole:], block[:whole].reshape(-1, _STEP)
+                peaks.append(np.abs(steps).max(1))
+                levels.append(np.sqrt(np.square(steps).mean(1)))
+        return Sound(_STEP / _AUDIO_RATE, np.concatenate(peaks), np.concatenate(levels))

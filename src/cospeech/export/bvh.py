@@ -7,7 +7,6 @@ all other joints have three. Units are not in a BVH file: Blender wants scale 0.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -20,8 +19,9 @@ from ..motion import Motion
 from ..rotations import Array, quat_conjugate, quat_multiply, quat_normalize, quat_rotate, quat_to_euler
 from ..skeleton import Skeleton
 from . import Writer as _Writer
+from .bvh_reader import file_names, load
 
-__all__ = ["UNITS", "Writer"]
+__all__ = ["UNITS", "Writer", "file_names", "load"]
 
 UNITS = {"cm": 100.0, "m": 1.0}
 """Name of a unit that can be written → units per metre."""
@@ -149,21 +149,6 @@ def continuous_euler(angles: Array, last: Array | None = None) -> Array:
     )
     rows = np.unwrap(np.where(odd[..., None], twin, rows), axis=0)
     return rows if last is None else rows[1:]
-
-
-def file_names(names: Iterable[str]) -> list[str]:
-    """Names fit for a BVH: blanks and braces become ``_``, and a name that is taken gets a number."""
-    taken: set[str] = set()
-    result = []
-    for name in names:
-        clean = unique = re.sub(r"[\s{}]+", "_", name.strip()) or "joint"
-        count = 1
-        while unique in taken:
-            count += 1
-            unique = f"{clean}_{count}"
-        taken.add(unique)
-        result.append(unique)
-    return result
 
 
 def _file_order(skeleton: Skeleton) -> list[int]:

@@ -8,7 +8,7 @@ tip, and the index and ring fingers carry a bone inside the palm from which thum
 __all__ = ["ENDS", "JOINTS", "NAMES"]
 
 JOINTS = [
-    ("Hips", None, (0.0, 0.88553, 0.0)),
+    ("Hips", None, (0.0, 0.88554, 0.0)),
     ("Spine", "Hips", (0.0, 0.0627, -0.02265)),
     ("Spine1", "Spine", (0.0, 0.12479, -0.022)),
     ("Spine2", "Spine1", (0.0, 0.12623, -0.01104)),

@@ -1,0 +1,193 @@
+"""What the numbers of a BVH mean: joints in metres, Y up, with a T-pose; quaternions; a frame rate.
+
+A BVH says none of: its unit, which way is up, what its zero pose is. The rules by which we tell:
+
+* **Unit**: the highest joint of the T-pose is that of a person. From the floor it is less than 4.5 metres, 25 decimetres
+  (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Skeletons
+  that are not recognised are in centimetres. ``units=`` overrides.
+* **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
+* **Rest**: `cospeech.tpose.with_tpose`, for skeletons that `cospeech.recognise` knows; else the zero pose.
+* **Positions** of joints other than the root: most exporters write the offset itself, some what is to be added to it. The one
+  that fits the whole file better is taken; the mean over the frames becomes the offset, bones that stretch do not.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion import Motion
+from ..recognise import recognise
+from ..rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_identity, quat_multiply, quat_rotate
+from ..skeleton import Skeleton, named_skeleton
+from ..skeletons import SKELETONS
+from ..tpose import on_floor, with_tpose
+from .bvh_text import Header, read_header, read_rows
+from .reading import open_file
+
+__all__ = ["UNITS", "file_names", "frame_rate", "load"]
+
+UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
+"""Unit of a file → metres; the Carnegie Mellon database counts in inches / 0.45 (its FAQ)."""
+
+_HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
+_Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
+_SAMPLE = 64  # ours: frames that are looked at to tell which way is up
+_MAX_FPS = 1e4  # ours: faster than any motion capture
+_MAX_NUMBERS = 100_000_000  # ours: an hour of 75 joints at 120 fps
+_RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
+_COMMON = (*map(float, _RATES), *(f * 1000 / 1001 for f in (24, 30, 60, 120)))
+
+
+def load(path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None) -> Motion:
+    """Read a BVH of any exporter.
+
+    Args:
+        path: the file.
+        units: of the file, one of `UNITS`; told from the height of the character where not given.
+        up: ``"y"`` or ``"z"``; told from the motion where not given.
+        fps: instead of the file's ``Frame Time``.
+
+    Returns:
+        Motion in metres, Y up; rotations float64. Its skeleton's ``rest`` brings the file's zero pose into a T-pose.
+
+    Raises:
+        InputError: not a BVH, or damaged; the line is named.
+    """
+    if units is not None and units not in UNITS:
+        raise InputError(f"unknown unit {units!r}", f"known: {', '.join(UNITS)}")
+    if up not in (None, "y", "z"):
+        raise InputError(f"up is {up!r}", "'y' or 'z'")
+    with open_file(path) as binary, io.TextIOWrapper(binary, "utf-8-sig", errors="replace") as file:
+        try:
+            header = read_header(file)
+            rate = fps if fps is not None else frame_rate(header.frame_time, header.precision)
+            rotations, root, offsets = _decode(file, header)
+        except InputError as error:
+            raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
+    names = file_names(header.names)
+    ends = {names[joint]: end for joint, end in header.ends.items()}
+    kind = next((kind for kind in SKELETONS if named_skeleton(kind).names == tuple(names)), "custom")
+    skeleton = Skeleton(tuple(names), tuple(header.parents), offsets, ends=ends, kind=kind)
+    return _as_motion(skeleton, rotations, root, rate, units, up)
+
+
+def file_names(names: Iterable[str]) -> list[str]:
+    """Names fit for a BVH: blanks and braces become ``_``, and a name that is taken gets a number."""
+    taken: set[str] = set()
+    result = []
+    for name in names:
+        clean = unique = re.sub(r"[\s{}]+", "_", name.strip()) or "joint"
+        count = 1
+        while unique in taken:
+            count += 1
+            unique = f"{clean}_{count}"
+        taken.add(unique)
+        result.append(unique)
+    return result
+
+
+def frame_rate(frame_time: float, precision: float) -> float:
+    """Frames per second behind a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
+
+    Raises:
+        InputError: no frame rate that motion has.
+    """
+    if not 1 / _MAX_FPS <= frame_time <= _MAX_FPS:
+        raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
+    rate = 1 / frame_time
+    if abs(rate - round(rate)) < 1e-9 * rate:
+        return float(round(rate))
+    near = min(_COMMON, key=lambda common: abs(1 / common - frame_time))
+    if abs(1 / near - frame_time) <= 1.001 * precision:
+        return near
+    return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
+
+
+def _decode(file: io.TextIOWrapper, header: Header) -> tuple[Array, Array, Array]:
+    """Local rotations (T, J, 4), root positions (T, 3) and offsets (J, 3), in the file's units and axes."""
+    first = np.concatenate([[0], np.cumsum([len(c) for c in header.channels])[:-1]])
+    groups: dict[str, list[int]] = {}  # order of rotation → joints
+    for joint, channels in enumerate(header.channels):
+        groups.setdefault("".join(c[0] for c in channels if c.endswith("rotation")), []).append(joint)
+    turning = {
+        order: (joints, [[first[j] + header.channels[j].index(f"{a}rotation") for a in order] for j in joints])
+        for order, joints in groups.items()
+        if order
+    }
+    moving = [
+        (joint, "XYZ".index(channel[0]), first[joint] + k)
+        for joint, channels in enumerate(header.channels)
+        for k, channel in enumerate(channels)
+        if channel.endswith("position")
+    ]
+    offsets = np.array(header.offsets)
+    pieces, roots, sums, frames = [], [], np.zeros(len(moving)), 0
+    for rows in read_rows(file, header):
+        frames += len(rows)
+        if frames * max(header.columns, 1) > _MAX_NUMBERS:
+            raise InputError(f"more than {_MAX_NUMBERS} numbers", "cut the file into pieces")
+        rotations = quat_identity(len(rows), len(header.names))
+        for order, (joints, columns) in turning.items():
+            rotations[:, joints] = euler_to_quat(np.radians(rows[:, columns]), order)
+        root = np.tile(offsets[0], (len(rows), 1))
+        for k, (joint, axis, column) in enumerate(moving):
+            sums[k] += rows[:, column].sum()
+            if joint == 0:
+                root[:, axis] = rows[:, column]
+        pieces.append(rotations)
+        roots.append(root)
+    if not frames:
+        raise InputError("no frame of motion", "is it cut short?")
+    return np.concatenate(pieces), np.concatenate(roots), _moved(offsets, moving, sums / frames)
+
+
+def _moved(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
+    """Offsets after the mean positions of joints that have position channels (see the module's text)."""
+    joints, axes = np.array([m[0] for m in moving], int), np.array([m[1] for m in moving], int)
+    later = joints > 0
+    joints, axes, means = joints[later], axes[later], means[later]
+    modelled = offsets[joints, axes]
+    instead = np.abs(means - modelled).sum() <= np.abs(means).sum()
+    result = offsets.copy()
+    result[joints, axes] = means if instead else modelled + means
+    return result
+
+
+def _as_motion(skeleton: Skeleton, rotations: Array, root: Array, rate: float, units: str | None, up: str | None) -> Motion:
+    """Tell axes, T-pose and unit, and convert."""
+    try:
+        names = recognise(skeleton)
+    except InputError:
+        names = {}
+    sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
+    points = skeleton.forward(rotations[sample], root[sample])[0]
+    if (up or _up(skeleton, names, points)) == "z":
+        rotations[:, 0] = quat_multiply(_Z_TO_Y, rotations[:, 0])
+        root = quat_rotate(_Z_TO_Y, root)
+    skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
+    scale = UNITS[units or (_guess_units(skeleton) if names else "cm")]
+    ends = {name: tuple(float(x) * scale for x in end) for name, end in skeleton.ends.items()}
+    skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends)
+    return Motion(fps=rate, rotations=quat_continuous(rotations), root=root * scale, skeleton=skeleton)
+
+
+def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:
+    if not names:
+        return "y"
+    spine = points[:, skeleton.index[names["head"]]] - points[:, skeleton.index[names["hips"]]]
+    _, y, z = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), 0)
+    return "z" if z > 0.5 and z > abs(y) else "y"  # 0.5, ours: upright for most of the time
+
+
+def _guess_units(skeleton: Skeleton) -> str:
+    """The unit that makes the skeleton as tall as a person; in the T-pose it stands on the floor."""
+    height = float(skeleton.tpose[:, 1].max())
+    return next(unit for limit, unit in _HEIGHTS if height < limit)

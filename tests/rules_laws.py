@@ -79,13 +79,13 @@ def _arm_angles(motion: Motion, side: str, sign: float) -> dict[str, tuple[np.nd
     bone = quat_rotate(fore, X)  # the forearm in the upper arm's frame; the elbow bends towards +Z
     humerus = quat_rotate(quat_multiply(clavicle, upper), X)  # in the upper chest's frame
     twist = sum(2 * np.degrees(np.arctan2(t[:, 0], t[:, 3])) for t in (quat_twist(fore, X), quat_twist(hand, X)))
-    supination = (-twist + 90) % 360 - 90  # 0: palm down in the T-pose; 90: thumb up; 180: palm up
+    supination = (180 - twist) % 360 - 180  # the T-pose is the middle: thumb on the side to which the elbow bends
     wrist = degrees(hand, "XYZ")
     roll = quat_twist(upper, X)
     return {
         "elbow flexion": (np.degrees(np.arctan2(bone[:, 2], bone[:, 0])), -5, 152),
         "elbow hinge": (np.degrees(np.arcsin(np.clip(bone[:, 1], -1, 1))), -10, 10),
-        "supination": (supination, -40, 195),
+        "supination": (supination, -100, 100),
         "wrist flexion": (-wrist[:, 2], -80, 85),
         "wrist deviation": (wrist[:, 1], -30, 42),
         "upper arm inward": (np.degrees(np.arcsin(np.clip(-humerus[:, 0], -1, 1))), -90, 50),

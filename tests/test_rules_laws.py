@@ -95,7 +95,7 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 WRONG = {
     "elbow flexion": {"leftLowerArm": (Y, 30)},  # backward
     "elbow hinge": {"rightLowerArm": (Z, 40)},
-    "supination": {"leftLowerArm": (X, 90)},
+    "supination": {"leftLowerArm": (X, 70), "leftHand": (X, 50)},
     "wrist flexion": {"rightHand": (Z, 95)},
     "wrist deviation": {"leftHand": (Y, -40)},
     "knuckle": {"leftIndexProximal": (Z, 50)},

@@ -13,7 +13,7 @@ from .bodytrack import Body
 __all__ = ["SEAT", "stand"]
 
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
-_STRAIGHT = 0.9985  # most of the leg's length that is used: knees never lock (ours; ≈ 6° of flexion)
+_STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
 _TILT = 32.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (ours)
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
 

@@ -184,7 +184,7 @@ class Listener:
             t = base + k
             tone = self._tone.rows(t - 8, t + 9)
             rise = float(tone.max()) if len(tone) else 0.0
-            strength = float(np.clip(0.75 * prominence + 0.25 * e[k] + 0.035 * max(rise, 0.0) - 0.05, 0.05, 1.0))
+            strength = float(np.clip(0.65 * prominence + 0.2 * e[k] + 0.02 * np.clip(rise, 0, 7), 0.05, 1.0))
             self.mean_strength += 0.08 * (strength - self.mean_strength)
             self.accents.append(Accent(t / RATE, strength))
         self._judged = b

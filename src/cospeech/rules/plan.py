@@ -7,7 +7,6 @@ take, drawn in tick order: streamed equals offline.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ import numpy as np
 from ..rotations import Array
 from ..speech import Word
 from .arms import arm_lengths
-
 from .hands import CHANNELS, LAGS
 from .heard import Accent, Phrase
 from .lexicon import form_for
@@ -33,8 +31,10 @@ __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 LEFT, RIGHT = 0, 1
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
+_SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
+_ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table's drawings (motion.md: SD of height)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
-_BLEND = 0.18  # share of the preparation that the stroke overlaps, so that the path is round
+_BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
 class Gesture(NamedTuple):
@@ -82,6 +82,7 @@ class Planner:
         for hand, state in enumerate(self.hands):
             state.home = RESTS[style.idle][hand].values()
         self.gestures: deque[Gesture] = deque()
+        self._heard: list[Accent] = []
         self._last_accent = -1.0
         self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
@@ -97,6 +98,7 @@ class Planner:
     ) -> None:
         """One tick: take up what has become visible, let go what has run its course."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
+        self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, manner=manner, speaking=speaking)
         for accent in accents:
             if self._last_accent < accent.time <= now + HORIZON:
@@ -121,13 +123,17 @@ class Planner:
                 self._last_word = word.start
                 return
         willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength)
-        if self._random.random() >= willing:
-            return
         held = [s for s in self.hands if s.place == "up" and s.form in FORMS and FORMS[s.form].beats]
-        if held and self._random.random() < 0.42 and accent.time - min(s.last_stroke for s in held) < 2.2:
-            self._beat(now, accent, held, manner)
+        if self._random.random() >= willing:
+            stirred = held or [s for s in self.hands if s.place == "rest"]
+            if stirred and self._random.random() < 0.45:
+                self._beat(now, accent, stirred, manner, 0.6)
             return
-        self._perform(now, accent.time, accent.strength, self._choose_form(manner), manner, None)
+        if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
+            self._beat(now, accent, held, manner, 1.0)
+            return
+        if not self._perform(now, accent.time, accent.strength, self._choose_form(manner), manner, None) and held:
+            self._beat(now, accent, held, manner, 0.9)
 
     def _silent_words(self, now: float, words: Sequence[Word], manner: Manner) -> None:
         """Words with a strong gesture of their own get it even without an accent."""
@@ -162,7 +168,7 @@ class Planner:
         hands, label = self._which_hands(form)
         leader = self.hands[hands[0]]
         tempo = self.style.tempo * manner.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
-        effort = (0.72 + 0.55 * strength) * self.style.amplitude * manner.amplitude * self.intensity
+        effort = (1.15 + 0.9 * strength) * self.style.amplitude * manner.amplitude * self.intensity
         poses = self._place(form, effort, manner)
         stroke = self._stroke_time(poses[0], poses[1], tempo, manner)
         onset = at - LEAD - stroke / 2
@@ -171,7 +177,7 @@ class Planner:
         available = onset - ready
         if available < 0.16:
             return False
-        prepare = min(wanted, available)
+        prepare = self._preparation(at, onset, wanted, available)
         start = onset - prepare
         end = onset
         for hand in hands:
@@ -185,6 +191,15 @@ class Planner:
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self.gestures.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
+
+    def _preparation(self, at: float, onset: float, wanted: float, available: float) -> float:
+        """Seconds of preparation: an unhurried reach, or one whose speed peaks on the accent before (hands keep the beat)."""
+        for accent in reversed(self._heard):
+            if accent.time < at - 0.15:
+                fits = (onset - accent.time + LEAD) / (0.5 - 0.5 * _BLEND)
+                if 0.75 * wanted <= fits <= min(1.8 * wanted, available):
+                    return fits
+        return min(1.35 * wanted, available)
 
     def _schedule(
         self, state: _HandState, poses: list[Array], start: float, prepare: float, onset: float, stroke: float, tempo: float, manner: Manner
@@ -200,11 +215,11 @@ class Planner:
             state.track.move(end + 0.72 * length, 0.30 / tempo, poses[k])
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
-        hold[1] -= self._random.uniform(0.02, 0.09)
-        hold[0] += self._random.gauss(0, 0.02)
-        hold[2] -= self._random.uniform(0.0, 0.05)
+        sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
+        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3, 0.55, 0.4]) * sink
+        hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
-        state.track.move(end + 0.1, self._random.uniform(0.7, 1.3), hold)
+        state.track.move(end + self._random.uniform(0.1, 0.5), self._random.uniform(0.8, 1.5) / tempo, hold)
         state.pose = poses[-1]
         return end
 
@@ -212,14 +227,14 @@ class Planner:
         state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
         state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / manner.tempo
 
-    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: Manner) -> None:
+    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: Manner, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
         tempo = self.style.tempo * manner.tempo
-        size = (0.09 + 0.13 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
-        stroke = max(0.20, 0.27 / tempo) * (1 - 0.2 * manner.abrupt)
+        size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
+        stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)
         onset = accent.time - LEAD - stroke / 2
-        lift = min(0.26 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
-        if lift < 0.10:
+        lift = min(0.44 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
+        if lift < 0.16:
             return
         for state in held:
             jitter = self._random.uniform(0, 0.03)
@@ -231,7 +246,10 @@ class Planner:
             back = np.zeros(CHANNELS)
             back[:7] = -(up + down)[:7] * 0.8
             state.track.add(onset + stroke + 0.05, 0.7 / tempo, back)
-            self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
+            if state.place == "up":
+                self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
+            else:
+                state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
         self.gestures.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
 
@@ -246,6 +264,7 @@ class Planner:
         shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
         centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
+        centre += _SPACE
         scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
         spread = min(1.0, 0.55 + 0.45 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
         home = np.array([0.04, -0.62, 0.36])
@@ -255,7 +274,7 @@ class Planner:
         out = []
         for t in table:
             pose = t.copy()
-            pose[:3] = centre + (t[:3] - middle) * scale
+            pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[4] += turn
             pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
             pose[7:19] = self._shape(pose[7:19], tension, free)
@@ -304,7 +323,7 @@ class Planner:
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
             if state.place == "up" and now > state.busy and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)):
-                self._retract(now, hand, state, "rest", manner)
+                self._retract(now, hand, state, "idle" if self._random.random() < 0.75 - 0.5 * self.style.hold else "rest", manner)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", manner)
 
@@ -324,12 +343,12 @@ class Planner:
     def _stroke_time(self, a: Array, b: Array, tempo: float, manner: Manner) -> float:
         """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
         way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-        return max(0.20, (0.26 + 0.52 * way) / tempo * (1 - 0.22 * manner.abrupt))
+        return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * manner.abrupt))
 
     def _reach_time(self, a: Array, b: Array, tempo: float) -> float:
         """Seconds for an unhurried reach, peak speed about 1 m/s."""
         way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
         turn = abs(float(b[4] - a[4])) / 90
-        return max(0.30, 0.34 + 0.85 * way ** 0.8, 0.34 * turn + 0.2) / math.sqrt(tempo) / (0.55 + 0.45 * tempo ** 0.5)
+        return max(0.44, 0.50 + 0.95 * way**0.8, 0.40 * turn + 0.3) / tempo**0.7
 
 

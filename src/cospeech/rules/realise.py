@@ -117,10 +117,10 @@ def _breath(times: Array, seed: int) -> Array:
 
 
 def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float) -> None:
-    n = smooth_noise(seed + 1, 9, times, 0.30, octaves=4, gain=0.58)
+    n = smooth_noise(seed + 1, 9, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
     head, torso, sway = style.head * still, style.torso * still, style.sway * still * (0.3 if style.seated else 1.0)
-    scale = np.array([0.55 * torso, 0.5 * torso, 1.0 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.004 * sway, 0.004 * sway, 0.8 * sway])
+    scale = np.array([0.9 * torso, 0.8 * torso, 1.5 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.007 * sway, 0.007 * sway, 1.2 * sway])
     columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW]
     b[:, columns] += n * scale
 
@@ -234,7 +234,7 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: floa
         k = n[:, side * 11 : side * 11 + 11] * still
         h[:, side, :3] += k[:, :3] * (0.013, 0.012, 0.013)
         h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
-        fingers = k[:, 7:11] * (3.5, 4.0, 4.0, 4.5)
+        fingers = k[:, 7:11] * (6.5, 7.0, 7.0, 7.5)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
     if tremor > 0:

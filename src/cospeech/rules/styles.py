@@ -23,7 +23,7 @@ class Style:
 
     what: str
     """One line for lists."""
-    rate: float = 0.75
+    rate: float = 0.68
     """Share of accents that get a stroke when the hands are free, 0 … 1."""
     amplitude: float = 1.0
     """Size of strokes."""
@@ -53,7 +53,7 @@ class Style:
     """How much the head moves."""
     sway: float = 1.0
     """Weight shifts and slow sway."""
-    steps: float = 2.0
+    steps: float = 5.0
     """Small steps per minute while standing."""
     seated: bool = False
     turn: float = 0.0
@@ -79,22 +79,28 @@ _SEATED_ROWS = (
     "foot moving (> 0.1 m/s)", "steps per min (peaks > 0.3 m/s)", "share of time: wrist below hip",
 )  # fmt: skip
 
+_FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither hang nor spread
+    "height over shoulders / arm, 5 %", "outward of own shoulder / arm, 5 %", "outward of own shoulder / arm, 50 %",
+    "SD of height / arm", "SD of forward / arm", "elbow flexion left 5 %, deg", "elbow flexion right 5 %, deg",
+    "share of time: wrist below hip",
+)  # fmt: skip
+
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style("an even-tempered conversationalist; the default"),
         "lively": Style(
-            "wide, quick and never still: a show host", rate=0.95, amplitude=1.25, height=0.06, breadth=0.06, tempo=1.15,
-            hold=0.75, both=0.7, torso=1.3, head=1.15, sway=1.3, steps=4, expressiveness=1.3, averted=0.15, tension=0.55,
+            "wide, quick and never still: a show host", rate=0.95, amplitude=1.25, height=0.06, breadth=0.02, tempo=1.1,
+            hold=0.75, both=0.7, torso=1.3, head=1.15, sway=1.3, steps=8, expressiveness=1.3, averted=0.15, tension=0.55,
             repertoire={"spread": 2.0, "offer": 1.4, "toss": 2.0, "sweep": 1.6},
         ),
         "calm": Style(
-            "few, small, slow gestures close to the body; long rests", rate=0.5, amplitude=0.8, height=-0.05, breadth=-0.03,
-            tempo=0.85, hold=0.45, both=0.55, torso=0.75, head=0.9, sway=0.8, steps=1.5, expressiveness=0.75, rest="folded",
+            "few, small, slow gestures close to the body; long rests", rate=0.62, amplitude=0.9, height=-0.03, breadth=0.0,
+            tempo=0.9, hold=0.45, both=0.55, torso=0.75, head=0.9, sway=0.8, steps=5, expressiveness=0.75, rest="folded",
             repertoire={"offer": 1.5, "gather": 1.5, "beat": 1.2, "spread": 0.3},
         ),
         "lecturer": Style(
-            "precise: counts, frames and pinches in front of the chest", rate=0.8, amplitude=0.95, height=0.07, breadth=-0.04,
-            forward=0.04, hold=0.85, hand=0.85, both=0.5, symmetry=0.7, tension=0.7, torso=0.9, steps=3, rest="steeple",
+            "precise: counts, frames and pinches in front of the chest", rate=0.8, amplitude=0.95, height=0.07, breadth=0.0,
+            forward=0.0, hold=0.85, hand=0.85, both=0.5, symmetry=0.7, tension=0.7, torso=0.9, steps=5, rest="steeple",
             averted=0.35, repertoire={"precision": 3.0, "frame": 2.5, "count": 1.5, "point": 1.2, "chop": 1.6, "spread": 0.4},
         ),
         "orator": Style(
@@ -109,13 +115,14 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             exempt=("right share of speed", "left–right speed correlation"),
         ),
         "reserved": Style(
-            "hands folded, one hand at a time, eyes often away", rate=0.5, amplitude=0.75, height=-0.03, breadth=-0.06,
-            tempo=0.95, hold=0.3, hand=0.55, both=0.4, symmetry=0.5, tension=0.5, torso=0.7, head=0.95, sway=0.9, steps=1.5,
+            "hands folded, one hand at a time, eyes often away", rate=0.62, amplitude=0.85, height=0.0, breadth=-0.02,
+            tempo=0.95, hold=0.3, hand=0.55, both=0.4, symmetry=0.5, tension=0.5, torso=0.7, head=0.95, sway=0.9, steps=5,
             lean=1, rest="folded", idle="folded", expressiveness=0.6, averted=0.5,
             repertoire={"offer": 1.6, "beat": 1.6, "shrug": 1.5, "spread": 0.2, "push": 0.4},
+            exempt=_FOLDED_ROWS,
         ),
         "storyteller": Style(
-            "acts it out: big space, changes of level, body follows", rate=0.85, amplitude=1.2, height=0.03, breadth=0.08,
+            "acts it out: big space, changes of level, body follows", rate=0.85, amplitude=1.2, height=0.03, breadth=0.02,
             tempo=1.0, hold=0.7, both=0.6, symmetry=0.6, torso=1.5, head=1.2, sway=1.5, steps=5, tension=0.35, averted=0.4,
             expressiveness=1.4, repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
         ),
@@ -125,7 +132,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "restless": Style(
             "fast small beats low in front, weight from foot to foot", rate=1.0, amplitude=0.8, height=-0.04, breadth=-0.02,
-            tempo=1.3, hold=0.8, both=0.75, symmetry=0.75, tension=0.45, torso=1.1, head=1.15, sway=1.8, steps=8,
+            tempo=1.3, hold=0.8, both=0.75, symmetry=0.75, tension=0.45, torso=1.1, head=1.15, sway=1.8, steps=10,
             blinks=26, averted=0.35, repertoire={"beat": 2.5, "roll": 3.0, "precision": 1.3, "chop": 1.3},
         ),
     }

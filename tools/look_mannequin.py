@@ -125,9 +125,11 @@ def fingers(curl, thumb=(0, 0, 0), spread=0.0, only=("Index", "Middle", "Ring", 
 HANG = both(UpperArm=(0, -8, -76), LowerArm=(0, -22, 0), Hand=(0, 0, 0)) | both(**fingers((18, 22, 14), (10, 8, 8)))
 
 
-def shot(character, world, positions, face=None, **camera):
+def shot(character, world, positions, face=None, only="", **camera):
+    """One picture; ``only`` keeps the parts with that in their name."""
     vertices, normals = mannequin.skin_with_normals(character, world, positions, face)
-    return paint(vertices, normals, character.parts, **camera)
+    keep = [k for k, part in enumerate(character.parts) if only in part.name]
+    return paint([vertices[k] for k in keep], [normals[k] for k in keep], [character.parts[k] for k in keep], **camera)
 
 
 def sheet(pictures, columns, labels=None):
@@ -191,7 +193,7 @@ def hands(character, folder):
         world, positions = pose(s, **degrees)
         t = positions[s.index["leftHand"]] + [0.07, -0.01, 0.01]
         for side, eye in {"back": [0.0, 0.5, 0.12], "palm": [0.05, -0.5, 0.15], "thumb": [0.15, 0.12, 0.5]}.items():
-            pictures.append(shot(character, world, positions, eye=t + eye, target=t, size=(430, 330), lens=4.2))
+            pictures.append(shot(character, world, positions, only="Hand", eye=t + eye, target=t, size=(430, 330), lens=4.2))
             labels.append(f"{name} {side}")
     sheet(pictures, 3, labels).save(folder / "hands.png")
 

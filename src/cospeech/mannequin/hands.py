@@ -6,8 +6,6 @@ z towards the thumb. The right hand is its mirror image.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..rotations import Array
@@ -30,7 +28,6 @@ RADII = {  # metres at knuckle, middle joint, last joint, tip; ours, after adult
 }
 AROUND = np.radians([45, 0, -45, -90, -135, 180, 135, 90])  # of a finger's points, from its back towards the thumb
 WEB = 0.019  # metres from a knuckle to where the fingers part; ours
-SIDE = {1: 0.0, -1: 0.0}
 
 
 def _at(name: str) -> Array:
@@ -136,7 +133,7 @@ def _left() -> Part:
     rows = [net.add(start + t * (last - start)) for t in at]
     net.tube(rows)
     web = net.add(webs)
-    r, loop = _thumb_hole(net, rows)
+    loop = _thumb_hole(net, rows)
     soft = [i for row in rows[1:] for i in row] + web
     edge = {0: rows[-1][19], 4: rows[-1][9], 1: web[0], 2: web[1], 3: web[2]}
     fingers: dict[str, list[int]] = {}
@@ -154,12 +151,11 @@ def _left() -> Part:
     free[[*rows[-1], *web]] = False
     net.points[rows[-1]] = settle(whole, net.points[rows[-1]], 8)
     net.relax(whole, free, 30)
-    del r
     return _finish(net, whole, rows, web, fingers)
 
 
-def _thumb_hole(net: Net, rows: list[list[int]]) -> tuple[int, list[int]]:
-    """Open 2 × 2 cells on the thumb's edge; returns the row and the loop of 8 points in a finger ring's order."""
+def _thumb_hole(net: Net, rows: list[list[int]]) -> list[int]:
+    """Open 2 × 2 cells on the thumb's edge; returns the loop of 8 points in a finger ring's order."""
     r = 2
     cols = (0, 19, 18)  # back, edge, palm
     middle = rows[r + 1][19]
@@ -167,7 +163,7 @@ def _thumb_hole(net: Net, rows: list[list[int]]) -> tuple[int, list[int]]:
     # a finger ring starts at 45° (back, thumb side) and runs over the back to the far side and below
     loop = [rows[r][cols[0]], rows[r + 1][cols[0]], rows[r + 2][cols[0]], rows[r + 2][cols[1]]]
     loop += [rows[r + 2][cols[2]], rows[r + 1][cols[2]], rows[r][cols[2]], rows[r][cols[1]]]
-    return r, loop
+    return loop
 
 
 def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
@@ -184,9 +180,6 @@ def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
 
 
 def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], fingers: dict[str, list[int]]) -> Part:
-    used = np.unique([i for f in net.faces for i in f])
-    renumber = np.full(len(net.points), -1)
-    renumber[used] = np.arange(len(used))
     p = net.points
     columns: dict[str, Array] = {"leftHand": np.ones(len(p))}
     weights = weights_of(len(p), **columns)
@@ -224,9 +217,8 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
     weights = net.diffuse(weights, 4, soft)
     normals = net.shade(whole, 0.0)
     colour = _tint(p, fingers, normals)
-    net.points = p[used] + humanoid().tpose[index["leftHand"]]
-    net.faces = [tuple(int(renumber[i]) for i in f) for f in net.faces]
-    return make_part("leftHand", net, normals[used], weights[used], colour[used], 0.65)
+    net.points = p + humanoid().tpose[index["leftHand"]]
+    return make_part("leftHand", net, normals, weights, colour, 0.65)
 
 
 def _tint(p: Array, fingers: dict[str, list[int]], normals: Array) -> Array:
@@ -246,4 +238,4 @@ def _tint(p: Array, fingers: dict[str, list[int]], normals: Array) -> Array:
 def hands() -> list[Part]:
     """Both hands."""
     left = _left()
-    return [left, replace(mirrored(left, "rightHand"))]
+    return [left, mirrored(left, "rightHand")]

@@ -85,13 +85,20 @@ def make_part(
     morphs: dict[str, Array] | None = None,
     posed: bool = False,
 ) -> Part:
-    """Pack a net: the four largest weights per vertex, the T-pose shape (``posed``: modelled in the sculpting pose)."""
+    """Pack a net: points in use, the four largest weights per vertex, the T-pose shape (``posed``: modelled in the sculpting pose)."""
+    used = np.unique([i for f in net.faces for i in f])
+    renumber = np.zeros(len(net.points), np.int32)
+    renumber[used] = np.arange(len(used))
+    triangles = renumber[net.triangles()]
+    colour = np.asarray(colour, np.float32)
+    colour = colour if colour.ndim == 1 else colour[used]
+    weights, normals = weights[used], normals[used]
     order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
     four = np.take_along_axis(weights, order, 1)
     four = np.where(four < 0.004, 0, four)
     four /= four.sum(1, keepdims=True)
     order = np.where(four > 0, order, 0)
-    points = net.points
+    points = net.points[used]
     if posed:
         kept = np.zeros_like(weights)
         np.add.at(kept, (np.arange(len(kept))[:, None], order), four)
@@ -100,12 +107,12 @@ def make_part(
         name,
         points.astype(np.float32),
         normals.astype(np.float32),
-        net.triangles(),
+        triangles,
         order.astype(np.int32),
         four.astype(np.float32),
-        np.asarray(colour, np.float32),
+        colour,
         roughness,
-        {k: v.astype(np.float32) for k, v in (morphs or {}).items()},
+        {k: v[used].astype(np.float32) for k, v in (morphs or {}).items()},
     )
 
 

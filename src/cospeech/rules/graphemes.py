@@ -49,7 +49,7 @@ _RULES = [  # (letters, phones, must match before, must match after); "#" and "$
     ("augh", "ao", "", ""), ("ough", "ow", "", "$"), ("ough", "ao", "", ""), ("igh", "ay", "", ""),
     ("tch", "ch", "", ""), ("dge", "jh", "", ""), ("sch", "s k", "", ""), ("chr", "k r", "", ""),
     ("chine", "sh iy n", "", "s?$"), ("ch", "ch", "", ""), ("sh", "sh", "", ""), ("ph", "f", "", ""),
-    ("th", "dh", "", "(e|er|ers|ing)$"), ("th", "dh", "#", "[aeiouy]"), ("th", "th", "", ""),
+    ("th", "dh", "", "(e|er|ers|ing)$"), ("th", "dh", "#", "(is|at|.se|em|en|an)$"), ("th", "th", "", ""),
     ("wh", "hh", "", "o[^a-z]?"), ("wh", "w", "", ""), ("gh", "g", "#", ""), ("gh", "", "", ""), ("ck", "k", "", ""),
     ("qu", "k w", "", ""), ("kn", "n", "#", ""), ("gn", "n", "#", ""), ("gn", "n", "", "$"), ("wr", "r", "#", ""),
     ("ps", "s", "#", ""), ("mb", "m", "", "s?$"), ("mn", "m", "", "$"), ("sc", "s", "", "[eiy]"),

@@ -16,12 +16,12 @@ import numpy as np
 
 from ..motion import Motion
 from ..rotations import Array
-from ..skeleton import humanoid
 from ..skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .gltf_build import GltfBuilder
 from .standing import as_humanoid
 from .tracks import Recorder, Track
+from .worn import Avatar, AvatarStage, load_avatar
 
 if TYPE_CHECKING:
     from ..mannequin import Character, Part
@@ -36,43 +36,62 @@ class Writer(BaseWriter):
 
     Args:
         character: a skinned figure on our humanoid, `cospeech.mannequin.build` where not given.
+        avatar: somebody's character in place of ours: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read.
     """
 
     _recorder: Recorder | None = None
 
-    def __init__(self, path: str | PathLike[str], *, character: Character | None = None, **common: Any) -> None:
+    def __init__(
+        self, path: str | PathLike[str], *, character: Character | None = None,
+        avatar: Avatar | str | PathLike[str] | None = None, **common: Any,
+    ) -> None:  # fmt: skip
         super().__init__(path, **common)
-        self._character = character
+        self._character, self._avatar = character, avatar
 
     def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        self._stage = self._set_stage()
+        self._recorder = Recorder(self._stage.tracks, self.fps, temporary.parent)
+
+    def _set_stage(self) -> CharacterStage | AvatarStage:
+        if self._avatar is not None:
+            return AvatarStage(self._avatar if isinstance(self._avatar, Avatar) else load_avatar(self._avatar))
         if self._character is None:
             from ..mannequin import build
 
             self._character = build()
-        self._temporary = temporary
-        self._builder, joints, faces = character_document(self._character)
-        tracks = [Track((joints[0],), "translation", 3), *(Track((j,), "rotation", 4) for j in joints)]
-        tracks += [Track(tuple(faces), "weights", len(ARKIT))] if faces else []
-        self._recorder = Recorder(tracks, self.fps, temporary.parent)
-        self._has_face = bool(faces)
+        return CharacterStage(self._character)
 
     def _write(self, motion: Motion) -> None:
         assert self._recorder is not None
-        motion = as_humanoid(motion)
-        columns = [motion.root, motion.rotations.reshape(len(motion), -1)]
-        if self._has_face:
-            columns.append(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
-        self._recorder.add(np.concatenate(columns, 1))
+        self._recorder.add(self._stage.rows(motion))
 
     def _finish(self) -> None:
         assert self._recorder is not None
-        self._recorder.append(self._builder, "speech")
+        self._recorder.append(self._stage.builder, "speech")
         with self._temporary.open("wb") as file:
-            self._builder.write(file)
+            self._stage.builder.write(file)
 
     def _discard(self) -> None:
         if self._recorder is not None:
             self._recorder.close()
+
+
+class CharacterStage:
+    """What the writer needs to put motion on a figure of ours: the document, its tracks, and rows of numbers for them."""
+
+    def __init__(self, character: Character) -> None:
+        self.builder, joints, self._faces = character_document(character)
+        self.tracks = [Track((joints[0],), "translation", 3), *(Track((j,), "rotation", 4) for j in joints)]
+        self.tracks += [Track(tuple(self._faces), "weights", len(ARKIT))] if self._faces else []
+
+    def rows(self, motion: Motion) -> Array:
+        """(T, sum of the tracks' widths) for a piece of motion of any skeleton that is recognised."""
+        motion = as_humanoid(motion)
+        columns = [motion.root, motion.rotations.reshape(len(motion), -1)]
+        if self._faces:
+            columns.append(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
+        return np.concatenate(columns, 1)
 
 
 def character_document(character: Character) -> tuple[GltfBuilder, list[int], list[int]]:
@@ -159,11 +178,4 @@ def load(path: str | PathLike[str], *, animation: int = 0) -> Motion:
     Raises:
         InputError: damaged, without animation, or without a humanoid.
     """
-    from ..avatar import load_avatar
-
-    avatar = load_avatar(path)
-    motion = avatar.motion(animation)
-    ours = humanoid()
-    if set(avatar.skeleton.names) == set(ours.names) and avatar.skeleton.kind == "humanoid":
-        return Motion(fps=motion.fps, rotations=motion.rotations, root=motion.root, face=motion.face, skeleton=ours)
-    return motion
+    return load_avatar(path).motion(animation)

@@ -88,7 +88,8 @@ class GltfFile:
         """A top-level list, empty where absent."""
         return self.json.get(key, [])
 
-    def _buffer(self, index: int) -> bytes:
+    def buffer(self, index: int) -> bytes:
+        """The bytes of a buffer: the binary chunk, or data embedded in the document."""
         if index not in self._buffers:
             uri = self.list("buffers")[index].get("uri")
             if uri is None:
@@ -105,7 +106,7 @@ class GltfFile:
     def _view(self, index: int, offset: int, count: int, size: int, stride: int | None = None) -> Array:
         """(count, size) bytes out of a buffer view, bounds checked."""
         view = self.list("bufferViews")[_natural(index)]
-        buffer = self._buffer(_natural(view["buffer"]))
+        buffer = self.buffer(_natural(view["buffer"]))
         start, length = _natural(view.get("byteOffset", 0)), _natural(view["byteLength"])
         step = _natural(view.get("byteStride", size)) if stride is None else stride
         offset = _natural(offset)

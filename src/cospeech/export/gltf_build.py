@@ -95,7 +95,8 @@ class GltfBuilder:
             InputError: it would have more than 4 GiB, which the container cannot hold.
         """
         pad = -self._size % 4
-        self.json["buffers"] = [{"byteLength": self._size + pad}, *self.json.get("buffers", [])[1:]]
+        first, *others = self.json.get("buffers") or [{}]
+        self.json["buffers"] = [first | {"byteLength": self._size + pad}, *others]
         text = json.dumps(self.json, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         length = 12 + 8 + len(text) + 8 + self._size + pad

@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
-from ..skeleton import Skeleton
+from ..skeleton import named_skeleton
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .reading import open_file
@@ -192,10 +192,4 @@ def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array 
         face[:, ARKIT_INDEX["jawOpen"]] = np.clip(vectors[:, _JAW, 0] / _JAW_OPEN, 0, 1)
     rotations = quat_continuous(rotvec_to_quat(vectors))
     root = trans.astype(np.float64) + _PELVIS
-    return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=_skeleton())
-
-
-def _skeleton() -> Skeleton:
-    from ..retarget import skeleton  # late: tables of all skeletons are not needed to write a CSV
-
-    return skeleton("smplx")
+    return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=named_skeleton("smplx"))

@@ -1,0 +1,173 @@
+"""The face of somebody's character: which morph targets speak ARKit, VRM or Oculus, and what drives them.
+
+A character is driven in the best alphabet it knows: ARKit's 52 (as morph targets, or as VRM expressions), else VRM's
+presets, else Oculus' visemes with whatever blinks there are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..rotations import Array
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from .gltf import GltfFile, checked
+from .tracks import Curve
+from .visemes import oculus_visemes, vrm_presets
+
+__all__ = ["Bind", "FaceRig", "read_face", "target_names"]
+
+_ENOUGH = 12  # ours: with fewer of ARKit's shapes, a full set of presets or visemes says more
+_SHORT = {name.replace("Left", "L").replace("Right", "R").lower(): name for name in ARKIT if name.endswith(("Left", "Right"))}
+_ARKIT = {name.lower(): name for name in ARKIT} | _SHORT
+_VRM0 = {
+    "a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "blink": "blink", "blink_l": "blinkLeft", "blink_r": "blinkRight",
+    "lookup": "lookUp", "lookdown": "lookDown", "lookleft": "lookLeft", "lookright": "lookRight",
+}  # fmt: skip
+_OCULUS = {name.lower(): name for name in ("sil", "PP", "FF", "aa", "E", "I", "O", "U")}
+
+
+@dataclass(frozen=True)
+class Bind:
+    """``share`` of a driver's weight goes to a morph target; ``binary`` drivers are on or off."""
+
+    driver: str
+    node: int
+    target: int
+    share: float = 1.0
+    binary: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FaceRig:
+    """What moves a character's face.
+
+    Args:
+        alphabet: ``"ARKit"``, ``"VRM"``, ``"Oculus"`` or ``""`` where nothing can be driven.
+        binds: from the alphabet's names to morph targets.
+        base: node → (n,) weights at rest of every mesh node that is driven.
+    """
+
+    alphabet: str
+    binds: tuple[Bind, ...]
+    base: dict[int, Array]
+
+    def weights(self, face: Array) -> dict[int, Array]:
+        """ARKit weights (T, 52) → node → (T, n) weights of all its morph targets."""
+        drivers = {name: face[:, k] for name, k in ARKIT_INDEX.items()}
+        if self.alphabet == "VRM":
+            drivers = vrm_presets(face)
+        elif self.alphabet == "Oculus":
+            drivers |= {f"viseme_{name}": weight for name, weight in oculus_visemes(face).items()}
+        result = {node: np.tile(base, (len(face), 1)) for node, base in self.base.items()}
+        for bind in self.binds:
+            weight = drivers[bind.driver]
+            result[bind.node][:, bind.target] += bind.share * (weight > 0.5 if bind.binary else weight)
+        return {node: np.clip(weight, 0, 1) for node, weight in result.items()}
+
+    def face(self, curves: dict[tuple[int, str], Curve], times: Array) -> Array | None:
+        """ARKit weights (T, 52) of an animation; None where it moves none of ARKit's targets."""
+        if self.alphabet != "ARKit":
+            return None
+        face, seen = np.zeros((len(times), len(ARKIT))), set()
+        for bind in self.binds:
+            curve = curves.get((bind.node, "weights"))
+            if curve is None or bind.driver in seen or bind.target >= curve.values.shape[1]:
+                continue
+            seen.add(bind.driver)
+            face[:, ARKIT_INDEX[bind.driver]] = curve.at(times)[:, bind.target]
+        return np.clip(face, 0, 1) if seen else None
+
+
+def target_names(file: GltfFile, mesh: int) -> list[str]:
+    """Names of a mesh's morph targets, from the ``extras`` of the mesh or of its first primitive; "" where not named."""
+    entry = file.list("meshes")[mesh]
+    first = entry["primitives"][0]
+    count = len(first.get("targets", []))
+    for extras in (entry.get("extras"), first.get("extras")):
+        names = extras.get("targetNames") if isinstance(extras, dict) else None
+        if isinstance(names, list) and len(names) == count:
+            return [str(name) for name in names]
+    return [""] * count
+
+
+def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
+    """Find out what the face of a character can be driven by.
+
+    Args:
+        file: the character.
+        eyes_are_bones: the looks of VRM's presets are left out, as the eye bones turn.
+    """
+    with checked(file.name):
+        nodes = [(k, node["mesh"]) for k, node in enumerate(file.list("nodes")) if "mesh" in node]
+        named = [(k, t, name) for k, mesh in nodes for t, name in enumerate(target_names(file, mesh))]
+        arkit = [Bind(_ARKIT[key], k, t) for k, t, name in named if (key := _key(name)) in _ARKIT]
+        expressions = list(_expressions(file))
+        presets = [bind for name, bind in expressions if name in vrm_presets(np.zeros((1, len(ARKIT))))]
+        if eyes_are_bones:
+            presets = [bind for bind in presets if not bind.driver.startswith("look")]
+        oculus = [Bind(f"viseme_{v}", k, t) for k, t, name in named if (v := _viseme(name))]
+        if len({bind.driver for bind in arkit}) < _ENOUGH:
+            clips = [Bind(_ARKIT[name.lower()], b.node, b.target, b.share) for name, b in expressions if name.lower() in _ARKIT]
+            arkit = clips if len({b.driver for b in clips}) > len({b.driver for b in arkit}) else arkit
+        if len({bind.driver for bind in arkit}) >= _ENOUGH:
+            return _rig(file, "ARKit", arkit)
+        if presets:
+            return _rig(file, "VRM", presets)
+        if oculus:
+            return _rig(file, "Oculus", oculus + [b for b in arkit if b.driver.startswith(("eye", "brow"))])
+        return _rig(file, "ARKit" if arkit else "", arkit)
+
+
+def _rig(file: GltfFile, alphabet: str, binds: list[Bind]) -> FaceRig:
+    base = {}
+    for node in sorted({bind.node for bind in binds}):
+        entry = file.list("nodes")[node]
+        mesh = file.list("meshes")[entry["mesh"]]
+        count = len(mesh["primitives"][0].get("targets", []))
+        rest = np.array(entry.get("weights", mesh.get("weights", [0] * count)), float).reshape(-1)
+        base[node] = rest if len(rest) == count and np.isfinite(rest).all() else np.zeros(count)
+    fits = [b for b in binds if 0 <= b.target < len(base[b.node]) and np.isfinite(b.share)]
+    return FaceRig(alphabet if fits else "", tuple(fits), base if fits else {})
+
+
+def _key(name: str) -> str:
+    """``"Face.M_eyeBlink_L"`` → ``"eyeblinkl"``: without what stands before ARKit's name, and without signs."""
+    pieces = [piece for piece in re.split(r"[.:|_\s-]+", name) if piece]
+    for first in range(len(pieces)):
+        key = "".join(pieces[first:]).lower()
+        if key in _ARKIT:
+            return key
+    return ""
+
+
+def _viseme(name: str) -> str:
+    found = re.search(r"viseme[._\s-]*([a-z]+)$", name, re.IGNORECASE)
+    return _OCULUS.get(found[1].lower(), "") if found else ""
+
+
+def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:
+    """VRM expressions with their morph target binds, under VRM 1.0's names."""
+    extensions = file.json.get("extensions", {})
+    of_mesh: dict[int, list[int]] = {}
+    for k, node in enumerate(file.list("nodes")):
+        if "mesh" in node:
+            of_mesh.setdefault(node["mesh"], []).append(k)
+    groups: dict[str, Any] = extensions.get("VRMC_vrm", {}).get("expressions", {})
+    for kind in ("preset", "custom"):
+        for name, entry in groups.get(kind, {}).items():
+            for bind in entry.get("morphTargetBinds", []):
+                if "mesh" in file.list("nodes")[bind["node"]]:
+                    binary = bool(entry.get("isBinary"))
+                    yield name, Bind(name, int(bind["node"]), int(bind["index"]), float(bind.get("weight", 1)), binary)
+    for group in extensions.get("VRM", {}).get("blendShapeMaster", {}).get("blendShapeGroups", []):
+        preset = str(group.get("presetName", "")).lower()
+        name = _VRM0.get(preset) or str(group.get("name", ""))
+        for bind in group.get("binds", []):
+            for node in of_mesh.get(bind["mesh"], []):
+                share = float(bind.get("weight", 100)) / 100  # VRM 0.x counts in per cent
+                yield name, Bind(name, node, int(bind["index"]), share, bool(group.get("isBinary")))

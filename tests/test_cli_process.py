@@ -73,13 +73,13 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     out = tmp_path / "out"
     out.mkdir()
     command = [*COSPEECH, "generate", str(long_speech), "-o", str(out / "a.bvh"), "-o", str(out / "b.npz")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     until = time.monotonic() + 60
     while not any(path.stat().st_size > 10_000 for path in out.rglob("*.bvh")):  # it is writing now
         assert process.poll() is None, process.stderr.read()
         assert time.monotonic() < until
         time.sleep(0.02)
-    process.send_signal(number)
+    os.killpg(process.pid, number)  # as a terminal does: the decoder gets it too
     _, err = process.communicate(timeout=30)
     assert process.returncode == code
     assert "Traceback" not in err

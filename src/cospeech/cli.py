@@ -37,6 +37,7 @@ HOW_TO_OPEN = {
 }
 """Suffix → where such a file goes; printed after each run, checked against the table of formats."""
 
+INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
 
 app = typer.Typer(
@@ -265,8 +266,8 @@ def bench(
 
 def _show_outputs(result: Report) -> None:
     """The files, and where each kind goes, once per kind."""
-    speed = f"{1 / result.realtime_factor:.0f} times as fast as real time" if result.realtime_factor else ""
-    print(f"{result.speech_seconds:.2f} s of speech, {result.frames} frames at {result.fps:g} fps, {speed}")
+    took = result.realtime_factor * result.speech_seconds * result.takes
+    print(f"{result.speech_seconds:.2f} s of speech, {result.frames} frames at {result.fps:g} fps, made in {took:.1f} s")
     width = max(map(len, result.outputs))
     told = set()
     for name in result.outputs:
@@ -323,9 +324,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
     try:
         code = app(prog_name="cospeech", standalone_mode=False)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        code = 130
+        if code == INTERRUPTED:  # Typer has caught it
+            print("interrupted", file=sys.stderr)
     except (CospeechError, typer.TyperException) as problem:
         error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
         code = _say(error, 1 if isinstance(error, InternalError) else 2)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .errors import InputError, nearest
 from .export import format_of, load
 from .generate import FPS_RANGE, File, check_files, check_range
 from .motion import Motion
+from .recognise import load_map
+from .skeletons import SKELETONS
 
 __all__ = ["convert_file"]
 
@@ -39,10 +42,12 @@ def convert_file(
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
         check_range("fps", fps, FPS_RANGE)
+    if skeleton is not None and skeleton not in SKELETONS:
+        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
     motion = load(source)
     options: dict[str, object] = {}
-    if skeleton is not None:
-        motion = motion.retarget(skeleton, **({"map": names} if names else {}))
+    if skeleton is not None or names is not None:
+        motion = motion.retarget(skeleton or "humanoid", bone_map=load_map(names) if names else None)
     if fps is not None:
         motion = motion.resample(fps)
     if audio is not None:

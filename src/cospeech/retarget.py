@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -181,7 +182,7 @@ def _spread(target: Skeleton, goal: Mapping[str, str], paired: set[int]) -> tupl
     chain.reverse()
     known = [k for k, joint in enumerate(chain) if joint in paired]
     found = []
-    for low, high in zip(known, known[1:], strict=False):
+    for low, high in pairwise(known):
         for k in range(low + 1, high):
             found.append((chain[k], chain[low], chain[high], (k - low) / (high - low)))
     return tuple(found)

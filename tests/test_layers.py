@@ -14,13 +14,13 @@ LAYERS = [
     {"errors", "_decode"},
     {"files", "rotations", "skeletons"},
     {"skeleton", "speech"},
-    {"motion", "features", "alignment", "recognise_shape"},
-    {"recognise", "tpose", "transcripts"},
-    {"retarget", "poses", "nn"},
-    {"mannequin", "avatar"},
+    {"motion", "features", "recognise_shape"},
+    {"recognise", "tpose", "alignment"},
+    {"retarget", "transcripts", "poses", "nn"},
+    {"mannequin"},
     {"render"},
     {"export", "metrics", "rules", "corpora"},
-    {"models"},
+    {"models", "avatar"},
     {"report"},
     {"train", "evaluate", "runtime"},
     {"generate"},
@@ -29,8 +29,8 @@ LAYERS = [
     {"studio", "cli"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript.
-FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts")}
+# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript; render_motion.
+FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
 TORCH = {"nn", "models", "train"}
 
 

@@ -217,7 +217,7 @@ class SpeechSource:
     """
 
     def __init__(self, path: str | PathLike[str], rate: int = RATE) -> None:
-        self.path, self.rate = _regular_file(path), rate
+        self.path, self.rate = regular_file(path), rate
         self.name = Path(path).name
         self.words: tuple[Word, ...] | None = None
         self.source_frames: int | None = None
@@ -350,7 +350,7 @@ def _check_samples(block: NDArray[np.float32], name: str, before: int, rate: int
     raise InputError(f"a sample of {name!r} at {(before + row) / rate:.2f} s is {value:g}", hint)
 
 
-def _regular_file(path: str | PathLike[str]) -> Path:
+def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
     """The path, made absolute, if a regular file with something in it is there."""
     name = os.fsdecode(path)
     try:
@@ -359,7 +359,7 @@ def _regular_file(path: str | PathLike[str]) -> Path:
         reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot read {name!r}: {reason}", "is the name right?") from None
     if stat.S_ISDIR(about.st_mode):
-        raise InputError(f"cannot read {name!r}: it is a folder", "name a sound file")
+        raise InputError(f"cannot read {name!r}: it is a folder", f"name {what}")
     if not stat.S_ISREG(about.st_mode):
         raise InputError(f"cannot read {name!r}: it is a pipe or a device", "save it to a file first")
     if about.st_size == 0:

@@ -208,7 +208,7 @@ class ProsodyStream:
         return Features(out.energy, pitch, out.voicing, out.onset, out.bands, out.mel, start=start)
 
 
-def find_pauses(energy: Floats, fps: float = FPS, *, shortest: float = 0.15) -> list[tuple[float, float]]:
+def find_pauses(energy: NDArray[np.floating], fps: float = FPS, *, shortest: float = 0.15) -> list[tuple[float, float]]:
     """Stretches without speech, as (start, end) in seconds, of at least ``shortest`` seconds.
 
     A frame is silent below a level between the noise floor (5th percentile) and the speech (95th percentile) of the whole: a
@@ -265,7 +265,7 @@ def _window_autocorrelation() -> Floats:
 def _pitch(frames: Floats) -> tuple[Floats, Floats]:
     """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation.
 
-    P. Boersma, "Accurate short-term analysis of the fundamental frequency …", IFA Proceedings 17, 1993, without the path search.
+    P. Boersma, "Accurate short-term analysis of the fundamental frequency…", IFA Proceedings 17, 1993; no path search.
     """
     spectra = np.fft.rfft(frames * hann(PITCH_WINDOW).astype(np.float32), PITCH_TRANSFORM)
     per_bin = RATE / PITCH_TRANSFORM

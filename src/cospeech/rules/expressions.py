@@ -18,31 +18,31 @@ __all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
 _APEX: dict[str, dict[str, float]] = {
     "neutral": {},
     "happiness": {  # AU 6 + 12
-        "mouthSmileBoth": 0.62, "cheekSquintBoth": 0.50, "eyeSquintBoth": 0.28, "mouthDimpleBoth": 0.12,
+        "mouthSmileBoth": 0.85, "cheekSquintBoth": 0.62, "eyeSquintBoth": 0.34, "mouthDimpleBoth": 0.12,
         "mouthUpperUpBoth": 0.10, "browOuterUpBoth": 0.12, "browInnerUp": 0.08,
     },
     "anger": {  # AU 4 + 5 + 7 + 23/24
-        "browDownBoth": 0.75, "eyeSquintBoth": 0.38, "eyeWideBoth": 0.18, "noseSneerBoth": 0.28, "mouthPressBoth": 0.35,
+        "browDownBoth": 0.88, "eyeSquintBoth": 0.42, "eyeWideBoth": 0.18, "noseSneerBoth": 0.28, "mouthPressBoth": 0.35,
         "mouthFrownBoth": 0.20, "mouthRollLower": 0.08, "jawForward": 0.15, "mouthUpperUpBoth": 0.06,
     },
     "sadness": {  # AU 1 + 4 + 15
-        "browInnerUp": 0.68, "browDownBoth": 0.12, "mouthFrownBoth": 0.52, "eyeBlinkBoth": 0.16, "mouthShrugLower": 0.30,
+        "browInnerUp": 0.90, "browDownBoth": 0.15, "mouthFrownBoth": 0.72, "eyeBlinkBoth": 0.20, "mouthShrugLower": 0.30,
         "eyeSquintBoth": 0.10, "cheekSquintBoth": 0.06,
     },
     "contempt": {  # AU 12 + 14 on one side
-        "mouthSmileLeft": 0.34, "mouthDimpleLeft": 0.45, "eyeSquintBoth": 0.22, "mouthLeft": 0.10, "mouthPressLeft": 0.18,
-        "browOuterUpLeft": 0.22, "browDownRight": 0.22, "eyeBlinkBoth": 0.08, "cheekSquintLeft": 0.15,
+        "mouthSmileLeft": 0.50, "mouthDimpleLeft": 0.60, "eyeSquintBoth": 0.30, "mouthLeft": 0.14, "mouthPressLeft": 0.18,
+        "browOuterUpLeft": 0.36, "browDownRight": 0.36, "eyeBlinkBoth": 0.08, "cheekSquintLeft": 0.15,
     },
     "surprise": {  # AU 1 + 2 + 5 + 26
-        "browInnerUp": 0.75, "browOuterUpBoth": 0.70, "eyeWideBoth": 0.62, "jawOpen": 0.10, "mouthFunnel": 0.06,
+        "browInnerUp": 0.85, "browOuterUpBoth": 0.80, "eyeWideBoth": 0.70, "jawOpen": 0.10, "mouthFunnel": 0.06,
     },
     "fear": {  # AU 1 + 2 + 4 + 5 + 20
-        "browInnerUp": 0.72, "browOuterUpBoth": 0.26, "browDownBoth": 0.15, "eyeWideBoth": 0.58, "mouthStretchBoth": 0.42,
-        "mouthFrownBoth": 0.14, "mouthLowerDownBoth": 0.10,
+        "browInnerUp": 0.95, "browOuterUpBoth": 0.30, "browDownBoth": 0.18, "eyeWideBoth": 0.72, "mouthStretchBoth": 0.58,
+        "mouthFrownBoth": 0.20, "mouthLowerDownBoth": 0.10,
     },
     "disgust": {  # AU 9 + 10 + 17
-        "noseSneerBoth": 0.70, "mouthUpperUpBoth": 0.30, "browDownBoth": 0.48, "eyeSquintBoth": 0.35, "cheekSquintBoth": 0.28,
-        "mouthFrownBoth": 0.28, "mouthShrugLower": 0.22, "mouthShrugUpper": 0.12,
+        "noseSneerBoth": 0.90, "mouthUpperUpBoth": 0.42, "browDownBoth": 0.60, "eyeSquintBoth": 0.35, "cheekSquintBoth": 0.28,
+        "mouthFrownBoth": 0.38, "mouthShrugLower": 0.26, "mouthShrugUpper": 0.12,
     },
 }  # fmt: skip
 

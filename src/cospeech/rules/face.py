@@ -50,8 +50,8 @@ _CONVERGENCE = 0.012  # weight inwards on both eyes: something a few metres away
 _LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-down shape alone leaves the iris half covered
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
-_CALM, _SWELL, _DRIFT = 0.58, 0.30, 0.16  # an expression's course: its level, more on accents, slow wandering
-_MOUTH_YIELDS = 0.50  # share of the mouth's expression given up while talking
+_CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
+_MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
 _FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
 _SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
 

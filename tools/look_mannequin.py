@@ -79,9 +79,9 @@ def paint(posed, normals, parts, eye, target, size=(500, 700), lens=2.4, back=(0
     n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
     sight = eye - mix(points)
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    basis = np.stack([right, np.array([0, 1, 0.0]), -forward * [1, 0, 1]])
+    basis = np.stack([right, view[1], -forward])
     key, fill = (v / np.linalg.norm(v) @ basis for v in (KEY, FILL))
-    light = 0.30 + 0.16 * n[:, 1] + 0.62 * np.maximum((n @ key) * 0.9 + 0.1, 0) + 0.16 * np.maximum(n @ fill, 0)
+    light = 0.34 + 0.10 * n[:, 1] + 0.62 * np.maximum((n @ key) * 0.9 + 0.1, 0) + 0.16 * np.maximum(n @ fill, 0)
     half = key + sight
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     shine = mix(gloss) * np.maximum((n * half).sum(1), 0) ** 40
@@ -192,7 +192,7 @@ def hands(character, folder):
     for name, degrees in poses.items():
         world, positions = pose(s, **degrees)
         t = positions[s.index["leftHand"]] + [0.07, -0.01, 0.01]
-        for side, eye in {"back": [0.0, 0.5, 0.12], "palm": [0.05, -0.5, 0.15], "thumb": [0.15, 0.12, 0.5]}.items():
+        for side, eye in {"back": [0.0, 0.5, 0.12], "palm": [0.05, -0.42, 0.30], "thumb": [0.15, 0.12, 0.5]}.items():
             pictures.append(shot(character, world, positions, only="Hand", eye=t + eye, target=t, size=(430, 330), lens=4.2))
             labels.append(f"{name} {side}")
     sheet(pictures, 3, labels).save(folder / "hands.png")

@@ -27,11 +27,11 @@ SWEATER_COLUMN = (
     (1.15, 0.146, 0.105, -0.004),
     (1.23, 0.153, 0.111, -0.008),
     (1.31, 0.155, 0.108, -0.014),
-    (1.37, 0.140, 0.092, -0.020),
-    (1.41, 0.105, 0.076, -0.022),
-    (1.44, 0.074, 0.066, -0.019),
-    (1.47, 0.060, 0.060, -0.014),
-    (1.52, 0.056, 0.056, -0.010),
+    (1.37, 0.138, 0.091, -0.020),
+    (1.405, 0.098, 0.075, -0.022),
+    (1.435, 0.068, 0.063, -0.020),
+    (1.46, 0.057, 0.057, -0.016),
+    (1.52, 0.053, 0.054, -0.012),
 )
 
 
@@ -39,8 +39,9 @@ def torso_solid() -> Solid:
     """Chest, belly and shoulders under the sweater."""
     parts = [column(SWEATER_COLUMN, 2.25)]
     for sign in (1, -1):
-        neck, shoulder = np.array([sign * 0.040, 1.428, -0.024]), joint("leftUpperArm") * [sign, 1, 1]
-        parts.append(capsule(neck, shoulder + [sign * -0.018, 0.000, 0.0], 0.036, 0.047))
+        neck, shoulder = np.array([sign * 0.032, 1.426, -0.026]), joint("leftUpperArm") * [sign, 1, 1]
+        parts.append(capsule(neck, shoulder + [sign * -0.022, -0.008, 0.002], 0.030, 0.044))
+        parts.append(capsule([sign * 0.058, 0.905, -0.050], [sign * 0.062, 0.86, -0.046], 0.078, 0.074))
         parts.append(capsule([sign * 0.062, 1.285, 0.028], [sign * 0.085, 1.31, 0.02], 0.058, 0.052))
         parts.append(capsule([sign * 0.085, 1.32, -0.055], [sign * 0.075, 1.24, -0.050], 0.052, 0.050))
     return union(0.055, *parts)
@@ -52,20 +53,25 @@ def sleeve_solid(sign: int) -> Solid:
     upper, lower = elbow - shoulder, hand - elbow
     return union(
         0.03,
-        capsule(shoulder + [-sign * 0.008, -0.006, 0], shoulder + 0.35 * upper, 0.055, 0.051),
+        capsule(shoulder + [-sign * 0.010, -0.010, 0], shoulder + 0.30 * upper, 0.051, 0.052),
         capsule(shoulder + 0.3 * upper, elbow, 0.051, 0.043),
         capsule(elbow, elbow + 0.35 * lower, 0.043, 0.042),
-        capsule(elbow + 0.3 * lower, hand - 0.06 * lower, 0.042, 0.036),
+        capsule(elbow + 0.3 * lower, hand - 0.06 * lower, 0.042, 0.0345),
     )
 
 
 def _torso_rows(solid: Solid) -> list[Array]:
-    heights = [0.925, 0.955, 0.99, 1.03, 1.075, 1.12, 1.165, 1.205, 1.24, 1.275, 1.31, 1.345, 1.38, 1.405, 1.425, 1.44]
+    """Rings of the trunk from the hem to the neckline."""
+    heights = [0.925, 0.955, 0.99, 1.03, 1.075, 1.12, 1.165, 1.205, 1.24, 1.275, 1.31, 1.345, 1.375, 1.400, 1.420, 1.436, 1.446]
     angle = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
     rows = []
     for y in heights:
         outward = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], 1)
-        start = np.array([0, y, -0.012]) + outward * [0.16, 0, 0.12] * (1.0 if y < 1.4 else 0.7)
+        if y == heights[-1]:  # the neckline: a clean ellipse, lower at the throat
+            start = np.array([0, 1.447, -0.0165]) + outward * [0.0600, 0, 0.0605]
+            rows.append(start - np.array([0, 0.16, 0]) * (start[:, 2:] + 0.0165))
+            continue
+        start = np.array([0, y, -0.012]) + outward * [0.16, 0, 0.12] * (1.0 if y < 1.39 else 0.62)
         rows.append(settle(solid, start, 10))
     return rows
 
@@ -142,9 +148,6 @@ def _nearest_turn(net: Net, previous: list[int], points: Array) -> list[int]:
 
 def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> None:
     """Rolled hem, collar and cuffs: each edge bulges a little and turns inwards."""
-    hem = net.points[rows[0]]
-    middle = hem.mean(0)
-
     def ringed(points: Array, grow: float, lift: Array) -> list[int]:
         centre = points.mean(0)
         return net.add(centre + (points - centre) * grow + lift)
@@ -156,11 +159,10 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
         ids = ringed(net.points[rows[0]], grow, drop * down)
         net.bridge(ids, previous)
         previous = ids
-    del middle
     collar = net.points[rows[-1]]
     previous = rows[-1]
-    for grow, rise in ((0.985, 0.006), (0.965, 0.016), (0.91, 0.021), (0.84, 0.014), (0.80, -0.01)):
-        ids = ringed(collar, grow, -rise * down + [0, 0, 0.1 * rise])
+    for grow, rise in ((1.015, 0.005), (1.005, 0.014), (0.945, 0.019), (0.885, 0.014), (0.84, -0.012)):
+        ids = ringed(collar, grow, -rise * down + [0, 0, 0.15 * rise])
         net.bridge(previous, ids)
         previous = ids
     for tail, sign in zip(tails, (1, -1), strict=True):
@@ -220,9 +222,7 @@ def limb_weights(p: Array, side: str) -> Array:
     bend = smoothstep(-0.035, 0.035, (p - elbow) @ bisector)
     along = (p - elbow) @ lower / (lower @ lower)
     twist = 0.45 * smoothstep(0.40, 1.0, along) ** 1.3 * bend
-    return weights_of(
-        len(p), **{side + "UpperArm": 1 - bend, side + "LowerArm": bend - twist, side + "Hand": twist}
-    )
+    return weights_of(len(p), **{side + "UpperArm": 1 - bend, side + "LowerArm": bend - twist, side + "Hand": twist})
 
 
 PELVIS = (
@@ -239,16 +239,16 @@ def leg_solid(sign: int) -> Solid:
     hip, knee, ankle = (joint(n) * [sign, 1, 1] for n in ("leftUpperLeg", "leftLowerLeg", "leftFoot"))
     return union(
         0.04,
-        capsule(hip + [-sign * 0.006, -0.03, -0.004], knee + [0, 0, 0.004], 0.080, 0.058),
-        capsule(knee + [0, 0, 0.004], ankle + [0, 0.035, -0.006], 0.057, 0.049),
-        capsule(knee + [0, -0.06, -0.010], ankle + [0, 0.20, -0.014], 0.052, 0.050),
+        capsule(hip + [-sign * 0.007, -0.03, -0.004], knee + [0, 0, 0.004], 0.084, 0.061),
+        capsule(knee + [0, 0, 0.004], ankle + [0, 0.035, -0.004], 0.060, 0.053),
+        capsule(knee + [0, -0.07, -0.012], ankle + [0, 0.20, -0.014], 0.054, 0.052),
     )
 
 
 def trousers() -> Part:
     """Straight trousers: a pelvis tube that splits into two legs over a strip at the crotch."""
     pelvis = [column(PELVIS, 2.3)]
-    pelvis += [capsule([s * 0.058, 0.90, -0.052], [s * 0.062, 0.86, -0.048], 0.070, 0.066) for s in (1, -1)]
+    pelvis += [capsule([s * 0.058, 0.90, -0.050], [s * 0.062, 0.86, -0.046], 0.068, 0.066) for s in (1, -1)]
     legs = {s: leg_solid(s) for s in (1, -1)}
     solid = union(0.03, *pelvis, *legs.values())
     net = Net()
@@ -266,10 +266,10 @@ def trousers() -> Part:
     net.points[front, 1] = net.points[back, 1] = 0.84
     half = count // 2
     tops = {1: rows[-1][: half + 1] + bridge[::-1], -1: [*rows[-1][half:], front, *bridge]}
-    heights = (0.80, 0.755, 0.70, 0.64, 0.59, 0.55, 0.52, 0.495, 0.47, 0.44, 0.40, 0.35, 0.29, 0.23, 0.17, 0.125, 0.095)
+    heights = (0.80, 0.755, 0.70, 0.64, 0.59, 0.55, 0.52, 0.495, 0.47, 0.44, 0.40, 0.35, 0.29, 0.23, 0.18, 0.14, 0.118)
     for sign, top in tops.items():
         previous = top
-        for k, y in enumerate(heights):
+        for y in heights:
             t = np.clip((0.915 - y) / 0.83, 0, 1)
             centre = np.array([sign * 0.092, y, 0.0 + 0.004 - 0.016 * t])
             points = ring(centre, np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), LEG, (0.12, 0.12))
@@ -277,9 +277,8 @@ def trousers() -> Part:
             ids = _nearest_turn(net, previous, points)
             net.bridge(ids, previous)
             previous = ids
-            del k
         centre = net.points[previous].mean(0)
-        for grow, y in ((1.03, 0.068), (1.0, 0.062), (0.9, 0.066), (0.8, 0.085)):
+        for grow, y in ((1.04, 0.092), (1.02, 0.086), (0.93, 0.088), (0.86, 0.105)):
             ids = net.add(centre * [1, 0, 1] + (net.points[previous] - centre) * [grow, 0, grow] + [0, y, 0])
             net.bridge(ids, previous)
             previous = ids
@@ -315,9 +314,9 @@ def shoes() -> list[Part]:
     x = ankle[0]
     upper = union(
         0.03,
-        capsule((x - 0.001, 0.050, -0.040), (x, 0.105, -0.020), 0.040, 0.040),
-        capsule((x, 0.048, -0.030), (x + 0.006, 0.036, 0.100), 0.041, 0.040, (1.0, 0.95, 1)),
-        capsule((x + 0.006, 0.034, 0.100), (x + 0.004, 0.030, 0.145), 0.042, 0.034, (1.04, 0.85, 1)),
+        capsule((x - 0.001, 0.046, -0.036), (x, 0.098, -0.016), 0.038, 0.034),
+        capsule((x, 0.046, -0.030), (x + 0.006, 0.034, 0.100), 0.039, 0.038, (1.0, 0.95, 1)),
+        capsule((x + 0.006, 0.032, 0.100), (x + 0.004, 0.028, 0.140), 0.042, 0.036, (1.04, 0.85, 1)),
     )
     sole = capsule((x, 0.012, -0.036), (x + 0.006, 0.012, 0.138), 0.043, 0.045, (1.0, 1.0, 1.0))
     parts = []
@@ -347,7 +346,9 @@ def _shell(solid: Solid, centre: tuple[float, float, float], around: int, rows: 
     for e in elevation:
         d = np.stack([np.sin(angle) * np.cos(e), np.full(around, np.sin(e)), np.cos(angle) * np.cos(e)], 1)
         stretch = d * [0.06, 0.06, 0.13]
-        ids.append(net.add(land(solid, middle + d * [0.2, 0.2, 0.3], -stretch / np.linalg.norm(stretch, axis=1, keepdims=True))))
+        ids.append(
+            net.add(land(solid, middle + d * [0.2, 0.2, 0.3], -stretch / np.linalg.norm(stretch, axis=1, keepdims=True)))
+        )
     net.tube(ids)
     net.cap(ids[-1], middle + [0, 0.2, 0])
     net.cap(ids[0][::-1], middle - [0, 0.2, 0])

@@ -67,7 +67,9 @@ class Shapes:
         self.q[self.bag_end] = -4.5
         self.ringed = np.isfinite(self.q)
         self.full = np.sqrt(np.maximum(1 - self.s**2, 0)) * self.ringed
-        self.lips = np.interp(np.where(self.ringed, self.q, 9), (-4, -2, -1, 1, 1.3, 1.9, 2.8, 4), (0, 0.4, 1, 1, 0.85, 0.4, 0, 0))
+        self.lips = np.interp(
+            np.where(self.ringed, self.q, 9), (-4, -2, -1, 1, 1.3, 1.9, 2.8, 4), (0, 0.4, 1, 1, 0.85, 0.4, 0, 0)
+        )
         self.skin = head_solid(lids=False)
         tree = cKDTree(self.p)
         self.mirror = tree.query(self.p * [-1, 1, 1])[1]
@@ -136,7 +138,9 @@ class Shapes:
         mine = (self.side == side) * self.full**0.8
         q = np.where(self.ringed, self.q, 9)
         toward = np.interp(q, (-2, -1, 0, 1, 1.3, 1.9, 2.8), (0, 0, -0.0002, -0.0050, -0.0036, -0.0022, 0.0))
-        back = np.interp(q, (-3, -2, -1, 0, 0.68, 1, 1.3, 1.9, 2.8), (0, -0.001, -0.0045, -0.0055, -0.0050, -0.0034, -0.002, -0.001, 0))
+        back = np.interp(
+            q, (-3, -2, -1, 0, 0.68, 1, 1.3, 1.9, 2.8), (0, -0.001, -0.0045, -0.0055, -0.0050, -0.0034, -0.002, -0.001, 0)
+        )
         return vector(mine, 0, side * toward * (1.0 if upper else 1.2), back)
 
     def press(self) -> Array:
@@ -173,7 +177,9 @@ class Shapes:
         out["mouthFunnel"] = self.corners_in(0.30, 0.0075) + vector(up, 0, 0.0046, 0.0015) + vector(low, 0, -0.0066, 0.0015)
         out["mouthRollUpper"], out["mouthRollLower"] = self.roll(True), self.roll(False)
         chin = bump(p, (0, -0.008), (0.020, 0.014))
-        out["mouthShrugLower"] = vector(low, 0, 0.0052, 0.0034) + vector(up, 0, 0.0040, 0.0014) + vector(chin, 0, 0.0040, 0.0012)
+        out["mouthShrugLower"] = (
+            vector(low, 0, 0.0052, 0.0034) + vector(up, 0, 0.0040, 0.0014) + vector(chin, 0, 0.0040, 0.0012)
+        )
         out["mouthShrugUpper"] = vector(up, 0, 0.0042, 0.0028) + vector(low, 0, 0.0016, 0.0010)
         return out
 

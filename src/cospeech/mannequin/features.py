@@ -14,8 +14,8 @@ from .solids import gradient, land
 
 __all__ = ["Piece", "brows", "ears", "eyeball", "hair", "teeth", "tongue"]
 
-IRIS_RADIUS = 0.0071  # metres on the ball; ours, a little larger than life
-PUPIL_RADIUS = 0.0031
+IRIS_RADIUS = 0.0074  # metres on the ball; ours, a little larger than life
+PUPIL_RADIUS = 0.0033
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ def eyeball(sign: int) -> Piece:
 
 def brow_line(t: Array) -> tuple[Array, Array, Array]:
     """Centre (x, y) and half height of the left brow over t = 0 (nose) … 1 (temple)."""
-    x = 0.0115 + 0.0375 * t
-    y = 0.1035 + 0.0075 * np.sin(np.pi * np.minimum(t * 0.80, 1)) - 0.0030 * t**3
-    half = 0.0036 * (1 - 0.25 * t) * np.minimum(1, (t + 0.06) * 8) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
+    x = 0.0125 + 0.0375 * t
+    y = 0.1068 + 0.0050 * np.sin(np.pi * np.minimum(t * 0.80, 1)) - 0.0042 * t**3
+    half = 0.0041 * (1 - 0.30 * t) * np.minimum(1, (t + 0.06) * 8) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
     return x, y, half
 
 
@@ -125,9 +125,10 @@ def ears() -> Piece:
 def hairline(a: Array) -> Array:
     """Elevation in radians of the hair's edge over the azimuth (0 = front, positive to the left), from the skull's middle."""
     side = np.abs(a) / np.pi
-    knots = np.array([0, 0.10, 0.20, 0.29, 0.36, 0.42, 0.50, 0.58, 0.66, 0.80, 1.0])
-    heights = np.radians([36, 36, 33, 20, -14, -10, 2, -22, -36, -44, -47])
-    return np.interp(side, knots, heights)
+    knots = np.array([0, 0.10, 0.20, 0.27, 0.33, 0.385, 0.425, 0.46, 0.50, 0.56, 0.62, 0.68, 0.80, 1.0])
+    heights = np.radians([37, 37, 35, 27, 12, -8, -17, -8, 5, 4, -10, -30, -44, -47])
+    sweep = np.radians(5.0) * np.sin(2.2 * np.clip(a, -1.2, 1.2))  # the fringe falls to the right
+    return np.interp(side, knots, heights) + sweep * (side < 0.4)
 
 
 SKULL = np.array([0.0, 0.095, -0.008])  # from which the hair's points are seen
@@ -174,7 +175,7 @@ def _volume(a: Array, t: float) -> tuple[Array, Array]:
     sweep = np.exp(-(((a + 0.15) / 0.55) ** 2)) * np.exp(-(((t - 0.80) / 0.22) ** 2))
     part = np.exp(-(((a - 0.55 + 0.15 * t) / 0.10) ** 2)) * smoothstep(0.2, 0.6, np.full_like(a, t))
     round_ = np.sqrt(np.clip(1 - t**6, 0, 1))
-    thick = 0.007 + 0.0095 * (1 - t) + 0.006 * front * round_ + 0.007 * sweep - 0.0025 * side * t - 0.0050 * part
+    thick = 0.0085 + 0.0105 * (1 - t) + 0.007 * front * round_ + 0.009 * sweep - 0.0025 * side * t - 0.0050 * part
     strand = np.sin(15 * a + 3.0 * t + 1.2 * np.sin(3 * a)) + 0.6 * np.sin(27 * a - 2.0 * t)
     return thick * (0.55 + 0.45 * round_) + 0.00065 * strand * smoothstep(0.1, 0.5, np.full_like(a, t)), 1 + 0.16 * strand / 1.6
 
@@ -228,5 +229,3 @@ def tongue(front: float, top: float) -> Piece:
     colour = np.tile(srgb("cf6f70"), (len(net.points), 1))
     deep = smoothstep(front - 0.01, front - 0.045, net.points[:, 2])[:, None]
     return Piece(net, net.shade(lambda p: p[:, 1], 0.0), colour * (1 - deep) + DARK * deep)
-
-

@@ -20,10 +20,10 @@ __all__ = ["hands"]
 FINGERS = ("Index", "Middle", "Ring", "Little")
 JOINTS = ("Proximal", "Intermediate", "Distal")
 RADII = {  # metres at knuckle, middle joint, last joint, tip; ours, after adult hand surveys, slightly slender
-    "Index": (0.0104, 0.0090, 0.0080, 0.0066),
-    "Middle": (0.0106, 0.0093, 0.0082, 0.0068),
-    "Ring": (0.0101, 0.0088, 0.0078, 0.0065),
-    "Little": (0.0089, 0.0077, 0.0069, 0.0058),
+    "Index": (0.0107, 0.0094, 0.0083, 0.0070),
+    "Middle": (0.0109, 0.0096, 0.0085, 0.0072),
+    "Ring": (0.0104, 0.0091, 0.0081, 0.0068),
+    "Little": (0.0092, 0.0080, 0.0071, 0.0061),
     "Thumb": (0.0150, 0.0122, 0.0105, 0.0076),
 }
 AROUND = np.radians([45, 0, -45, -90, -135, 180, 135, 90])  # of a finger's points, from its back towards the thumb
@@ -98,8 +98,8 @@ def _last_row() -> tuple[Array, Array]:
 def _stations(finger: str) -> list[tuple[float, int]]:
     """Where rings sit on a finger: (share of the way, bone)."""
     if finger == "Thumb":
-        return [(0.50, 0), (0.76, 0), (0.93, 0), (0.10, 1), (0.45, 1), (0.80, 1), (0.97, 1), (0.18, 2), (0.48, 2), (0.76, 2)]
-    return [(0.64, 0), (0.84, 0), (0.985, 0), (0.16, 1), (0.46, 1), (0.76, 1), (0.98, 1), (0.22, 2), (0.50, 2), (0.78, 2)]
+        return [(0.72, 0), (0.90, 0), (0.08, 1), (0.30, 1), (0.60, 1), (0.84, 1), (0.99, 1), (0.20, 2), (0.50, 2), (0.78, 2), (0.93, 2)]
+    return [(0.64, 0), (0.84, 0), (0.985, 0), (0.16, 1), (0.46, 1), (0.76, 1), (0.98, 1), (0.22, 2), (0.52, 2), (0.78, 2), (0.93, 2)]
 
 
 def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
@@ -142,9 +142,8 @@ def _left() -> Part:
         front = [rows[-1][18 - 2 * k - j] for j in (2, 1, 0)]
         base = [*back, edge[k + 1], *front, edge[k]]
         fingers[finger] = _grow(net, base, finger, digits[finger])
-    fingers["Thumb"] = _grow(net, loop, "Thumb", digits["Thumb"])
-    for row in fingers["Thumb"][:24]:
-        soft.append(row)
+    fingers["Thumb"] = _grow(net, loop, "Thumb", _thumb_base())
+    soft += fingers["Thumb"][:8]
     used = {i for f in net.faces for i in f}
     free = np.zeros(len(net.points), bool)
     free[[i for i in soft if i in used]] = True
@@ -213,7 +212,7 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
     weights = np.maximum(weights, 0)
     weights /= weights.sum(1, keepdims=True)
     soft = np.zeros(len(p), bool)
-    soft[[i for row in rows for i in row] + web + fingers["Thumb"][:24]] = True
+    soft[[i for row in rows for i in row] + web + fingers["Thumb"][:16]] = True
     weights = net.diffuse(weights, 4, soft)
     normals = net.shade(whole, 0.0)
     colour = _tint(p, fingers, normals)
@@ -229,7 +228,7 @@ def _tint(p: Array, fingers: dict[str, list[int]], normals: Array) -> Array:
         tip = smoothstep(0.028, 0.0, np.linalg.norm(p[ids] - _chain(finger)[3], axis=1))[:, None] * 0.6
         colour[ids] += tip * (warm - colour[ids])
     for ids in fingers.values():
-        for ringed in (ids[-17:-9], ids[-9:-1]):
+        for ringed in (ids[-25:-17], ids[-17:-9]):
             colour[[ringed[1]]] = nail
             colour[[ringed[0], ringed[2]]] = 0.5 * nail + 0.5 * colour[[ringed[0], ringed[2]]]
     return colour

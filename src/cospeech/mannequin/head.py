@@ -33,10 +33,10 @@ MOUTH_HALF = 0.0235
 def head_solid(lids: bool = True) -> Solid:
     """Skull, face, nose, ears' seat and neck, with sockets and lids."""
     both = (1, -1)
-    skull = ellipsoid((0, 0.112, -0.012), (0.0725, 0.083, 0.093))
+    skull = union(0.03, *(ellipsoid((s * 0.019, 0.110, -0.012), (0.0550, 0.0815, 0.0920)) for s in both))
     forehead = ellipsoid((0, 0.110, 0.030), (0.058, 0.050, 0.062))
     face = ellipsoid((0, 0.052, 0.028), (0.0575, 0.078, 0.062))
-    jaw = [capsule((s * 0.044, 0.016, 0.012), (s * 0.010, -0.012, 0.070), 0.017, 0.0145) for s in both]
+    jaw = [capsule((s * 0.0410, 0.018, 0.014), (s * 0.010, -0.012, 0.070), 0.0160, 0.0140) for s in both]
     cheeks = [ellipsoid((s * 0.040, 0.048, 0.056), (0.020, 0.020, 0.022)) for s in both]
     muzzle = ellipsoid((0, 0.020, 0.070), (0.030, 0.028, 0.0265))
     chin = ellipsoid((0, -0.0105, 0.077), (0.017, 0.0130, 0.0150))
@@ -63,7 +63,7 @@ def head_solid(lids: bool = True) -> Solid:
 
 def mouth_line(s: Array) -> Array:
     """Height of the closed mouth over s = −1 … 1 from corner to corner: a soft bow."""
-    return MOUTH[1] + 0.0010 * np.abs(s) ** 1.5 * (1 - s**2) * 1.4 - 0.0004 * s**2 + 0.0006 * s**4
+    return MOUTH[1] + 0.0011 * s**4 + 0.0010 * np.abs(s) ** 1.5 * (1 - s**2) * 1.4 - 0.0004 * s**2 + 0.0006 * s**4
 
 
 def _lip_height(s: Array, upper: Array) -> Array:
@@ -152,10 +152,10 @@ LID_RINGS = (-0.0022, 0.0, 0.0002, 0.0011, 0.0030, 0.0058, 0.0092)
 def eye_opening(s: Array, upper: Array) -> tuple[Array, Array]:
     """The edge of the lids in the frontal plane, from the eye's centre; s = −1 at the nose."""
     round_ = np.maximum(1 - s**2, 0)
-    x = 0.0136 * s
+    x = 0.0145 * s
     middle = -0.0012 + 0.0016 * (s + 1) / 2
-    top = 0.0069 * round_**0.62 * (1 - 0.10 * s)
-    low = -0.0060 * round_**0.75 * (1 + 0.12 * s)
+    top = 0.0071 * round_**0.60 * (1 - 0.10 * s)
+    low = -0.0064 * round_**0.72 * (1 + 0.12 * s)
     return x, middle + np.where(upper, top, low)
 
 
@@ -168,7 +168,7 @@ def on_ball(x: Array, y: Array, radius: Array | float) -> Array:
 def _eye(net: Net, solid: Solid, sign: int) -> EyeRings:
     s, upper = _loop(LID_POINTS)
     x, y = eye_opening(s, upper)
-    outward = np.stack([x / 0.0136, np.where(upper, 1, -1) * np.sqrt(np.maximum(1 - s**2, 0))], 1)
+    outward = np.stack([x / 0.0145, np.where(upper, 1, -1) * np.sqrt(np.maximum(1 - s**2, 0))], 1)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     ids = []
     for k, gap in enumerate(LID_RINGS):
@@ -200,7 +200,7 @@ def _spacing(p: Array) -> Array:
     nose = np.exp(-((p[:, 0] / 0.020) ** 2) - ((p[:, 1] - 0.052) / 0.020) ** 2) * (p[:, 2] > 0.07)
     mouth = np.exp(-((p[:, 0] / 0.040) ** 2) - ((p[:, 1] - 0.015) / 0.028) ** 2) * (p[:, 2] > 0.03)
     eyes = np.exp(-(((np.abs(p[:, 0]) - 0.031) / 0.028) ** 2) - ((p[:, 1] - 0.085) / 0.026) ** 2) * (p[:, 2] > 0.03)
-    return base * (1 - 0.56 * nose) * (1 - 0.30 * mouth) * (1 - 0.28 * eyes)
+    return base * (1 - 0.62 * nose) * (1 - 0.30 * mouth) * (1 - 0.28 * eyes)
 
 
 def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array]:

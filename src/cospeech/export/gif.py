@@ -37,7 +37,7 @@ class Writer(MovingWriter):
         size: (width, height) in pixels.
         camera: ``body``, ``full``, ``face`` or ``hands``.
         rate: pictures per second; 15, or those of the motion if fewer, where not given.
-        background: sRGB colour of the backdrop.
+        look: ``background``, as `MovingWriter` takes it.
 
     Raises:
         InputError: the rate is outside 1 … 50.
@@ -50,17 +50,15 @@ class Writer(MovingWriter):
         skeleton: Skeleton,
         fps: float,
         audio: str | PathLike[str] | None = None,
+        rate: float | None = None,
         size: tuple[int, int] = _SIZE,
         camera: str = "body",
-        rate: float | None = None,
-        background: tuple[int, int, int] | None = None,
+        **look: object,
     ) -> None:
         rate = max(min(float(fps), _MOST_RATE), _RATES[0]) if rate is None else rate
         if not _RATES[0] <= rate <= _RATES[1]:
             raise InputError(f"{rate} pictures per second in a .gif", f"{_RATES[0]:g} … {_RATES[1]:g}")
-        super().__init__(
-            path, skeleton=skeleton, fps=fps, audio=audio, size=size, camera=camera, rate=rate, background=background
-        )
+        super().__init__(path, skeleton=skeleton, fps=fps, audio=audio, rate=rate, size=size, camera=camera, **look)
         self._file: BinaryIO | None = None
         self._held: list[Pictures] = []
         self._before: NDArray[np.uint8] | None = None

@@ -12,12 +12,13 @@ from ..errors import InputError
 from ..motion import Motion
 from ..render.artist import Look, Pictures
 from ..render.camera import view_named
-from ..render.film import BACKDROP, Film
+from ..render.film import Film
 from ..skeleton import Skeleton
 from . import Writer
+from .pictures import background_of, no_avatar, size_of
 from .standing import as_humanoid
 
-__all__ = ["MovingWriter", "background_of", "size_of"]
+__all__ = ["MovingWriter"]
 
 
 class MovingWriter(Writer):
@@ -30,6 +31,7 @@ class MovingWriter(Writer):
         camera: name of a view (`cospeech.render.camera.CAMERAS`).
         rate: pictures per second.
         background: sRGB colour of the backdrop, 0 … 255 each.
+        avatar: must be None, see `no_avatar`.
     """
 
     def __init__(
@@ -43,7 +45,9 @@ class MovingWriter(Writer):
         camera: str,
         rate: float,
         background: tuple[int, int, int] | None = None,
+        avatar: str | PathLike[str] | None = None,
     ) -> None:
+        no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
         self._film = Film(Look(*self.size, view_named(camera), background_of(background)), self.fps, self.rate)
@@ -78,33 +82,3 @@ class MovingWriter(Writer):
     def _discard(self) -> None:
         with suppress(OSError):
             self._film.close()
-
-
-def size_of(size: tuple[int, int]) -> tuple[int, int]:
-    """Check a size given by the user.
-
-    Raises:
-        InputError: it is not two whole numbers.
-    """
-    try:
-        width, height = (int(side) for side in size)
-    except (TypeError, ValueError):
-        raise InputError(f"a picture size of {size!r}", "width and height in pixels, such as 720 and 720") from None
-    return width, height
-
-
-def background_of(colour: tuple[int, int, int] | None) -> tuple[int, int, int]:
-    """Check a colour given by the user; ours where none was.
-
-    Raises:
-        InputError: it is not three whole numbers of 0 … 255.
-    """
-    if colour is None:
-        return BACKDROP
-    try:
-        red, green, blue = (int(part) for part in colour)
-    except (TypeError, ValueError):
-        raise InputError(f"a background of {colour!r}", "red, green and blue, 0 … 255 each") from None
-    if not 0 <= min(red, green, blue) <= max(red, green, blue) <= 255:
-        raise InputError(f"a background of {colour!r}", "red, green and blue, 0 … 255 each")
-    return red, green, blue

@@ -45,7 +45,7 @@ class Writer(MovingWriter):
         size: (width, height) in pixels; odd numbers are made even, as H.264 wants.
         camera: ``body``, ``full``, ``face`` or ``hands``.
         rate: pictures per second; those of the motion, but at most 60, where not given.
-        background: sRGB colour of the backdrop.
+        look: ``background``, as `MovingWriter` takes it.
 
     Raises:
         InputError: PyAV is not installed, or the audio cannot be read.
@@ -58,16 +58,14 @@ class Writer(MovingWriter):
         skeleton: Skeleton,
         fps: float,
         audio: str | PathLike[str] | None = None,
+        rate: float | None = None,
         size: tuple[int, int] = _SIZE,
         camera: str = "body",
-        rate: float | None = None,
-        background: tuple[int, int, int] | None = None,
+        **look: object,
     ) -> None:
         self._av = _pyav()
         rate = min(float(fps), _MOST_RATE) if rate is None else rate
-        super().__init__(
-            path, skeleton=skeleton, fps=fps, audio=audio, size=size, camera=camera, rate=rate, background=background
-        )
+        super().__init__(path, skeleton=skeleton, fps=fps, audio=audio, rate=rate, size=size, camera=camera, **look)
         self._container: Any = None
         self._speech: SpeechSource | None = None
         self._sound: Iterator[np.ndarray] = iter(())

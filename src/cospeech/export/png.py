@@ -17,7 +17,7 @@ from ..render.stage import Stage, box_of
 from ..skeleton import Skeleton, humanoid
 from ..speech import Word, open_speech
 from . import Writer as BaseWriter
-from .moving import background_of, size_of
+from .pictures import background_of, no_avatar, size_of
 from .standing import as_humanoid
 
 __all__ = ["Writer"]
@@ -38,6 +38,7 @@ class Writer(BaseWriter):
         background: sRGB colour of the backdrop.
         pictures: how many moments to show, 1 … 24.
         words: of the speech, written below the waveform.
+        avatar: must be None, see `no_avatar`.
     """
 
     def __init__(
@@ -52,7 +53,9 @@ class Writer(BaseWriter):
         background: tuple[int, int, int] | None = None,
         pictures: int = _PICTURES,
         words: Sequence[Word] = (),
+        avatar: str | PathLike[str] | None = None,
     ) -> None:
+        no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self._size, self._view, self._background = size_of(size), view_named(camera), background_of(background)
         if not (200 <= self._size[0] <= 8192 and 160 <= self._size[1] <= 4096):

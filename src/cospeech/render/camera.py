@@ -98,14 +98,23 @@ class View:
         axes = _axes(forward)
         corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)])
         right, up, ahead = axes @ corners.T
-        # |right − r| ≤ t (ahead + d) for all corners bounds the shift r and the distance d; likewise upwards
-        offsets, distances = [], []
+        # |across − r| ≤ t (ahead + d) for all corners bounds the distance d of the camera, whatever the shift r
+        least = [0.3 - ahead.min()]
         for across, t in ((right, tangent * width / height), (up, tangent)):
-            above, below = np.max(across - t * ahead), np.max(-across - t * ahead)
-            offsets.append((above - below) / 2)
-            distances.append((above + below) / 2 / t)
-        distance = max(*distances, 0.3 - ahead.min())
-        return Camera(offsets[0] * axes[0] + offsets[1] * axes[1] - distance * forward, forward, tangent, width, height)
+            least.append((np.max(across - t * ahead) + np.max(-across - t * ahead)) / 2 / t)
+        depth = ahead + max(least)
+        position = _middle(right, depth) * axes[0] + _middle(up, depth) * axes[1] - max(least) * forward
+        return Camera(position, forward, tangent, width, height)
+
+
+def _middle(across: Array, depth: Array) -> float:
+    """The shift of a camera from which points (N,) reach equally far to both sides of the picture; by bisection."""
+    low, high = float(across.min()), float(across.max())
+    for _ in range(50):
+        middle = (low + high) / 2
+        slope = (across - middle) / depth
+        low, high = (middle, high) if slope.max() > -slope.min() else (low, middle)
+    return (low + high) / 2
 
 
 _HANDS = tuple(f"{side}{part}" for side in ("left", "right") for part in ("Hand", "Thumb", "Index", "Middle", "Little"))

@@ -12,7 +12,7 @@ __all__ = ["Moments"]
 
 _BINS = 96  # stretches of time of which the best frame is kept; ours: a dozen for each picture of a strip
 _STILL = 0.10  # seconds; ours: a hand moving at 1 m/s must be 10 cm farther out to be worth as much as one at rest
-_MIDDLE = 0.8  # share of each stretch in which its picture may lie, so that two never show nearly the same moment
+_MIDDLE = 0.6  # share of each stretch in which its picture may lie, so that two never show nearly the same moment
 
 
 class Moments:

@@ -121,7 +121,8 @@ def _curves(layout: Layout, times: Sequence[float], duration: float, sound: Soun
         at = (x - left) / (right - left) * duration / sound.step
         loudest = max(float(sound.peak.max()), 1e-4)
         for values, colour in ((sound.peak, _PEAK), (sound.level, _BODY)):
-            height = np.maximum(_columns(values, at) / loudest * half, line / 2)
+            seen = _columns(values, at) if at[1] - at[0] > 1 else np.interp(at, np.arange(len(values)) + 0.5, values, right=0)
+            height = np.maximum(seen / loudest * half, line / 2)
             outline = [*zip(x, middle - height, strict=True), *zip(x[::-1], middle + height[::-1], strict=True)]
             pen.polygon([(float(a), float(b)) for a, b in outline], fill=colour)
     pen.line([(left, bottom), (right, bottom)], _GREY, line)

@@ -99,7 +99,9 @@ Map = Annotated[
 ]
 Fps = Annotated[float, _option("--fps", help="Frames per second, 1 … 240.")]
 NewFps = Annotated[float | None, _option("--fps", help="Resample to this rate.")]
-Avatar = Annotated[Path | None, _option("--avatar", metavar="FILE", help="Show this VRM or GLB character in place of ours.")]
+Avatar = Annotated[
+    Path | None, _option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")
+]
 Drawn = Annotated[Path | None, _option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
 ReportFile = Annotated[Path | None, _option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
 Folder = Annotated[Path, _option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
@@ -187,7 +189,6 @@ def render(
     source: Motion,
     target: Annotated[Path, Argument(metavar="PICTURE", help="Picture to write: .mp4, .gif (both moving) or .png (a strip).")],
     audio: Drawn = None,
-    avatar: Avatar = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -202,7 +203,7 @@ def render(
     if target.suffix.lower() not in LISTENS:
         known = " ".join(sorted(LISTENS))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio, avatar=avatar)
+    convert_file(source, target, audio=audio)
     if not quiet:
         print(f"{target}  ({HOW_TO_OPEN[target.suffix.lower()]})")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .errors import InputError, nearest
 from .export import format_of, load
-from .generate import FPS_RANGE, File, check_files, check_range
+from .generate import FPS_RANGE, File, check_avatar, check_files, check_range
 from .motion import Motion
 from .recognise import load_map
 from .skeletons import SKELETONS
@@ -32,7 +32,7 @@ def convert_file(
         fps: resample to this rate first.
         names: a TOML file that says which joint of ``source`` is which of ours.
         audio: the speech, for pictures.
-        avatar: a VRM or GLB character for ``.glb`` and pictures.
+        avatar: a VRM or GLB character for ``.glb``.
 
     Raises:
         InputError: a file cannot be read or written, or the skeleton is not recognised.
@@ -53,6 +53,7 @@ def convert_file(
     if audio is not None:
         options["audio"] = audio
     if avatar is not None:
+        check_avatar(avatar, {Path(target).suffix.lower()})
         options["avatar"] = avatar
     motion.save(target, **options)
     return motion

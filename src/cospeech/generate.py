@@ -35,6 +35,7 @@ __all__ = [
     "LISTENS",
     "MOST_TAKES",
     "WEARS_AVATAR",
+    "check_avatar",
     "check_files",
     "check_range",
     "generate_files",
@@ -55,8 +56,8 @@ LISTENS = frozenset({".mp4", ".gif", ".png"})
 """Suffixes of pictures, which carry or draw the speech."""
 KEEPS_SKELETON = frozenset({".bvh"})
 """Suffixes of files that hold any skeleton as it is; the other formats prescribe theirs."""
-WEARS_AVATAR = frozenset({".glb", *LISTENS})
-"""Suffixes of files that show a character."""
+WEARS_AVATAR = frozenset({".glb"})
+"""Suffixes of files in which somebody's character can take the place of ours."""
 
 
 @dataclass(frozen=True)
@@ -247,9 +248,15 @@ def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avat
     check_range("seed", seed, SEED_RANGE)
     if skeleton not in SKELETONS:
         raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
-    if avatar is not None and not suffixes & WEARS_AVATAR:
+    if avatar is not None:
+        check_avatar(avatar, suffixes)
+
+
+def check_avatar(avatar: File, suffixes: set[str]) -> None:
+    """The character is there, and one of the files can show it."""
+    if not suffixes & WEARS_AVATAR:
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
-    if avatar is not None and not Path(avatar).is_file():
+    if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
 
 

@@ -1,0 +1,15 @@
+"""The same motion on other skeletons: their names, their proportions, and where their hands are."""
+
+import sys
+
+import cospeech
+from cospeech.demo import EXAMPLE
+from cospeech.skeletons import SKELETONS
+
+speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
+motion = cospeech.load("rules").generate(speech)
+
+for name in SKELETONS:
+    other = motion.retarget(name)
+    lowest, highest = other.positions()[..., 1].min(), other.positions()[..., 1].max()
+    print(f"{name:9s} {len(other.skeleton):3d} joints, root {other.skeleton.names[0]!r}, from {lowest:.2f} to {highest:.2f} m")

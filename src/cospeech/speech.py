@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from .errors import InputError, InternalError
 from .files import describe_os_error
 
-__all__ = ["Speech", "SpeechSource", "Word", "open_speech"]
+__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech", "regular_file"]
 
 Samples = NDArray[np.float32]
 
@@ -202,6 +202,12 @@ def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | 
         source.close()
         raise
     return source
+
+
+def example() -> tuple[Path, Path]:
+    """The speech that comes with cospeech (19 s, a synthetic voice) and its word times: (.ogg, .TextGrid)."""
+    folder = Path(__file__).parent / "assets" / "example"
+    return folder / "example.ogg", folder / "example.TextGrid"
 
 
 class SpeechSource:

@@ -87,7 +87,7 @@ def _write_legs(rotations: Array, hips: Array, root: Array, ankles: Array, yaw: 
         knee = along * (upper * cosine)[:, None] + pole * (upper * np.sqrt(1 - cosine**2))[:, None]
         hinge = np.cross(-along, pole)  # to the left
         thigh, shin = _bone(knee, hinge, _leg()[1]), _bone(rel - knee, hinge, _leg()[2])
-        tip = np.radians(28.0) * np.clip(lift[:, side] / 0.05, 0, 1)  # the heel leaves first
+        tip = np.radians(9.0) * np.clip((lift[:, side] - 0.012) / 0.03, 0, 1)  # the toes hang a little
         foot = euler_to_quat(np.stack([turn, tip], -1), "YX")
         rotations[:, joint[name + "UpperLeg"]] = quat_multiply(quat_conjugate(hips), thigh)
         rotations[:, joint[name + "LowerLeg"]] = quat_multiply(quat_conjugate(thigh), shin)

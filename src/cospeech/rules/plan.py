@@ -32,7 +32,10 @@ LEFT, RIGHT = 0, 1
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
-_ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table's drawings (motion.md: SD of height)
+_ROOM = np.array(
+    [0.9, 1.25, 1.0]
+)  # strokes of speakers are higher than those of the table's drawings (motion.md: SD of height)
+_BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
@@ -94,7 +97,14 @@ class Planner:
         return self.posture.track
 
     def decide(
-        self, now: float, *, accents: Sequence[Accent], phrases: Sequence[Phrase], words: Sequence[Word], known: float, manner: Manner
+        self,
+        now: float,
+        *,
+        accents: Sequence[Accent],
+        phrases: Sequence[Phrase],
+        words: Sequence[Word],
+        known: float,
+        manner: Manner,
     ) -> None:
         """One tick: take up what has become visible, let go what has run its course."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
@@ -169,6 +179,7 @@ class Planner:
         leader = self.hands[hands[0]]
         tempo = self.style.tempo * manner.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * manner.amplitude * self.intensity
+        effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
         poses = self._place(form, effort, manner)
         stroke = self._stroke_time(poses[0], poses[1], tempo, manner)
         onset = at - LEAD - stroke / 2
@@ -202,7 +213,15 @@ class Planner:
         return min(1.35 * wanted, available)
 
     def _schedule(
-        self, state: _HandState, poses: list[Array], start: float, prepare: float, onset: float, stroke: float, tempo: float, manner: Manner
+        self,
+        state: _HandState,
+        poses: list[Array],
+        start: float,
+        prepare: float,
+        onset: float,
+        stroke: float,
+        tempo: float,
+        manner: Manner,
     ) -> float:
         """Moves of one hand through all poses; returns the end of the last stroke."""
         state.track.move(start, prepare * (1 + _BLEND), poses[0])
@@ -275,6 +294,8 @@ class Planner:
         for t in table:
             pose = t.copy()
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
+            pose[:3] = np.clip(pose[:3], *_BOX)
+            pose[2] = max(pose[2], 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1)))  # raised hands stay in front of the shoulder
             pose[4] += turn
             pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
             pose[7:19] = self._shape(pose[7:19], tension, free)
@@ -301,13 +322,23 @@ class Planner:
         return out
 
     def _sympathy(
-        self, state: _HandState, leader: _HandState, start: float, prepare: float, onset: float, stroke: float, poses: list[Array]
+        self,
+        state: _HandState,
+        leader: _HandState,
+        start: float,
+        prepare: float,
+        onset: float,
+        stroke: float,
+        poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
         share = 0.10 + 0.34 * self.style.symmetry
         if state.place == "idle" or start < state.busy:
             share *= 0.35
-        for onset_, length, delta in ((start + 0.03, prepare * 1.1, poses[0] - leader.home), (onset + 0.02, stroke, poses[1] - poses[0])):
+        for onset_, length, delta in (
+            (start + 0.03, prepare * 1.1, poses[0] - leader.home),
+            (onset + 0.02, stroke, poses[1] - poses[0]),
+        ):
             part = np.zeros(CHANNELS)
             part[:3] = np.clip(delta[:3], -0.35, 0.35) * share * self._random.uniform(0.6, 1.2)
             part[5] = delta[5] * share * 0.5
@@ -322,8 +353,14 @@ class Planner:
         quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
-            if state.place == "up" and now > state.busy and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)):
-                self._retract(now, hand, state, "idle" if self._random.random() < 0.75 - 0.5 * self.style.hold else "rest", manner)
+            if (
+                state.place == "up"
+                and now > state.busy
+                and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold))
+            ):
+                self._retract(
+                    now, hand, state, "idle" if self._random.random() < 0.75 - 0.5 * self.style.hold else "rest", manner
+                )
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", manner)
 
@@ -331,7 +368,11 @@ class Planner:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
-        goal[:3] += [self._random.gauss(0, 0.035) * free, self._random.gauss(0, 0.03) * free, self._random.gauss(0, 0.025) * free]
+        goal[:3] += [
+            self._random.gauss(0, 0.035) * free,
+            self._random.gauss(0, 0.03) * free,
+            self._random.gauss(0, 0.025) * free,
+        ]
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += manner.shrug
         length = self._reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
@@ -350,5 +391,3 @@ class Planner:
         way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
         turn = abs(float(b[4] - a[4])) / 90
         return max(0.44, 0.50 + 0.95 * way**0.8, 0.40 * turn + 0.3) / tempo**0.7
-
-

@@ -31,7 +31,13 @@ class Posture:
         base[Body.RIGHT_FOOT] = (-_STANCE, forward * random.uniform(-1, 1), -_TOE_OUT)
         base[Body.PITCH] = style.lean
         self.track = Track(base)
-        self._next = {"shift": random.uniform(0.5, 3), "lean": random.uniform(0.2, 1.0), "gaze": 0.4, "head": 0.3, "step": self._step_gap()}
+        self._next = {
+            "shift": random.uniform(0.5, 3),
+            "lean": random.uniform(0.2, 1.0),
+            "gaze": 0.4,
+            "head": 0.3,
+            "step": self._step_gap(),
+        }
         self._away = False
         self._phrase = -1.0
         self._side = random.choice((-1, 1))
@@ -40,7 +46,7 @@ class Posture:
     def decide(self, now: float, *, phrases: Sequence[Phrase], manner: Manner, speaking: bool) -> None:
         """One tick."""
         if self._manner is None:
-            self._settle(0.0, 0.05, manner)
+            self._settle(-5.0, 1.0, manner)  # where it stands before the first frame
         self._manner = manner
         for phrase in phrases:
             if phrase.start > self._phrase and phrase.start <= now + 0.4:
@@ -64,7 +70,11 @@ class Posture:
     def _settle(self, now: float, length: float, manner: Manner) -> None:
         """A new place for the torso around the speaker's usual one."""
         torso = self.style.torso * manner.torso * self.size
-        goal = (self.style.lean + manner.bow + self._gauss(2.6 * torso), self._gauss(1.8 * torso), manner.turn + self._gauss(4.2 * torso))
+        goal = (
+            self.style.lean + manner.bow + self._gauss(2.6 * torso),
+            self._gauss(1.8 * torso),
+            manner.turn + self._gauss(4.2 * torso),
+        )
         self.track.move(now + 0.02, length, np.array(goal), [Body.PITCH, Body.ROLL, Body.YAW])
         self.track.move(now + 0.05, length * 1.1, np.array([self._gauss(2.0 * torso)]), [Body.HIPS_YAW])
 
@@ -94,7 +104,9 @@ class Posture:
             goal = (self._random.choice((-1, 1)) * self._random.uniform(9, 24), self._random.choice((-13, -9, -5, 4, 9)))
         else:
             goal = (self._gauss(1.6), self._gauss(1.2))
-        self.track.move(now + 0.02, 0.075 if away != self._away else 0.05, np.array(goal), [Body.GAZE_YAW, Body.GAZE_UP])
+        columns = [Body.GAZE_YAW, Body.GAZE_UP]
+        way = float(np.hypot(*(np.array(goal) - self.track.target[columns])))
+        self.track.move(now + 0.02, 0.04 + 0.0032 * way, np.array(goal), columns)  # main sequence, slowed a little for 30 fps
         if away != self._away and (away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05
         self._away = away
@@ -125,15 +137,17 @@ class Posture:
         lift = Body.LEFT_LIFT if left_free else Body.RIGHT_LIFT
         side = 1 if left_free else -1
         still = self.track.target[other]
-        goal = np.array([still[0] + side * 2 * _STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0])
+        goal = np.array(
+            [still[0] + side * 2 * _STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0]
+        )
         goal[0] = np.clip(goal[0], -0.24, 0.24)
         goal[2] = side * (_TOE_OUT + self._random.uniform(-4, 8))
         length = self._random.uniform(0.42, 0.55)
-        onset = now + 0.28
+        onset = now + 0.34
         self._lean_over(now, other)
         self.track.move(onset, length, goal, foot)
-        self.track.move(onset - 0.06, 0.6 * length, np.array([0.045]), [lift])
-        self.track.move(onset + 0.40 * length + 0.06, 0.6 * length, np.array([0.0]), [lift])
+        self.track.move(onset - 0.15, 0.26, np.array([0.05]), [lift])
+        self.track.move(onset + length - 0.09, 0.26, np.array([0.0]), [lift])
         middle = (goal[:2] + still[:2]) / 2
         self.track.move(onset + 0.6 * length, 0.9, middle + (side * 0.015, 0.0), [Body.HIPS_X, Body.HIPS_Z])
         self._next["shift"] = max(self._next["shift"], onset + length + 1.0)
@@ -156,7 +170,9 @@ class Posture:
         self.track.add(onset, down, nod)
         self.track.add(onset + down * 0.8, up, -nod)
 
-    def on_stroke(self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: Manner) -> None:
+    def on_stroke(
+        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: Manner
+    ) -> None:
         """The torso goes along with the hands: towards what one hand does, forward or up with both."""
         way = poses[1][:3] - poses[0][:3]
         torso = self.style.torso * manner.torso * self.size
@@ -168,6 +184,7 @@ class Posture:
         part[Body.PITCH] = (4.5 * way[2] - 4.0 * way[1]) * torso
         part[Body.HIPS_Z] = 0.012 * way[2] * torso
         part[Body.HEAD_YAW] = 0.5 * part[Body.YAW]
+        part[[Body.YAW, Body.PITCH, Body.ROLL]] = np.clip(part[[Body.YAW, Body.PITCH, Body.ROLL]], -7, 7)
         self.track.add(onset - 0.05, stroke + 0.12, part)
         self.track.add(onset + stroke + 0.2, 0.9, -part)
 

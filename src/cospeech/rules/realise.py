@@ -62,13 +62,18 @@ def _offsets() -> dict[str, Array]:
 @lru_cache(1)
 def _finger_joints() -> tuple[list[int], list[int]]:
     s = humanoid()
-    rows = [[side + f + j for f in ("Index", "Middle", "Ring", "Little") for j in ("Proximal", "Intermediate", "Distal")] for side in ("left", "right")]
+    rows = [
+        [side + f + j for f in ("Index", "Middle", "Ring", "Little") for j in ("Proximal", "Intermediate", "Distal")]
+        for side in ("left", "right")
+    ]
     thumbs = [[side + "Thumb" + j for j in ("Metacarpal", "Proximal", "Distal")] for side in ("left", "right")]
     left, right = ([s.index[n] for n in t + r] for t, r in zip(thumbs, rows, strict=True))
     return left, right
 
 
-def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: float = 0.0) -> Pieces:
+def realise(
+    times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: float = 0.0
+) -> Pieces:
     """Pose the whole body.
 
     Args:
@@ -78,7 +83,7 @@ def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed
         style: whose noise, stance and chair.
         seed: of the noise.
         size: factor on noise (intensity).
-        tremor: 0 … 1, added fine shaking (fear).
+        tremor: (N,) 0 … 1, added fine shaking (fear).
     """
     joint = humanoid().index
     b = body.at(times)
@@ -120,8 +125,20 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     n = smooth_noise(seed + 1, 9, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
     head, torso, sway = style.head * still, style.torso * still, style.sway * still * (0.3 if style.seated else 1.0)
-    scale = np.array([0.9 * torso, 0.8 * torso, 1.5 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.007 * sway, 0.007 * sway, 1.2 * sway])
-    columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW]
+    scale = np.array(
+        [0.9 * torso, 0.8 * torso, 1.5 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.007 * sway, 0.007 * sway, 1.2 * sway]
+    )
+    columns = [
+        Body.PITCH,
+        Body.ROLL,
+        Body.YAW,
+        Body.HEAD_PITCH,
+        Body.HEAD_ROLL,
+        Body.HEAD_YAW,
+        Body.HIPS_X,
+        Body.HIPS_Z,
+        Body.HIPS_YAW,
+    ]
     b[:, columns] += n * scale
 
 
@@ -185,7 +202,7 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
 
 def _arms(
     times: Array, hands: list[Track], places: dict, neck: Array, b: Array, rotations: Array, style: Style, seed: int, size: float,
-    breath: Array, tremor: float,
+    breath: Array, tremor: Array,
 ) -> None:  # fmt: skip
     h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
     _add_hand_noise(h, times, seed, size, tremor)
@@ -196,7 +213,11 @@ def _arms(
     angles = np.stack([_limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length)
     raised = h[..., Channel.UP]
-    lift = np.radians(h[..., Channel.SHRUG]) + np.radians(24) * _smoothstep((raised + 0.45) / 1.0) + np.radians(0.7) * breath[:, None]
+    lift = (
+        np.radians(h[..., Channel.SHRUG])
+        + np.radians(24) * _smoothstep((raised + 0.45) / 1.0)
+        + np.radians(0.7) * breath[:, None]
+    )
     reach_out = np.radians(14) * _smoothstep((h[..., Channel.FORWARD] - 0.35) / 0.7) * _smoothstep((raised + 0.9) / 0.5)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
@@ -209,6 +230,7 @@ def _arms(
     _write_arms(rotations, clavicle, upper, twisted, wrist, h)
 
 
+_KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
 _WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))
 """Pronation, flexion, deviation: within the active ranges of adults (Boone & Azen 1979)."""
 
@@ -227,7 +249,7 @@ def _smoothstep(u: Array) -> Array:
     return u * u * (3 - 2 * u)
 
 
-def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: float) -> None:
+def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
     n = smooth_noise(seed + 2, 22, times, 0.45, octaves=3, gain=0.5)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
@@ -237,8 +259,10 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: floa
         fingers = k[:, 7:11] * (6.5, 7.0, 7.0, 7.5)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
-    if tremor > 0:
-        shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor)
+    h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
+    h[:, :, Channel.MIDDLES] = _limit(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
+    if tremor.any():
+        shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor[:, None])
         h[:, :, :3] += shake.reshape(-1, 2, 3)
 
 

@@ -19,7 +19,7 @@ from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
-from .styles import Style, blend_manners
+from .styles import EMOTIONS, Style, blend_manners
 
 __all__ = ["LOOK_AHEAD", "Session"]
 
@@ -150,7 +150,7 @@ class Session:
         tracks = [s.track for s in self.planner.hands]
         mood = self._mood_at(times)
         size = self.intensity
-        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=float(mood[:, 6].mean()))
+        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=mood[:, EMOTIONS.index("fear")])
         rotations = self._chosen(pose.rotations)
         face = None
         if "face" in self.parts:
@@ -162,10 +162,10 @@ class Session:
         return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
 
     def _mood_at(self, times: Array) -> Array:
-        """(N, 8) probabilities, linear between ticks."""
+        """(N, 8) probabilities, linear between ticks and one tick late, so that the later one has always been decided."""
         at = np.array([t for t, _ in self._moods])
         values = np.array([p for _, p in self._moods])
-        return np.stack([np.interp(times, at, values[:, k]) for k in range(values.shape[1])], -1)
+        return np.stack([np.interp(times - TICK, at, values[:, k]) for k in range(values.shape[1])], -1)
 
     def _chosen(self, rotations: Array) -> Array:
         """Neutral rotations for parts that were not asked for."""

@@ -13,10 +13,10 @@ from .report import Report
 
 __all__ = ["EXAMPLE", "EXAMPLE_WORDS", "make_demo"]
 
-EXAMPLE = Path(__file__).with_name("assets") / "example.ogg"
+EXAMPLE = Path(__file__).with_name("assets") / "example" / "example.ogg"
 """A speech of some seconds, spoken by a synthetic voice and ours to ship."""
 
-EXAMPLE_WORDS = EXAMPLE.with_suffix(".json")
+EXAMPLE_WORDS = EXAMPLE.with_suffix(".TextGrid")
 """Its words and their times."""
 
 SUFFIXES = (".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png")

@@ -1,0 +1,132 @@
+"""Docs cannot drift: what they take from the code is compared with the code, and what they tell to type is typed."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+import soundfile
+
+from cospeech.catalogue import catalogue
+from cospeech.cli import app
+from cospeech.demo import EXAMPLE
+from cospeech.models import MODELS
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = [ROOT / "README.md", *DOCS]
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.S | re.M)
+
+
+def tool(name: str):
+    """A script of tools/ as a module."""
+    spec = spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def fences(path: Path, language: str) -> list[str]:
+    return [text for kind, text in FENCE.findall(path.read_text("utf-8")) if kind == language]
+
+
+def commands(path: Path) -> list[str]:
+    """Lines of ``sh`` blocks that run cospeech, without comments."""
+    lines = [line.split("#")[0].strip() for text in fences(path, "sh") for line in text.splitlines()]
+    return [line.removeprefix(".venv/bin/") for line in lines if re.match(r"(\.venv/bin/)?cospeech ", line)]
+
+
+def test_generated_pages_are_up_to_date():
+    stale = [
+        str(path.relative_to(ROOT)) for path, text in tool("write_docs").pages().items() if path.read_text("utf-8") != text
+    ]
+    assert stale == [], "run `make docs`"
+
+
+def test_every_command_has_a_page():
+    names = {command.name or command.callback.__name__ for command in app.registered_commands}
+    page = (ROOT / "docs" / "cli.md").read_text("utf-8")
+    assert names
+    assert all(f"## cospeech {name}\n" in page for name in names)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_has_a_page(name):
+    assert (ROOT / "docs" / "models" / f"{name.replace('-', '_')}.md").is_file()
+
+
+@pytest.mark.parametrize("row", catalogue("formats"), ids=lambda row: row["name"])
+def test_every_format_has_a_section(row):
+    assert f"\n## {row['name'][1:]}\n" in (ROOT / "docs" / "formats.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
+    text = path.read_text("utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text) if "://" not in link]
+    links += re.findall(r'src="([^"]+)"', text)
+    assert [link for link in links if not (path.parent / link).exists()] == []
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A folder with what the commands of the docs take as given."""
+    place = tmp_path_factory.mktemp("desk")
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    soundfile.write(place / "talk.wav", samples[: 2 * rate], rate)
+    (place / "talk.srt").write_text("1\n00:00:00,200 --> 00:00:01,600\nhello all of you\n")
+    (place / "talk.txt").write_text("hello all of you\n")
+    run("generate talk.wav -o talk.bvh -o talk.glb -q", place)
+    run("convert talk.bvh from_anywhere.bvh --skeleton unreal -q", place)
+    odd = (place / "talk.bvh").read_text().replace("hips", "Bip01").replace("leftUpperArm", "arm_up_L")
+    (place / "odd.bvh").write_text(odd.replace("leftLowerArm", "arm_lo_L"))
+    odd_map = fences(ROOT / "docs" / "skeletons.md", "toml")[0]
+    (place / "odd.toml").write_text(odd_map)
+    return place
+
+
+def run(line: str, place: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "cospeech", *line.removeprefix("cospeech ").split()],
+        cwd=place, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+
+
+LINES = sorted({line for path in PAGES for line in commands(path)})
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_commands_of_the_docs_work(desk, line):
+    if "me.vrm" in line:
+        pytest.skip("needs an avatar of the reader's; tests/test_avatar*.py drive some")
+    run(line, desk)
+    for name in re.findall(r"-o (\S+)", line):
+        takes = re.search(r"--takes (\d+)", line)
+        made = [desk / name] if not takes else [desk / f"{Path(name).stem}.{k}{Path(name).suffix}" for k in (1, int(takes[1]))]
+        assert all(path.stat().st_size > 100 for path in made)
+
+
+def test_the_readme_was_read():
+    """The commands above are there to be tested: a change of layout must not make them vanish."""
+    assert len(LINES) >= 10
+    assert any("generate" in line for line in commands(ROOT / "README.md"))
+
+
+@pytest.mark.parametrize("path", [path for path in PAGES if fences(path, "python")], ids=lambda path: path.name)
+def test_python_of_the_docs_runs(path, desk, monkeypatch):
+    code = "\n".join(fences(path, "python"))
+    if "import bpy" in code:
+        compile(code, path.name, "exec")
+        return  # Blender runs it: tests of export/bvh.py
+    monkeypatch.chdir(desk)
+    exec(compile(code, path.name, "exec"), {})
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_docs_name_no_machine(path):
+    assert re.findall(r"/(?:home|root|work|Users)/\w+", path.read_text("utf-8")) == []

@@ -19,9 +19,10 @@ from .gltf import GltfFile, checked
 from .tracks import Curve
 from .visemes import oculus_visemes, vrm_presets
 
-__all__ = ["Bind", "FaceRig", "read_face", "target_names"]
+__all__ = ["Bind", "FaceRig", "looks_turn_eyes", "read_face", "target_names"]
 
 _ENOUGH = 12  # ours: with fewer of ARKit's shapes, a full set of presets or visemes says more
+_HELD, _MOVED = 0.3, 1e-3  # ours: a vertex is an eyeball's if its bone holds that much of it; metres that a look moves it
 _SHORT = {name.replace("Left", "L").replace("Right", "R").lower(): name for name in ARKIT if name.endswith(("Left", "Right"))}
 _ARKIT = {name.lower(): name for name in ARKIT} | _SHORT
 _VRM0 = {
@@ -121,6 +122,24 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
         if oculus:
             return _rig(file, "Oculus", oculus + [b for b in arkit if b.driver.startswith(("eye", "brow"))])
         return _rig(file, "ARKit" if arkit else "", arkit)
+
+
+def looks_turn_eyes(file: GltfFile, face: FaceRig, eyes: set[int]) -> bool:
+    """Whether the shapes of looking turn the eyeballs themselves, so that eye bones (nodes ``eyes``) have to rest."""
+    with checked(file.name):
+        for bind in face.binds:
+            entry = file.list("nodes")[bind.node]
+            if not bind.driver.startswith(("eyeLook", "look")) or "skin" not in entry:
+                continue
+            joints = file.list("skins")[entry["skin"]]["joints"]
+            own = [k for k, joint in enumerate(joints) if joint in eyes]
+            for primitive in file.list("meshes")[entry["mesh"]]["primitives"]:
+                attributes, target = primitive["attributes"], primitive["targets"][bind.target]
+                on_eye = np.isin(file.accessor(attributes["JOINTS_0"], 4), own)
+                held = np.sum(file.accessor(attributes["WEIGHTS_0"], 4) * on_eye, 1) > _HELD
+                if np.any(np.abs(file.accessor(target["POSITION"], 3)[held]) > _MOVED):
+                    return True
+        return False
 
 
 def _rig(file: GltfFile, alphabet: str, binds: list[Bind]) -> FaceRig:

@@ -114,41 +114,58 @@ def character_document(character: Character) -> tuple[GltfBuilder, list[int], li
     inverse = builder.add(bind.reshape(-1, 16), "MAT4")
     builder.append("skins", {"name": "cospeech", "joints": joints, "inverseBindMatrices": inverse, "skeleton": 0})
     roots, faces = [armature], []
-    for part in character.parts:
-        mesh = _mesh(builder, part)
-        roots.append(builder.append("nodes", {"name": part.name, "mesh": mesh, "skin": 0}))
-        if part.morphs:
+    for name, parts in _meshes(character):
+        mesh = _mesh(builder, name, parts)
+        roots.append(builder.append("nodes", {"name": name, "mesh": mesh, "skin": 0}))
+        if parts[0].morphs:
             faces.append(roots[-1])
     builder.json["scenes"] = [{"name": "cospeech", "nodes": roots}]
     return builder, joints, faces
 
 
-def _mesh(builder: GltfBuilder, part: Part) -> int:
+def _meshes(character: Character) -> list[tuple[str, list[Part]]]:
+    """Two meshes: what has morph targets, so that animators find one set of shape keys, and what has none."""
+    moving = [part for part in character.parts if part.morphs]
+    still = [part for part in character.parts if not part.morphs]
+    return [(name, parts) for name, parts in (("face", moving), ("body", still)) if parts]
+
+
+def _mesh(builder: GltfBuilder, name: str, parts: list[Part]) -> int:
+    mesh: dict[str, Any] = {"name": name, "primitives": [_primitive(builder, part) for part in parts]}
+    if parts[0].morphs:
+        mesh |= {"weights": [0.0] * len(ARKIT), "extras": {"targetNames": list(ARKIT)}}
+    return builder.append("meshes", mesh)
+
+
+def _primitive(builder: GltfBuilder, part: Part) -> dict[str, Any]:
     small = np.uint16 if len(part.vertices) < 65535 else np.uint32
     attributes = {
         "POSITION": builder.add(part.vertices.astype(np.float32), "VEC3", target=_ARRAY, bounds=True),
-        "NORMAL": builder.add(part.normals.astype(np.float32), "VEC3", target=_ARRAY),
+        "NORMAL": builder.add(_unit(part.normals), "VEC3", target=_ARRAY),
         "JOINTS_0": builder.add(np.where(part.weights > 0, part.joints, 0).astype(np.uint8), "VEC4", target=_ARRAY),
         "WEIGHTS_0": builder.add(part.weights.astype(np.float32), "VEC4", target=_ARRAY),
     }
-    colour = np.asarray(part.colour, float)
-    if colour.ndim == 2:
-        rgba = np.concatenate([np.clip(colour, 0, 1), np.ones((len(colour), 1))], 1)
-        attributes["COLOR_0"] = builder.add(
-            np.round(rgba * 65535).astype(np.uint16), "VEC4", target=_ARRAY, normalized=True
-        )  # 16 bits: the values are linear, and 8 would band in the shadows
-    base = [1.0, 1.0, 1.0, 1.0] if colour.ndim == 2 else [*np.clip(colour, 0, 1).tolist(), 1.0]
-    surface = {"baseColorFactor": base, "metallicFactor": 0.0, "roughnessFactor": float(part.roughness)}
+    colour = np.clip(np.asarray(part.colour, float), 0, 1)
+    base = np.ones(3) if colour.ndim == 2 else colour
+    if colour.ndim == 2:  # 16 bits: the values are linear, and 8 would band in the shadows
+        rgba = np.concatenate([colour, np.ones((len(colour), 1))], 1)
+        fixed = np.round(rgba * 65535).astype(np.uint16)
+        attributes["COLOR_0"] = builder.add(fixed, "VEC4", target=_ARRAY, normalized=True)
+    surface = {"baseColorFactor": [*base.tolist(), 1.0], "metallicFactor": 0.0, "roughnessFactor": float(part.roughness)}
     primitive: dict[str, Any] = {
         "attributes": attributes,
         "indices": builder.add(part.triangles.astype(small).reshape(-1, 1), "SCALAR", target=_INDEX),
         "material": builder.append("materials", {"name": part.name, "pbrMetallicRoughness": surface}),
     }
-    mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
     if part.morphs:
         primitive["targets"] = _targets(builder, part.morphs, len(part.vertices))
-        mesh |= {"weights": [0.0] * len(ARKIT), "extras": {"targetNames": list(ARKIT)}}
-    return builder.append("meshes", mesh)
+    return primitive
+
+
+def _unit(normals: Array) -> Array:
+    """Normals of length 1, as the format demands to float32; where a surface has none, up."""
+    length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
+    return np.where(length > 1e-9, normals / np.maximum(length, 1e-9), (0.0, 1.0, 0.0)).astype(np.float32)
 
 
 def _targets(builder: GltfBuilder, morphs: Mapping[str, Array], vertices: int) -> list[dict[str, int]]:

@@ -69,7 +69,7 @@ class GltfBuilder:
             "values": {"bufferView": self.add_view(lambda: [values], len(values))},
         }
         entry = {"componentType": 5126, "count": len(array), "type": "VEC3", "sparse": sparse}
-        low, high = np.minimum(array.min(0), 0), np.maximum(array.max(0), 0)
+        low, high = array.min(0), array.max(0)
         return self.append("accessors", entry | {"min": low.tolist(), "max": high.tolist()})
 
     def add_view(self, blocks: Callable[[], Iterable[bytes]], size: int, target: int | None = None) -> int:

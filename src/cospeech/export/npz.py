@@ -102,7 +102,8 @@ def _write_header(out: io.BufferedIOBase, dtype: np.dtype, shape: tuple[int, ...
 def load(path: str | PathLike[str]) -> Motion:
     """Read SMPL-X motion of BEAT2's layout (or AMASS': ``mocap_framerate``), on the SMPL-X skeleton.
 
-    The face is our ``arkit`` key where there is one; else a moving jaw gives ``jawOpen``; else there is none.
+    The face is our ``arkit`` key where there is one; else a moving jaw gives ``jawOpen``; else there is none. Where there is
+    a face the jaw joint rests.
 
     Raises:
         InputError: not a zip of arrays, arrays that need pickle, missing or misshapen ``poses`` or ``trans``, members that
@@ -190,6 +191,8 @@ def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array 
     if face is None and np.abs(vectors[:, _JAW]).max(initial=0) > 0:
         face = np.zeros((frames, len(ARKIT)))
         face[:, ARKIT_INDEX["jawOpen"]] = np.clip(vectors[:, _JAW, 0] / _JAW_OPEN, 0, 1)
+    if face is not None:
+        vectors[:, _JAW] = 0  # it is in the face now; both together would open the mouth twice
     rotations = quat_continuous(rotvec_to_quat(vectors))
     root = trans.astype(np.float64) + _PELVIS
     return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=named_skeleton("smplx"))

@@ -1,8 +1,8 @@
 """From ARKit's 52 weights to the smaller alphabets of other characters: VRM's presets and Oculus' visemes.
 
-With ``A`` = how open the mouth is (jawOpen less mouthClose, over 0.6), ``R`` = how round (the larger of mouthPucker and
-mouthFunnel, over 0.7), ``W`` = how wide (mean of stretch and smile, less R, over 0.5), ``L`` = whether the lips are parted
-(the larger of A and of twice the upper and lower lips' mean lift), each held in 0 … 1:
+With ``A`` = how open the mouth is (jawOpen less mouthClose, over 0.4: speech seldom opens ARKit's jaw further), ``R`` = how
+round (the larger of mouthPucker and mouthFunnel, over 0.7), ``W`` = how wide (mean of stretch and smile over 0.5, less R),
+``L`` = whether the lips are parted (the larger of A and of twice the lips' mean lift), each held in 0 … 1:
 
     aa = (1−R)·A·(1−W)    ee = (1−R)·A·W    ih = (1−R)·(1−A)·W·L    oh = R·A    ou = R·(1−A)
 
@@ -20,14 +20,14 @@ from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 
 __all__ = ["arkit_from_presets", "oculus_visemes", "vrm_presets"]
 
-_OPEN, _ROUND, _WIDE, _PARTED = 0.6, 0.7, 0.5, 0.5  # ours, see above
+_OPEN, _ROUND, _WIDE, _PARTED = 0.4, 0.7, 0.5, 0.5  # ours, see above
 _FROM_PRESET = {
-    "aa": {"jawOpen": 0.6},
+    "aa": {"jawOpen": 0.4},
     "ih": {"jawOpen": 0.1, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5, "mouthLowerDownLeft": 0.3,
            "mouthLowerDownRight": 0.3},
     "ou": {"mouthPucker": 0.7, "jawOpen": 0.05},
-    "ee": {"jawOpen": 0.4, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5},
-    "oh": {"jawOpen": 0.5, "mouthFunnel": 0.7},
+    "ee": {"jawOpen": 0.3, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5},
+    "oh": {"jawOpen": 0.3, "mouthFunnel": 0.7},
     "blink": {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
     "blinkLeft": {"eyeBlinkLeft": 1.0},
     "blinkRight": {"eyeBlinkRight": 1.0},

@@ -14,8 +14,9 @@ from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array
 from ..skeleton import Skeleton
+from ..skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
-from .face_rig import FaceRig, read_face
+from .face_rig import FaceRig, looks_turn_eyes, read_face
 from .gltf import GltfFile, read_glb
 from .gltf_build import GltfBuilder
 from .rig import Rig, local_matrices, rotation_of
@@ -23,6 +24,8 @@ from .rig_find import read_rig
 from .tracks import Track, clock_of, read_animation
 
 __all__ = ["Avatar", "AvatarStage", "load_avatar"]
+
+_EYES = ("leftEye", "rightEye")
 
 
 def load_avatar(path: str | PathLike[str]) -> Avatar:
@@ -33,7 +36,9 @@ def load_avatar(path: str | PathLike[str]) -> Avatar:
     """
     file = read_glb(path)
     rig = read_rig(file)
-    return Avatar(Path(path), file, rig, read_face(file, eyes_are_bones="leftEye" in rig.bones))
+    face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
+    eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
+    return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +50,14 @@ class Avatar:
         file: what was read from it.
         rig: its body.
         face: what moves its face.
+        eyes_by_shapes: whether shapes turn its eyeballs; eye bones then rest, as both would turn them twice.
     """
 
     path: Path
     file: GltfFile
     rig: Rig
     face: FaceRig
+    eyes_by_shapes: bool
 
     @property
     def skeleton(self) -> Skeleton:
@@ -109,9 +116,13 @@ class AvatarStage:
         """(T, sum of the tracks' widths) for a piece of motion of any skeleton that is recognised."""
         rig, face = self.avatar.rig, self.avatar.face
         body = motion if motion.skeleton is rig.skeleton else motion.retarget(rig.skeleton)
-        rotations, translation = rig.local(body.rotations, body.root)
+        turned = np.array(body.rotations, np.float64)
+        if self.avatar.eyes_by_shapes and motion.face is not None:
+            eyes = [rig.bones[name] for name in _EYES if name in rig.bones]
+            turned[:, eyes] = rig.skeleton.rest[eyes]
+        rotations, translation = rig.local(turned, body.root)
         columns = [translation, rotations[:, self.joints].reshape(len(motion), -1)]
-        weights = face.weights(np.zeros((len(motion), 52)) if motion.face is None else motion.face)
+        weights = face.weights(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
         return np.concatenate([*columns, *weights.values()], 1)
 
 

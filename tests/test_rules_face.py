@@ -261,6 +261,10 @@ def test_graphemes(word, phones):
         assert got == tuple(phones.split())
 
 
+def test_what_is_no_word_is_cut_short():
+    assert len(graphemes_to_phones("pa" * 100_000)) == 64
+
+
 def test_every_phone_of_the_rules_has_a_mouth():
     letters = "abcdefghijklmnopqrstuvwxyz"
     words = [Word(a + b + c, 0, 1) for a in letters for b in letters for c in "aeyrt"]
@@ -333,7 +337,7 @@ def test_brows_rise_on_many_strong_accents_and_few_weak_ones():
         peaks = np.array([a.time for a in accents])
         return (accent_brows(peaks, accents, seed=7)[:, :3].max(1) > 0.1).mean()
 
-    assert 0.35 <= share(0.5) <= 0.6
+    assert 0.28 <= share(0.45) <= share(0.9) <= 0.55
     assert share(0.2) < 0.15
     single = accent_brows(np.arange(400) / 100, [Accent(2.0, 1.0)], seed=0)
     for seed in range(40):

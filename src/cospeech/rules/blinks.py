@@ -18,11 +18,12 @@ _WIDTHS = (0.060, 0.160)  # s; ours: no blink is kept that is faster or slower
 _CLOSE, _SHUT, _OPEN = 0.55, 0.20, 1.05  # in widths: half of closing and opening, and the time shut, add up to one width
 _TWICE = 0.10  # share of cells with two blinks, and of cells with none (ours: flurries and stares)
 _APART = 0.55  # s; a blink that an event asks for is dropped this close to one that is due anyway (ours)
-_AT_PHRASE_END, _AT_SHIFT = 0.40, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
+_AT_PHRASE_END, _AT_SHIFT = 0.32, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
+_HELD_BACK = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
 _LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
 _SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
 _PAIR = np.array([[0], [1]])
-_PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT = 5101 + _PAIR, 5103, 5104, 5105, 5107  # streams of the hash
+_PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT, _HOLD = 5101 + _PAIR, 5103, 5104, 5105, 5107, 5109  # streams of the hash
 
 
 def phrase_ends(heard: Heard) -> Array:
@@ -70,15 +71,18 @@ def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Seque
         rate: blinks per second that come without a cause; events add to them.
         shifts: (time in s, size in rad) of large gaze shifts.
     """
-    begin, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
+    due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
+    speaking = heard.at(due, heard.loudness) > _SPEAKING
+    kept = ~speaking | (hashed_uniform(seed, _HOLD, index) > _HELD_BACK)
+    begin, index = due[kept], index[kept]
     ends = phrase_ends(heard)
     if len(ends) and rate > 0:
-        more = _caused(seed, begin, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
+        more = _caused(seed, due, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     if len(shifts) and rate > 0:
         when, size = np.array(shifts, float).T
         chance = _AT_SHIFT * np.minimum(size / _LARGE_SHIFT, 1.0)
-        more = _caused(seed, begin, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
+        more = _caused(seed, due, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     near = (begin > times[0] - 0.5) & (begin < times[-1])
     begin, index = begin[near], index[near]

@@ -79,7 +79,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hashed_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
-    chance = np.where(strength < _STRONG, 0.06, 0.30 + 0.35 * strength)
+    chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength)
     knit = (which > 1 - _KNIT) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength)
     up = np.where(which < chance, size, 0.0)

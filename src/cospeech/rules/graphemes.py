@@ -90,6 +90,7 @@ _RULES = [  # (letters, phones, must match before, must match after); "#" and "$
     ("w", "", "", ""), *((letter, letter, "", "") for letter in "bdfklmnprtvz"),
 ]  # fmt: skip
 
+_LONGEST = 64  # letters; what is longer is no word, and must not take long
 _BY_LETTER: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
 for _letters, _phones, _before, _after in sorted(_RULES, key=lambda rule: -len(rule[0])):
     _compiled = (re.compile(f"(?:{_before})$"), re.compile(_after))
@@ -103,9 +104,10 @@ def _spell(word: str) -> list[str]:
         if at and word[at] == word[at - 1] and word[at] not in "aeiou":  # a doubled consonant sounds once
             at += 1
             continue
+        sofar = ("#" + word[:at])[-12:]
         for letters, sounds, before, after in _BY_LETTER.get(word[at], ()):
             # "#" stands before the word so that a left context can ask for its beginning
-            if word.startswith(letters, at) and after.match(word, at + len(letters)) and before.search("#" + word[:at]):
+            if word.startswith(letters, at) and after.match(word, at + len(letters)) and before.search(sofar):
                 phones += sounds
                 at += len(letters)
                 break
@@ -128,7 +130,7 @@ def graphemes_to_phones(word: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", word.casefold()).replace("’", "'")
     phones: list[str] = []
     for part in re.findall(r"[a-z']+|[0-9]", plain):
-        part = part.strip("'")
+        part = part.strip("'")[:_LONGEST]
         known = _WHOLE_WORDS.get(part)
         phones += known.split() if known else _spell(part.replace("'", ""))
     return tuple(phones)

@@ -28,6 +28,8 @@ _SIZE = (720, 720)  # ours: square shows arms spread wide and a face of 100 pixe
 _MOST_RATE = 60.0  # pictures per second; screens show no more
 _AUDIO_RATE = 48_000  # Hz; what every player expects beside video
 _AUDIO_BITS = 128_000  # bit/s; mono speech is transparent at this
+# the clock in which the film's length is written is fine enough for 24, 25, 30, 60 Hz and the sound; usually it is 1/1000 s
+_CONTAINER = {"movflags": "+faststart", "movie_timescale": "720000"}
 _THREADS = 2  # of the encoder; fixed, because the bytes it writes depend on it
 # CRF 20: no visible loss on this material; "veryfast" takes 2 ms a picture, less than a tenth of drawing it
 _ENCODERS = {
@@ -76,7 +78,7 @@ class Writer(MovingWriter):
             self._speech = open_speech(self.audio, rate=_AUDIO_RATE)
             self._sound = self._speech.blocks()
         # the name of the temporary file ends as the path's does, in upper case perhaps: hence the format by name
-        self._container = self._av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"})
+        self._container = self._av.open(str(temporary), "w", format="mp4", options=_CONTAINER)
         self._video = self._add_video()
         self._voice = None
         if self._speech is not None:
@@ -102,7 +104,7 @@ class Writer(MovingWriter):
             picture = np.pad(picture, [*odd, (0, 0)], mode="edge")
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
         frame = frame.reformat(format="yuv420p", dst_colorspace=1, dst_color_range=1)
-        frame.pts, frame.time_base = self.pictures, self._video.codec_context.time_base
+        frame.pts, frame.duration, frame.time_base = self.pictures, 1, self._video.codec_context.time_base
         self._container.mux(self._video.encode(frame))
         self._speak(Fraction(self.pictures + 1) * self._video.codec_context.time_base)
 

@@ -101,7 +101,7 @@ def voice_to_mouth(times: Array, heard: Heard) -> Voice:
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
     rows[_PAD:-_PAD] = _rows(heard)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
-    at = np.minimum(np.maximum(times * RATE - (heard.start - _PAD), 0), len(rows) - 1)
+    at: Array = np.clip(np.asarray(times, float) * RATE - (heard.start - _PAD), 0.0, len(rows) - 1.0)
     now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, len(_SPEAK) - 1)
     talking = _filtered(rows[:, 8:9], at, _SLOW, len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))

@@ -7,6 +7,7 @@ off smoothly and there is no state to carry through a stream.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..rotations import Array
 
@@ -16,7 +17,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele, Lea & Flood 2014)
 _MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 
 
-def _hash(seed: int, stream: Array, index: Array) -> Array:
+def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
     with np.errstate(over="ignore"):
         x = np.asarray(index).astype(np.int64).astype(np.uint64) * _GOLDEN
         x = x + np.asarray(stream).astype(np.uint64) * _MIX_A + np.uint64(seed & 0xFFFFFFFFFFFFFFFF) * _MIX_B
@@ -25,12 +26,12 @@ def _hash(seed: int, stream: Array, index: Array) -> Array:
         return x ^ (x >> np.uint64(31))
 
 
-def hashed_uniform(seed: int, stream: Array | int, index: Array | int) -> Array:
+def hashed_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     """Uniform values in (0, 1) that depend on nothing but ``(seed, stream, index)``; arguments broadcast."""
     return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
 
 
-def hashed_normal(seed: int, stream: Array | int, index: Array | int) -> Array:
+def hashed_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     """Unit normal values (approximate: a sum of three uniforms) from the same hash; |value| < 3."""
     stream, index = np.asarray(stream), np.asarray(index)
     draws = np.arange(1000003, 1000006).reshape(-1, *[1] * max(stream.ndim, index.ndim))

@@ -176,7 +176,8 @@ BAD = [
     ("generate talk.wav -o a.bvh --intensity inf", "intensity inf"),
     ("generate talk.wav -o a.bvh --temperature -1", "temperature -1"),
     ("generate talk.wav -o a.bvh --transcript nothing.srt", "nothing.srt"),
-    ("generate talk.wav -o a.bvh --transcript text.xyz", "text.xyz"),
+    ("generate talk.wav -o a.bvh --transcript bad.TextGrid", "bad.TextGrid"),
+    ("generate talk.wav -o a.bvh --transcript .", "folder"),
     ("generate talk.wav -o a.glb --avatar nothing.vrm", "nothing.vrm"),
     ("generate talk.wav -o a.bvh --avatar text.wav", "avatar"),
     ("generate talk.wav -o a.glb --avatar text.wav", "text.wav"),
@@ -211,6 +212,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, said):
     (place / "empty.wav").touch()
     (place / "text.wav").write_text("this is not sound\n" * 100)
     (place / "text.xyz").write_text("hello")
+    (place / "bad.TextGrid").write_text('File type = "ooTextFile"\nObject class = "TextGrid"\nxmin = zero\n')
     (place / "bad.mp4").write_bytes(b"\x00" * 100)
     (place / "bad.bvh").write_text("HIERARCHY\nROOT Hips\n{\n")
     (place / "folder.bvh").mkdir()

@@ -86,24 +86,24 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     assert list(out.iterdir()) == []
 
 
+def read_terminal(handle: int) -> bytes:
+    """What was written; nothing once the other end is closed, which Linux calls an input error."""
+    try:
+        return os.read(handle, 4096)
+    except OSError:
+        return b""
+
+
 def test_a_terminal_sees_progress_and_a_file_does_not(tmp_path, long_speech):
     """On a terminal a bar appears after a second; not in a pipe, and never on stdout."""
     command = [*COSPEECH, "generate", str(long_speech), "-o", str(tmp_path / "a.bvh")]
     ours, theirs = pty.openpty()
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm"})
-    os.close(theirs)
-    seen = b""
-    while True:
-        try:
-            piece = os.read(ours, 4096)
-        except OSError:  # the other end is closed: Linux says EIO
-            break
-        if not piece:
-            break
-        seen += piece
-    out = process.stdout.read()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm"}) as process:
+        os.close(theirs)
+        seen = b"".join(iter(lambda: read_terminal(ours), b""))
+        out = process.stdout.read()
     os.close(ours)
-    assert process.wait() == 0
+    assert process.returncode == 0
     assert b"generating" in seen
     assert b"generating" not in out
     assert b"a.bvh" in out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from inspect import getdoc
 
@@ -17,14 +17,19 @@ def _first_line(thing: object) -> str:
     return (getdoc(thing) or "").partition("\n")[0].rstrip(".")
 
 
-def _models() -> list[Row]:
-    from .models import MODELS
-
+def _registered(registry: Mapping[str, str]) -> list[Row]:
+    """Rows of a registry of ``module:name``, described by the first line of the docstrings."""
     rows = []
-    for name, where in MODELS.items():
+    for name, where in registry.items():
         module, _, attribute = where.partition(":")
         rows.append({"name": name, "what": _first_line(getattr(import_module(module), attribute))})
     return rows
+
+
+def _models() -> list[Row]:
+    from .models import MODELS
+
+    return _registered(MODELS)
 
 
 def _styles() -> list[Row]:
@@ -57,9 +62,9 @@ def _skeletons() -> list[Row]:
 
 
 def _metrics() -> list[Row]:
-    from . import metrics
+    from .metrics import METRICS
 
-    return [{"name": name, "what": _first_line(function)} for name, function in metrics.METRICS.items()]
+    return _registered(METRICS)
 
 
 def _corpora() -> list[Row]:

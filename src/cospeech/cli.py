@@ -51,8 +51,22 @@ app = typer.Typer(
 )
 
 
-def _option(*flags: str, help: str, metavar: str | None = None) -> Any:
-    return Option(*flags, help=help, metavar=metavar)
+def _option(*flags: str, help: str, metavar: str | None = None, parser: Callable[[str], Any] | None = None) -> Any:
+    return Option(*flags, help=help, metavar=metavar, parser=parser)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number") from None
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a whole number") from None
 
 
 Audio = Annotated[
@@ -86,10 +100,19 @@ Transcript = Annotated[
     Path | None,
     _option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
 ]
-Seed = Annotated[int, _option("--seed", help="Another seed, another performance; the same seed, the same bytes.")]
-Takes = Annotated[int, _option("--takes", help="Write so many takes: talk.1.bvh, talk.2.bvh …")]
-Temperature = Annotated[float, _option("--temperature", help="How far choices stray from the likeliest, 0 … 2.")]
-Intensity = Annotated[float, _option("--intensity", help="Size of the motion, 0 … 2.")]
+Seed = Annotated[
+    int,
+    _option(
+        "--seed", metavar="NUMBER", parser=_whole, help="Another seed, another performance; the same seed, the same bytes."
+    ),
+]
+Takes = Annotated[
+    int, _option("--takes", metavar="NUMBER", parser=_whole, help="Write so many takes: talk.1.bvh, talk.2.bvh …")
+]
+Temperature = Annotated[
+    float, _option("--temperature", metavar="NUMBER", parser=_number, help="How far choices stray from the likeliest, 0 … 2.")
+]
+Intensity = Annotated[float, _option("--intensity", metavar="NUMBER", parser=_number, help="Size of the motion, 0 … 2.")]
 Parts = Annotated[str, _option("--parts", metavar="LIST", help="What moves.")]
 Skeleton = Annotated[str, _option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]
 Retarget = Annotated[str | None, _option("--skeleton", metavar="NAME", help="Retarget; see `cospeech list skeletons`.")]
@@ -97,11 +120,9 @@ Map = Annotated[
     Path | None,
     _option("--map", metavar="FILE", help="TOML: which joint of MOTION is which of ours, where that is not recognised."),
 ]
-Fps = Annotated[float, _option("--fps", help="Frames per second, 1 … 240.")]
-NewFps = Annotated[float | None, _option("--fps", help="Resample to this rate.")]
-Avatar = Annotated[
-    Path | None, _option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")
-]
+Fps = Annotated[float, _option("--fps", metavar="NUMBER", parser=_number, help="Frames per second, 1 … 240.")]
+NewFps = Annotated[float | None, _option("--fps", metavar="NUMBER", parser=_number, help="Resample to this rate.")]
+Avatar = Annotated[Path | None, _option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")]
 Drawn = Annotated[Path | None, _option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
 ReportFile = Annotated[Path | None, _option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
 Folder = Annotated[Path, _option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
@@ -247,7 +268,9 @@ def demo(
 
 @app.command()
 def bench(
-    seconds: Annotated[float, _option("--seconds", help="Length of the speech that is timed.")] = 60.0,
+    seconds: Annotated[
+        float, _option("--seconds", metavar="NUMBER", parser=_number, help="Length of the speech that is timed.")
+    ] = 60.0,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:

@@ -8,4 +8,10 @@ from .beat_lift import BeatLift, beat_lift
 from .movement import Track, movement_statistics
 from .movement_reference import REFERENCE, Row
 
-__all__ = ["REFERENCE", "BeatLift", "Row", "Track", "beat_lift", "movement_statistics"]
+__all__ = ["METRICS", "REFERENCE", "BeatLift", "Row", "Track", "beat_lift", "movement_statistics"]
+
+METRICS: dict[str, str] = {
+    "movement": "cospeech.metrics.movement:movement_statistics",
+    "beat_lift": "cospeech.metrics.beat_lift:beat_lift",
+}
+"""Name → ``module:function``; `cospeech list metrics` and the documentation iterate over it."""

@@ -29,7 +29,7 @@ _JAW_LATER = 2  # rows; so the jaw lags by 29 ms (motion.md: 26–32 ms after lo
 _BEFORE, _AFTER = 8, 10  # rows: lips part this long before sound and stay this long after it (plus the filter's rise)
 _DIP = 12  # rows to both sides among which a dip of the energy is one closure
 _PAD = 50  # rows of silence beyond the window
-_ROWS = np.arange(32)
+_ROWS = np.arange(32.0)
 _SPEAK = _ROWS * np.exp(-_ROWS / (_TAU * RATE))
 _SPEAK = _SPEAK[::-1] / _SPEAK.sum()
 _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether somebody is talking here
@@ -101,7 +101,7 @@ def voice_to_mouth(times: Array, heard: Heard) -> Voice:
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
     rows[_PAD:-_PAD] = _rows(heard)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
-    at: Array = np.clip(np.asarray(times, float) * RATE - (heard.start - _PAD), 0.0, len(rows) - 1.0)
+    at = np.clip(np.asarray(times, float) * RATE - (heard.start - _PAD), 0.0, len(rows) - 1.0)
     now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, len(_SPEAK) - 1)
     talking = _filtered(rows[:, 8:9], at, _SLOW, len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))

@@ -21,7 +21,7 @@ MOUTH = (
 """Columns of `Mouth.shape`: ARKit names without side."""
 
 # The 15 visemes of the Oculus lip-sync set (without silence) → weights of MOUTH, then the share of the mouth that each
-# claims for jaw and for lips, and how much it closes the lips. Jaw openings: ours, fitted by least squares to 400 clips of
+# claims for jaw and for lips, and how much it closes the lips. Jaw openings: ours, fitted by least squares to 300 clips of
 # the GRID corpus tracked by MediaPipe, scaled so that jawOpen has the range of motion.md; the rest: ours, by eye.
 _VISEMES = {
     #     jaw  fun  puc  str  smi  low  upp  rol  shr  ton   jaw' lips' closed

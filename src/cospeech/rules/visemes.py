@@ -21,8 +21,8 @@ MOUTH = (
 """Columns of `Mouth.shape`: ARKit names without side."""
 
 # The 15 visemes of the Oculus lip-sync set (without silence) → weights of MOUTH, then the share of the mouth that each
-# claims for jaw and for lips, and how much it closes the lips. Jaw openings: ours, fitted by least squares to 300 clips of
-# the GRID corpus tracked by MediaPipe, scaled so that jawOpen has the range of motion.md; the rest: ours, by eye.
+# claims for jaw and for lips, and how much it closes the lips. Jaw openings: ours, a least-squares fit to 300 clips of the
+# GRID corpus (one speaker, tracked by MediaPipe) as the start, evened out by hand; the rest: ours, by eye.
 _VISEMES = {
     #     jaw  fun  puc  str  smi  low  upp  rol  shr  ton   jaw' lips' closed
     "PP": (.03, .00, .00, .00, .00, .00, .00, .10, .08, .00, 1.2, 0.3, 1.0),

@@ -13,6 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 LAYERS = [
     {"errors", "_decode"},
     {"files", "rotations", "skeletons"},
+    {"decoding"},
     {"skeleton", "speech"},
     {"motion", "features", "recognise_shape"},
     {"recognise", "tpose", "alignment"},

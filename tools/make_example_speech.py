@@ -1,10 +1,10 @@
-"""Makes the example speech of the package: a monologue spoken by Flite's voice "slt", with the word times that Flite itself used.
+"""Makes the example speech of the package: a monologue by Flite's voice "slt", with the word times that Flite itself used.
 
     apt install libflite1        # Debian, Ubuntu; any build of Flite with the cmu_us_slt voice does
     python tools/make_example_speech.py
 
-writes example.ogg and example.TextGrid into src/cospeech/assets/example. Each sentence is one utterance with a pace and a pitch of
-its own, so that the monologue is livelier than Flite makes it; the pauses between them are set here.
+writes example.ogg, .TextGrid and .txt into src/cospeech/assets/example. Each sentence is one utterance with a pace and a pitch
+of its own, so that the monologue is livelier than Flite makes it; the pauses between them are set here.
 """
 
 import argparse
@@ -96,7 +96,7 @@ class Flite:
         return samples, words
 
     def _words(self, utterance: int) -> list[tuple[str, float, float]]:
-        """From the segments: each knows its end, and through its syllable its word and token. "I'm" is one token of two words."""
+        """From the segments: each knows its end and, through its syllable, its token ("I'm" is one token of two words)."""
         words: list[tuple[str, float, float]] = []
         segment = self.lib.relation_head(self.lib.utt_relation(utterance, b"Segment"))
         start, before = 0.0, None
@@ -150,8 +150,9 @@ def textgrid(words: list[tuple[str, float, float]], seconds: float) -> str:
         if text:
             intervals.append((start, end, text))
         at = end
-    head = f'File type = "ooTextFile"\nObject class = "TextGrid"\n\nxmin = 0\nxmax = {seconds:.4f}\ntiers? <exists>\nsize = 1\n'
-    tier = f'item []:\n    item [1]:\n        class = "IntervalTier"\n        name = "words"\n        xmin = 0\n        xmax = {seconds:.4f}\n'
+    span = f"xmin = 0\n{{}}xmax = {seconds:.4f}\n"
+    head = f'File type = "ooTextFile"\nObject class = "TextGrid"\n\n{span.format("")}tiers? <exists>\nsize = 1\n'
+    tier = f'item []:\n    item [1]:\n{" " * 8}class = "IntervalTier"\n{" " * 8}name = "words"\n{" " * 8}{span.format(" " * 8)}'
     body = "".join(
         f'        intervals [{i}]:\n            xmin = {start:.4f}\n            xmax = {end:.4f}\n            text = "{text}"\n'
         for i, (start, end, text) in enumerate(intervals, 1)

@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .alignment import align, bare, spread, tokenise
+from .decoding import regular_file
 from .errors import InputError
 from .files import describe_os_error
-from .speech import Word, regular_file
+from .speech import Word
 
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource

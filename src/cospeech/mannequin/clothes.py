@@ -19,9 +19,9 @@ LEG = 18  # points around a trouser leg
 
 # (y, half width, half depth, centre z) of the sweater, metres; ours, inside the gesture engine's volume of a slim adult
 SWEATER_COLUMN = (
-    (0.86, 0.166, 0.119, -0.010),
-    (0.92, 0.166, 0.119, -0.008),
-    (0.96, 0.161, 0.115, -0.006),
+    (0.86, 0.173, 0.121, -0.010),
+    (0.92, 0.171, 0.120, -0.008),
+    (0.96, 0.164, 0.116, -0.006),
     (1.02, 0.149, 0.106, -0.003),
     (1.08, 0.143, 0.102, -0.002),
     (1.15, 0.146, 0.105, -0.004),
@@ -40,7 +40,7 @@ def torso_solid() -> Solid:
     parts = [column(SWEATER_COLUMN, 2.25)]
     for sign in (1, -1):
         neck, shoulder = np.array([sign * 0.032, 1.426, -0.026]), joint("leftUpperArm") * [sign, 1, 1]
-        parts.append(capsule(neck, shoulder + [sign * -0.022, -0.008, 0.002], 0.030, 0.044))
+        parts.append(capsule(neck, shoulder + [sign * -0.026, -0.012, 0.002], 0.030, 0.041))
         parts.append(capsule([sign * 0.058, 0.905, -0.050], [sign * 0.062, 0.86, -0.046], 0.078, 0.074))
         parts.append(capsule([sign * 0.062, 1.285, 0.028], [sign * 0.085, 1.31, 0.02], 0.058, 0.052))
         parts.append(capsule([sign * 0.085, 1.32, -0.055], [sign * 0.075, 1.24, -0.050], 0.052, 0.050))
@@ -53,7 +53,7 @@ def sleeve_solid(sign: int) -> Solid:
     upper, lower = elbow - shoulder, hand - elbow
     return union(
         0.03,
-        capsule(shoulder + [-sign * 0.010, -0.010, 0], shoulder + 0.30 * upper, 0.051, 0.052),
+        capsule(shoulder + [-sign * 0.012, -0.016, 0], shoulder + 0.30 * upper, 0.047, 0.0525),
         capsule(shoulder + 0.3 * upper, elbow, 0.051, 0.043),
         capsule(elbow, elbow + 0.35 * lower, 0.043, 0.042),
         capsule(elbow + 0.3 * lower, hand - 0.06 * lower, 0.042, 0.0345),
@@ -106,8 +106,11 @@ def sweater() -> Part:
     free[labels["soft"]] = True
     free[[*rows[-1], *rows[6]]] = False
     net.relax(solid, free, 40)
+    shoulder = free & (np.abs(net.points[:, 0]) > 0.085) & (np.abs(net.points[:, 0]) < 0.235) & (net.points[:, 1] > 1.335)
+    net.soften(shoulder, 2, 0.45)
+    first_edge = len(net.points)
     _finish_edges(net, rows, tails)
-    return _dress(net, solid, labels)
+    return _dress(net, solid, labels, first_edge)
 
 
 def _grow_sleeve(net: Net, loop: list[int], sign: int, arm: Solid, labels: dict[str, list[int]]) -> list[int]:
@@ -153,7 +156,7 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
         return net.add(centre + (points - centre) * grow + lift)
 
     down = np.array([0, -1.0, 0])
-    steps = ((1.012, 0.010), (1.015, 0.030), (0.995, 0.038), (0.94, 0.036))
+    steps = ((1.010, 0.003), (1.020, 0.016), (1.018, 0.034), (1.0, 0.040), (0.95, 0.037))
     previous = rows[0]
     for grow, drop in steps:
         ids = ringed(net.points[rows[0]], grow, drop * down)
@@ -187,7 +190,7 @@ def spine_weights(y: Array) -> dict[str, Array]:
     return {n: above[k] * (1 - above[k + 1]) for k, n in enumerate(names)}
 
 
-def _dress(net: Net, solid: Solid, labels: dict[str, list[int]]) -> Part:
+def _dress(net: Net, solid: Solid, labels: dict[str, list[int]], first_edge: int) -> Part:
     """Weights, normals and colour of the sweater."""
     p = net.points
     count = len(p)
@@ -209,7 +212,8 @@ def _dress(net: Net, solid: Solid, labels: dict[str, list[int]]) -> Part:
         weights[mine] = limb_weights(p[mine], side)
     free = (np.abs(p[:, 0]) < 0.26) & (p[:, 1] > 1.17)
     weights = net.diffuse(weights, 14, free)
-    colour = np.tile(srgb("5f8f9b"), (count, 1))
+    colour = np.tile(srgb("5c8f9c"), (count, 1))
+    colour[first_edge:] = srgb("4a7885")  # ribbed hem, collar and cuffs
     return make_part("sweater", net, net.shade(solid, 0.0), weights, colour, 0.9, posed=True)
 
 
@@ -239,7 +243,7 @@ def leg_solid(sign: int) -> Solid:
     hip, knee, ankle = (joint(n) * [sign, 1, 1] for n in ("leftUpperLeg", "leftLowerLeg", "leftFoot"))
     return union(
         0.04,
-        capsule(hip + [-sign * 0.007, -0.03, -0.004], knee + [0, 0, 0.004], 0.084, 0.061),
+        capsule(hip + [-sign * 0.007, -0.03, -0.004], knee + [0, 0, 0.004], 0.081, 0.061),
         capsule(knee + [0, 0, 0.004], ankle + [0, 0.035, -0.004], 0.060, 0.053),
         capsule(knee + [0, -0.07, -0.012], ankle + [0, 0.20, -0.014], 0.054, 0.052),
     )

@@ -68,7 +68,7 @@ def brow_line(t: Array) -> tuple[Array, Array, Array]:
     """Centre (x, y) and half height of the left brow over t = 0 (nose) … 1 (temple)."""
     x = 0.0125 + 0.0375 * t
     y = 0.1068 + 0.0050 * np.sin(np.pi * np.minimum(t * 0.80, 1)) - 0.0042 * t**3
-    half = 0.0041 * (1 - 0.30 * t) * np.minimum(1, (t + 0.06) * 8) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
+    half = 0.0041 * (1 - 0.30 * t) * np.minimum(1, (t + 0.012) * 7) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
     return x, y, half
 
 
@@ -161,7 +161,7 @@ def hair() -> Piece:
     net.tube(ids[::-1])
     top = np.array([0, 1.0, 0]) + crown * 0.8
     top /= np.linalg.norm(top)
-    peak = land(solid, (SKULL + 0.25 * top)[None], -top[None])[0] + 0.015 * top
+    peak = land(solid, (SKULL + 0.25 * top)[None], -top[None])[0] + 0.0185 * top
     net.cap(ids[0], peak)
     normals = net.shade(solid, 0.15)
     colour = HAIR * np.concatenate([*tint, [1.0]])[:, None]
@@ -175,9 +175,11 @@ def _volume(a: Array, t: float) -> tuple[Array, Array]:
     sweep = np.exp(-(((a + 0.15) / 0.55) ** 2)) * np.exp(-(((t - 0.80) / 0.22) ** 2))
     part = np.exp(-(((a - 0.55 + 0.15 * t) / 0.10) ** 2)) * smoothstep(0.2, 0.6, np.full_like(a, t))
     round_ = np.sqrt(np.clip(1 - t**6, 0, 1))
+    off = smoothstep(0.0, 0.40, np.full_like(a, t))  # of the crown, where all azimuths meet
+    front, side = front * off, side * off
     thick = 0.0085 + 0.0105 * (1 - t) + 0.007 * front * round_ + 0.009 * sweep - 0.0025 * side * t - 0.0050 * part
     strand = np.sin(15 * a + 3.0 * t + 1.2 * np.sin(3 * a)) + 0.6 * np.sin(27 * a - 2.0 * t)
-    return thick * (0.55 + 0.45 * round_) + 0.00065 * strand * smoothstep(0.1, 0.5, np.full_like(a, t)), 1 + 0.16 * strand / 1.6
+    return thick * (0.55 + 0.45 * round_) + 0.0008 * strand * off, 1 + 0.20 * strand * off / 1.6
 
 
 def _arc(angle: Array, width: float, depth: float, front: float) -> Array:

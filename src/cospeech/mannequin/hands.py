@@ -24,10 +24,10 @@ RADII = {  # metres at knuckle, middle joint, last joint, tip; ours, after adult
     "Middle": (0.0109, 0.0096, 0.0085, 0.0072),
     "Ring": (0.0104, 0.0091, 0.0081, 0.0068),
     "Little": (0.0092, 0.0080, 0.0071, 0.0061),
-    "Thumb": (0.0150, 0.0122, 0.0105, 0.0076),
+    "Thumb": (0.0170, 0.0126, 0.0105, 0.0076),
 }
 AROUND = np.radians([45, 0, -45, -90, -135, 180, 135, 90])  # of a finger's points, from its back towards the thumb
-WEB = 0.019  # metres from a knuckle to where the fingers part; ours
+WEB = np.array([0.0190, 0.0200, 0.0185, 0.0140])  # metres from each knuckle to where the fingers part; ours
 
 
 def _at(name: str) -> Array:
@@ -65,11 +65,6 @@ def _palm() -> Solid:
     return cut(0.012, union(0.016, wrist, *rays, thenar, heel, pads), hollow)
 
 
-def _thumb_base() -> Solid:
-    chain = _chain("Thumb")
-    return union(0.014, _digit("Thumb"), capsule((0.040, -0.006, 0.022), chain[1] - [0.004, 0, 0.004], 0.010, 0.0100))
-
-
 def _around_wrist(x: float, radii: tuple[float, float]) -> Array:
     """20 points: back of the hand from the index to the little side, the edge, the palm back again, the thumb's edge."""
     across = np.linspace(0.94, -0.94, 9)
@@ -82,23 +77,23 @@ def _around_wrist(x: float, radii: tuple[float, float]) -> Array:
 
 def _last_row() -> tuple[Array, Array]:
     """The palm's last 20 points, just before the fingers part, and the three web points between fingers."""
-    chains = [_chain(f) for f in FINGERS]
-    knuckles = np.array([c[0] for c in chains])
-    borders = [knuckles[0] + [0, 0, 0.010], *(0.5 * (knuckles[:-1] + knuckles[1:])), knuckles[3] - [0, 0, 0.009]]
+    knuckles = np.array([_chain(f)[0] for f in FINGERS])
+    ends = knuckles + WEB[:, None] * [1, 0, 0]
+    borders = [ends[0] + [0, 0, 0.0102], *(0.5 * (ends[:-1] + ends[1:]) - [0.001, 0, 0]), ends[3] - [0, 0, 0.0090]]
     rows = {1: [], -1: []}
     for side in (1, -1):
         for k in range(4):
-            rows[side] += [borders[k] + [WEB, side * 0.007, 0], knuckles[k] + [WEB + 0.001, side * 0.0095, 0]]
-        rows[side].append(borders[4] + [WEB, side * 0.006, 0])
-    edges = [borders[4] + [WEB, 0, -0.001], borders[0] + [WEB, 0, 0.001]]
-    webs = np.array([b + [WEB - 0.002, -0.001, 0] for b in borders[1:4]])
+            rows[side] += [borders[k] + [0, side * 0.007, 0], ends[k] + [0.001, side * 0.0095, 0]]
+        rows[side].append(borders[4] + [0, side * 0.006, 0])
+    edges = [borders[4] + [0, 0, -0.001], borders[0] + [0, 0, 0.001]]
+    webs = np.array([b - [0.002, 0.001, 0] for b in borders[1:4]])
     return np.concatenate([rows[1], edges[:1], rows[-1][::-1], edges[1:]]), webs
 
 
 def _stations(finger: str) -> list[tuple[float, int]]:
     """Where rings sit on a finger: (share of the way, bone)."""
     if finger == "Thumb":
-        return [(0.72, 0), (0.90, 0), (0.08, 1), (0.30, 1), (0.60, 1), (0.84, 1), (0.99, 1), (0.20, 2), (0.50, 2), (0.78, 2), (0.93, 2)]
+        return [(0.66, 0), (0.86, 0), (0.05, 1), (0.30, 1), (0.60, 1), (0.84, 1), (0.99, 1), (0.20, 2), (0.50, 2), (0.78, 2), (0.93, 2)]
     return [(0.64, 0), (0.84, 0), (0.985, 0), (0.16, 1), (0.46, 1), (0.76, 1), (0.98, 1), (0.22, 2), (0.52, 2), (0.78, 2), (0.93, 2)]
 
 
@@ -125,7 +120,8 @@ def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
 
 def _left() -> Part:
     palm, digits = _palm(), {f: _digit(f) for f in (*FINGERS, "Thumb")}
-    whole = union(0.010, palm, _thumb_base(), *(digits[f] for f in FINGERS))
+    whole = union(0.010, union(0.016, palm, digits["Thumb"]), *(digits[f] for f in FINGERS))
+    trunk = union(0.010, palm, *(digits[f] for f in FINGERS))
     net = Net()
     last, webs = _last_row()
     start = _around_wrist(-0.045, (0.021, 0.027))
@@ -142,14 +138,16 @@ def _left() -> Part:
         front = [rows[-1][18 - 2 * k - j] for j in (2, 1, 0)]
         base = [*back, edge[k + 1], *front, edge[k]]
         fingers[finger] = _grow(net, base, finger, digits[finger])
-    fingers["Thumb"] = _grow(net, loop, "Thumb", _thumb_base())
-    soft += fingers["Thumb"][:8]
+    fingers["Thumb"] = _grow(net, loop, "Thumb", digits["Thumb"])
     used = {i for f in net.faces for i in f}
     free = np.zeros(len(net.points), bool)
     free[[i for i in soft if i in used]] = True
     free[[*rows[-1], *web]] = False
     net.points[rows[-1]] = settle(whole, net.points[rows[-1]], 8)
-    net.relax(whole, free, 30)
+    net.relax(trunk, free, 30)
+    seam = np.zeros(len(net.points), bool)
+    seam[[*loop, *fingers["Thumb"][:8]]] = True
+    net.soften(seam, 3)
     return _finish(net, whole, rows, web, fingers)
 
 
@@ -213,8 +211,8 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
     weights /= weights.sum(1, keepdims=True)
     soft = np.zeros(len(p), bool)
     soft[[i for row in rows for i in row] + web + fingers["Thumb"][:16]] = True
-    weights = net.diffuse(weights, 4, soft)
-    normals = net.shade(whole, 0.0)
+    weights = net.diffuse(weights, 6, soft)
+    normals = net.shade(whole, 0.35)
     colour = _tint(p, fingers, normals)
     net.points = p + humanoid().tpose[index["leftHand"]]
     return make_part("leftHand", net, normals, weights, colour, 0.65)

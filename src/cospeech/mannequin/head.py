@@ -40,7 +40,7 @@ def head_solid(lids: bool = True) -> Solid:
     cheeks = [ellipsoid((s * 0.040, 0.048, 0.056), (0.020, 0.020, 0.022)) for s in both]
     muzzle = ellipsoid((0, 0.020, 0.070), (0.030, 0.028, 0.0265))
     chin = ellipsoid((0, -0.0105, 0.077), (0.017, 0.0130, 0.0150))
-    neck = capsule((0, -0.16, -0.012), (0, 0.030, -0.016), 0.0500, 0.0455, (1, 1, 1.04))
+    neck = capsule((0, -0.16, -0.012), (0, 0.030, -0.016), 0.0480, 0.0432, (1, 1, 1.06))
     mass = union(0.030, skull, face, forehead, *cheeks)
     mass = union(0.024, mass, *jaw, chin, muzzle)
     mass = union(0.030, mass, neck)
@@ -48,12 +48,12 @@ def head_solid(lids: bool = True) -> Solid:
     mass = union(0.018, mass, *brows)
     sockets = [ellipsoid((s * 0.032, 0.083, 0.0985), (0.0185, 0.0125, 0.0165)) for s in both]
     mass = cut(0.014, mass, *sockets)
-    bridge = capsule((0, 0.094, 0.0815), (0, 0.053, 0.1040), 0.0068, 0.0078)
-    tip = ellipsoid((0, 0.0505, 0.1065), (0.0092, 0.0080, 0.0092))
-    wings = [ellipsoid((s * 0.0105, 0.0475, 0.0960), (0.0068, 0.0066, 0.0090)) for s in both]
-    mass = union(0.010, mass, union(0.009, bridge, tip, *wings))
-    nostrils = [ellipsoid((s * 0.0062, 0.0408, 0.1010), (0.0030, 0.0030, 0.0045)) for s in both]
-    mass = cut(0.004, mass, *nostrils)
+    bridge = capsule((0, 0.096, 0.0800), (0, 0.054, 0.1035), 0.0072, 0.0082)
+    tip = ellipsoid((0, 0.0500, 0.1060), (0.0094, 0.0088, 0.0098))
+    wings = [ellipsoid((s * 0.0108, 0.0480, 0.0955), (0.0066, 0.0070, 0.0090)) for s in both]
+    mass = union(0.015, mass, union(0.012, bridge, tip, *wings))
+    nostrils = [ellipsoid((s * 0.0064, 0.0400, 0.1000), (0.0030, 0.0026, 0.0042)) for s in both]
+    mass = cut(0.005, mass, *nostrils)
     philtrum = capsule((0, 0.037, 0.1025), (0, 0.026, 0.1035), 0.0035, 0.0035)
     mass = cut(0.006, mass, philtrum)
     if lids:
@@ -146,7 +146,7 @@ def _mouth(net: Net, solid: Solid) -> MouthRings:
 
 
 # rings of an eye: distance from the edge of the lid in metres, and how the ring is placed
-LID_RINGS = (-0.0022, 0.0, 0.0002, 0.0011, 0.0030, 0.0058, 0.0092)
+LID_RINGS = (-0.0022, 0.0, 0.0004, 0.0013, 0.0030, 0.0058, 0.0092)
 
 
 def eye_opening(s: Array, upper: Array) -> tuple[Array, Array]:
@@ -154,7 +154,7 @@ def eye_opening(s: Array, upper: Array) -> tuple[Array, Array]:
     round_ = np.maximum(1 - s**2, 0)
     x = 0.0145 * s
     middle = -0.0012 + 0.0016 * (s + 1) / 2
-    top = 0.0071 * round_**0.60 * (1 - 0.10 * s)
+    top = 0.0067 * round_**0.60 * (1 - 0.10 * s)
     low = -0.0064 * round_**0.72 * (1 + 0.12 * s)
     return x, middle + np.where(upper, top, low)
 
@@ -199,6 +199,8 @@ def _spacing(p: Array) -> Array:
     base = 0.019 - 0.0095 * front
     nose = np.exp(-((p[:, 0] / 0.020) ** 2) - ((p[:, 1] - 0.052) / 0.020) ** 2) * (p[:, 2] > 0.07)
     mouth = np.exp(-((p[:, 0] / 0.040) ** 2) - ((p[:, 1] - 0.015) / 0.028) ** 2) * (p[:, 2] > 0.03)
+    jaw = np.exp(-(((p[:, 1] + 0.004) / 0.034) ** 2)) * (p[:, 2] > -0.035)
+    base = np.minimum(base, 0.019 - 0.0100 * jaw)
     eyes = np.exp(-(((np.abs(p[:, 0]) - 0.031) / 0.028) ** 2) - ((p[:, 1] - 0.085) / 0.026) ** 2) * (p[:, 2] > 0.03)
     return base * (1 - 0.62 * nose) * (1 - 0.30 * mouth) * (1 - 0.28 * eyes)
 

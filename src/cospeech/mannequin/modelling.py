@@ -40,8 +40,8 @@ def _face_colour(head: Head) -> Array:
     for sign in (1, -1):
         d = ((p[:, 0] - sign * 0.041) / 0.018) ** 2 + ((p[:, 1] - 0.046) / 0.014) ** 2
         blend(0.34 * np.exp(-d) * (p[:, 2] > 0.03), blush)
-        hole = (p - [sign * 0.0062, 0.0408, 0.0985]) / [0.0036, 0.0026, 0.0042]
-        blend(0.85 * np.exp(-(hole**2).sum(1)), srgb("6b3a33"))
+        hole = (p - [sign * 0.0064, 0.0405, 0.0985]) / [0.0042, 0.0030, 0.0050]
+        blend(0.95 * np.exp(-(hole**2).sum(1)), srgb("6b3a33"))
     blend(0.25 * np.exp(-(((p - [0, 0.050, 0.113]) / 0.010) ** 2).sum(1)), blush)
     lips = {0.0: "8f4745", 0.32: "bd6b64", 0.68: "c4736b", 1.0: "cc8675", -1.0: "84403f", -2.0: "5f2a2c"}
     for q, ids in zip(head.mouth.q, head.mouth.ids, strict=True):
@@ -53,10 +53,12 @@ def _face_colour(head: Head) -> Array:
     lash, line = srgb("2b1a16"), srgb("b9826b")
     for eye in head.eyes.values():
         ends = np.abs(eye.s) > 0.999
-        dark = eye.upper & ~ends
+        dark = eye.upper & (np.abs(eye.s) < 0.97)
         for k in (0, 1, 2):
             colour[eye.ids[k]] = np.where(dark[:, None], lash, srgb("c98f7c"))
         colour[eye.ids[1]][ends] = srgb("c07a6a")
+        half = 0.55 * (eye.upper & (np.abs(eye.s) < 0.97))[:, None]
+        colour[eye.ids[3]] += half * (srgb("6a4436") - colour[eye.ids[3]])
         colour[eye.ids[5]] += 0.30 * eye.upper[:, None] * (line - colour[eye.ids[5]])
     return colour
 

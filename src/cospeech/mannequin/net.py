@@ -105,6 +105,13 @@ class Net:
             self.points[free] = settle(solid, moved[free], 2)
         self.points[free] = settle(solid, self.points[free], 4)
 
+    def soften(self, free: Array, rounds: int, pull: float = 0.5) -> None:
+        """Plain smoothing of the ``free`` points: rounds off corners and creases."""
+        average = self.neighbours()
+        for _ in range(rounds):
+            moved = self.points + pull * (average @ self.points - self.points)
+            self.points[free] = moved[free]
+
     def diffuse(self, weights: Array, rounds: int, free: Array | None = None) -> Array:
         """Smooth per-point weights (V, J) over the net; rows where ``free`` is false stay."""
         average = self.neighbours()

@@ -123,6 +123,7 @@ Map = Annotated[
 Fps = Annotated[float, _option("--fps", metavar="NUMBER", parser=_number, help="Frames per second, 1 … 240.")]
 NewFps = Annotated[float | None, _option("--fps", metavar="NUMBER", parser=_number, help="Resample to this rate.")]
 Avatar = Annotated[Path | None, _option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")]
+View = Annotated[str | None, _option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
 Drawn = Annotated[Path | None, _option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
 ReportFile = Annotated[Path | None, _option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
 Folder = Annotated[Path, _option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
@@ -210,6 +211,7 @@ def render(
     source: Motion,
     target: Annotated[Path, Argument(metavar="PICTURE", help="Picture to write: .mp4, .gif (both moving) or .png (a strip).")],
     audio: Drawn = None,
+    camera: View = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -224,7 +226,7 @@ def render(
     if target.suffix.lower() not in LISTENS:
         known = " ".join(sorted(LISTENS))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio)
+    convert_file(source, target, audio=audio, camera=camera)
     if not quiet:
         print(f"{target}  ({HOW_TO_OPEN[target.suffix.lower()]})")
 

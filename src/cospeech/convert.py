@@ -22,6 +22,7 @@ def convert_file(
     fps: float | None = None,
     names: File | None = None,
     audio: File | None = None,
+    camera: str | None = None,
     avatar: File | None = None,
 ) -> Motion:
     """Read a motion file and write it in another format; what was written is returned.
@@ -32,6 +33,7 @@ def convert_file(
         fps: resample to this rate first.
         names: a TOML file that says which joint of ``source`` is which of ours.
         audio: the speech, for pictures.
+        camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM or GLB character for ``.glb``.
 
     Raises:
@@ -52,6 +54,8 @@ def convert_file(
         motion = motion.resample(fps)
     if audio is not None:
         options["audio"] = audio
+    if camera is not None:
+        options["camera"] = camera
     if avatar is not None:
         check_avatar(avatar, {Path(target).suffix.lower()})
         options["avatar"] = avatar

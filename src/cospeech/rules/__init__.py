@@ -14,7 +14,7 @@ from ..motion import Motion
 from ..speech import Speech
 from .plan import Gesture
 from .session import LOOK_AHEAD, Session
-from .styles import EMOTIONS, STYLES, Style
+from .styles import EMOTIONS, STYLES, Style, mix_styles
 
 __all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "RuleGesturer", "Session", "Style"]
 
@@ -76,7 +76,7 @@ class RuleGesturer:
 
         Args:
             speech: any rate; words, where it has them, call for lexical gestures and better lips.
-            style: a name in `STYLES`, or a `Style` of your own; the first of them where None.
+            style: a name in `STYLES`, a mixture (``"calm:0.7,lively:0.3"``) or a `Style` of your own; None: the first one.
             emotion: one of `EMOTIONS`, or "auto": from the voice.
             seed: another seed, another plausible performance; the same one, the same bytes.
             intensity: size of all movement, 0 (idle) … 2.
@@ -109,7 +109,7 @@ class RuleGesturer:
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
     ) -> Iterator[Motion]:
-        """The same motion in pieces, each at most `LOOK_AHEAD` seconds behind the speech heard; pieces of any size may come in."""
+        """The same motion in pieces, at most `LOOK_AHEAD` seconds behind the speech, which may come in pieces of any size."""
         session = self.session(
             style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
         )
@@ -118,11 +118,23 @@ class RuleGesturer:
         yield from session.finish()
 
 
-def _find_style(style: str | Style | None) -> Style:
+def _find_style(style: object) -> Style:
+    """A style by name, a mixture such as ``"calm:0.7,lively:0.3"``, or a `Style` as it is."""
     if style is None:
         return next(iter(STYLES.values()))
     if isinstance(style, Style):
         return style
-    if isinstance(style, str) and style in STYLES:
-        return STYLES[style]
-    raise InputError(f"no style is called {style!r}", nearest(str(style), STYLES))
+    if not isinstance(style, str):
+        raise InputError("the rule-based gesturer cannot learn a style from an example", f"name one of {', '.join(STYLES)}")
+    weights: dict[str, float] = {}
+    for part in style.split(","):
+        name, _, weight = (piece.strip() for piece in part.partition(":"))
+        if name not in STYLES:
+            raise InputError(f"no style is called {name!r}", nearest(name, STYLES))
+        try:
+            weights[name] = weights.get(name, 0.0) + (float(weight) if weight else 1.0)
+        except ValueError:
+            raise InputError(f"weight {weight!r} of style {name!r}", "a number, as in calm:0.7,lively:0.3") from None
+    if not all(isfinite(w) and w >= 0 for w in weights.values()) or not sum(weights.values()) > 0:
+        raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
+    return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)

@@ -49,7 +49,7 @@ def stand(b: Array, seated: bool, rotations: Array) -> tuple[Array, Array]:
     hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
     ankles = np.stack([feet[..., 0], _leg()[3][1] + lift, feet[..., 1] + _leg()[3][2]], -1)
     if seated:
-        ankles = ankles + (0.0, 0.0, 0.42)
+        ankles = ankles + np.array([0.0, 0.0, 0.42])
         root = np.stack([0.2 * b[:, Body.HIPS_X], np.full(len(b), SEAT), 0.2 * b[:, Body.HIPS_Z]], -1)
     else:
         root = np.stack([b[:, Body.HIPS_X], np.zeros(len(b)), b[:, Body.HIPS_Z]], -1)

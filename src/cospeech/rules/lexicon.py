@@ -40,10 +40,38 @@ _SETS = {
 }
 # Words so common that acting each one out would look like charades: used only with this chance (ours).
 _FREQUENT = {
-    "i": 0.35, "my": 0.3, "me": 0.5, "i'm": 0.4, "you": 0.4, "your": 0.3, "we": 0.45, "our": 0.3, "this": 0.25, "that": 0.12, "these": 0.25,
-    "there": 0.3, "not": 0.5, "no": 0.7, "one": 0.5, "or": 0.2, "other": 0.25, "will": 0.12, "up": 0.4, "down": 0.5, "all": 0.7,
-    "more": 0.4, "back": 0.4, "over": 0.3, "only": 0.4, "know": 0.4, "think": 0.5, "great": 0.5, "bit": 0.5, "people": 0.4, "long": 0.6,
-}  # fmt: skip
+    "i": 0.35,
+    "my": 0.3,
+    "me": 0.5,
+    "i'm": 0.4,
+    "you": 0.4,
+    "your": 0.3,
+    "we": 0.45,
+    "our": 0.3,
+    "this": 0.25,
+    "that": 0.12,
+    "these": 0.25,
+    "there": 0.3,
+    "not": 0.5,
+    "no": 0.7,
+    "one": 0.5,
+    "or": 0.2,
+    "other": 0.25,
+    "will": 0.12,
+    "up": 0.4,
+    "down": 0.5,
+    "all": 0.7,
+    "more": 0.4,
+    "back": 0.4,
+    "over": 0.3,
+    "only": 0.4,
+    "know": 0.4,
+    "think": 0.5,
+    "great": 0.5,
+    "bit": 0.5,
+    "people": 0.4,
+    "long": 0.6,
+}
 
 LEXICON: dict[str, str] = {word: form for form, words in _SETS.items() for word in words.split()}
 """Word in lower case → name in `repertoire.LEXICAL_FORMS`."""

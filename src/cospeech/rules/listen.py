@@ -6,6 +6,7 @@ of the pieces: streamed equals offline.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import fields
 
@@ -67,7 +68,7 @@ class Listener:
         self._prosody = ProsodyStream()
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
-        self._floor, self._peak, self._pitch = None, None, None
+        self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
         self._judged = 0
         self._speaking = False
         self._silent_since = 0
@@ -137,7 +138,7 @@ class Listener:
     def _follow_level(self, ahead: Array) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
         low, high = float(np.percentile(ahead, 10)), float(np.percentile(ahead, 92))
-        if self._peak is None:
+        if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
         self._peak = max(high, self._peak - 0.6 * TICK) if high > self._peak - 14 else self._peak - 0.25 * TICK
         self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * TICK * 0.5
@@ -146,8 +147,8 @@ class Listener:
         voiced = (pitch > 0) & (voicing > 0.5)
         if voiced.any():
             median = float(np.median(pitch[voiced]))
-            self._pitch = median if self._pitch is None else self._pitch * (median / self._pitch) ** 0.03
-        if self._pitch is None:
+            self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
+        if math.isnan(self._pitch):
             return np.zeros(len(pitch))
         return np.where(voiced, np.clip(12 * np.log2(np.maximum(pitch, 1) / self._pitch), -12, 14), 0.0)
 

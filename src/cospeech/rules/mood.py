@@ -34,7 +34,9 @@ def voice_cues(heard: Heard, accents: list[Accent]) -> Array | None:
     first, last = heard.start / RATE, (heard.start + len(heard.loudness)) / RATE
     rate = sum(first <= a.time < last for a in accents) / duration
     spread = np.subtract(*np.percentile(tone, [90, 10]))
-    return np.array([(spread - 7.5) / 2.5, (high - low + 11.0) / 4.0, (rate - 2.4) / 0.5, (heard.loudness[spoken].std() - 0.19) / 0.03])
+    return np.array(
+        [(spread - 7.5) / 2.5, (high - low + 11.0) / 4.0, (rate - 2.4) / 0.5, (heard.loudness[spoken].std() - 0.19) / 0.03]
+    )
 
 
 _WEIGHTS = np.array(  # rows: emotions; columns: bias, pitch movement, effort, accent rate, dynamics
@@ -81,6 +83,3 @@ class Mood:
         """Mean probabilities so far, by name: what the report shows."""
         share = self.total / max(self._ticks, 1) if self._ticks else self.probabilities
         return {name: float(p) for name, p in zip(EMOTIONS, share, strict=True)}
-
-
-

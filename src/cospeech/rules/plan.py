@@ -55,6 +55,8 @@ class Gesture(NamedTuple):
 @dataclass
 class _HandState:
     track: Track
+    home: Array
+    """Where it rests."""
     busy: float = 0.0
     """No new preparation before this time."""
     up_until: float = 0.0
@@ -64,7 +66,6 @@ class _HandState:
     form: str = ""
     last_stroke: float = -9.0
     pose: Array | None = None
-    home: Array | None = None
 
 
 class Planner:
@@ -79,12 +80,11 @@ class Planner:
 
     def __init__(self, style: Style, *, seed: int, intensity: float = 1.0, temperature: float = 1.0) -> None:
         self.style, self.intensity, self.temperature = style, intensity, temperature
-        self._random = Random(f"{seed}/plan")  # noqa: S311 (not for secrets)
-        self.posture = Posture(style, Random(f"{seed}/posture"), intensity)  # noqa: S311
-        self.hands = [_HandState(Track(RESTS[style.idle][h].values(), LAGS)) for h in (LEFT, RIGHT)]
-        for hand, state in enumerate(self.hands):
-            state.home = RESTS[style.idle][hand].values()
-        self.gestures: deque[Gesture] = deque()
+        self._random = Random(f"{seed}/plan")
+        self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
+        places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
+        self.hands = [_HandState(Track(place, LAGS), place) for place in places]
+        self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
         self._last_accent = -1.0
         self._last_word = -1.0
@@ -103,10 +103,9 @@ class Planner:
         accents: Sequence[Accent],
         phrases: Sequence[Phrase],
         words: Sequence[Word],
-        known: float,
         manner: Manner,
-    ) -> None:
-        """One tick: take up what has become visible, let go what has run its course."""
+    ) -> list[Gesture]:
+        """One tick: take up what has become visible, let go what has run its course. Returns the strokes it planned."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, manner=manner, speaking=speaking)
@@ -117,9 +116,9 @@ class Planner:
                     self._on_accent(now, accent, words, manner)
                 self.posture.on_accent(now, accent, manner)
         self._silent_words(now, words, manner)
-        self._let_go(now, phrases, known, manner)
-        while self.gestures and self.gestures[0].end < now - 30:
-            self.gestures.popleft()
+        self._let_go(now, phrases, manner)
+        planned, self._planned = self._planned, []
+        return planned
 
     # ------------------------------------------------------------------------------------------------ strokes
 
@@ -200,7 +199,7 @@ class Planner:
             self._sympathy(self.hands[hand], self.hands[hands[0]], start, prepare, onset, stroke, poses)
         self.posture.on_stroke(start, onset, stroke, poses, hands, manner)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
-        self.gestures.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
+        self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
 
     def _preparation(self, at: float, onset: float, wanted: float, available: float) -> float:
@@ -270,7 +269,7 @@ class Planner:
             else:
                 state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
-        self.gestures.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
+        self._planned.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
 
     # ------------------------------------------------------------------------------------------------- places
 
@@ -295,7 +294,9 @@ class Planner:
             pose = t.copy()
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[:3] = np.clip(pose[:3], *_BOX)
-            pose[2] = max(pose[2], 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1)))  # raised hands stay in front of the shoulder
+            pose[2] = max(
+                pose[2], 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))
+            )  # raised hands stay in front of the shoulder
             pose[4] += turn
             pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
             pose[7:19] = self._shape(pose[7:19], tension, free)
@@ -348,7 +349,7 @@ class Planner:
         undo[:7] = (goal - state.track.target)[:7] * 0.85
         state.track.add(onset + stroke + self._random.uniform(0.15, 0.5), self._random.uniform(0.7, 1.2), undo)
 
-    def _let_go(self, now: float, phrases: Sequence[Phrase], known: float, manner: Manner) -> None:
+    def _let_go(self, now: float, phrases: Sequence[Phrase], manner: Manner) -> None:
         """Retract hands that have nothing to hold; drop them for good in long pauses."""
         quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from random import Random
 
@@ -39,6 +40,8 @@ class Posture:
             "step": self._step_gap(),
         }
         self._away = False
+        self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
+        """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._side = random.choice((-1, 1))
         self._manner: Manner | None = None
@@ -101,11 +104,15 @@ class Posture:
         """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
         away = self._random.random() < min(0.85, self.style.averted + manner.averted)
         if away:
-            goal = (self._random.choice((-1, 1)) * self._random.uniform(9, 24), self._random.choice((-13, -9, -5, 4, 9)))
+            goal = (
+                self._random.choice((-1, 1)) * self._random.uniform(9, 24),
+                self._random.choice((-13.0, -9.0, -5.0, 4.0, 9.0)),
+            )
         else:
             goal = (self._gauss(1.6), self._gauss(1.2))
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
         way = float(np.hypot(*(np.array(goal) - self.track.target[columns])))
+        self.gaze_shifts.append((now + 0.05, float(np.radians(way))))
         self.track.move(now + 0.02, 0.04 + 0.0032 * way, np.array(goal), columns)  # main sequence, slowed a little for 30 fps
         if away != self._away and (away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05
@@ -149,7 +156,7 @@ class Posture:
         self.track.move(onset - 0.15, 0.26, np.array([0.05]), [lift])
         self.track.move(onset + length - 0.09, 0.26, np.array([0.0]), [lift])
         middle = (goal[:2] + still[:2]) / 2
-        self.track.move(onset + 0.6 * length, 0.9, middle + (side * 0.015, 0.0), [Body.HIPS_X, Body.HIPS_Z])
+        self.track.move(onset + 0.6 * length, 0.9, middle + np.array([side * 0.015, 0.0]), [Body.HIPS_X, Body.HIPS_Z])
         self._next["shift"] = max(self._next["shift"], onset + length + 1.0)
         self._side = side
 

@@ -71,9 +71,7 @@ def _finger_joints() -> tuple[list[int], list[int]]:
     return left, right
 
 
-def realise(
-    times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: float = 0.0
-) -> Pieces:
+def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: Array) -> Pieces:
     """Pose the whole body.
 
     Args:
@@ -201,9 +199,18 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
 
 
 def _arms(
-    times: Array, hands: list[Track], places: dict, neck: Array, b: Array, rotations: Array, style: Style, seed: int, size: float,
-    breath: Array, tremor: Array,
-) -> None:  # fmt: skip
+    times: Array,
+    hands: list[Track],
+    places: dict[str, tuple[Array, Array]],
+    neck: Array,
+    b: Array,
+    rotations: Array,
+    style: Style,
+    seed: int,
+    size: float,
+    breath: Array,
+    tremor: Array,
+) -> None:
     h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
     _add_hand_noise(h, times, seed, size, tremor)
     frames = _frames(places, neck, b, rotations)
@@ -284,7 +291,7 @@ def _make_room(rel: Array, shoulder: Array, swivel: Array, angles: Array, h: Arr
     apart = point[:, 0] - point[:, 1] * _MIRROR_V
     distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
     need = 0.5 * 0.012 * np.logaddexp(0.0, (_APART - distance) / 0.012)
-    way = (apart + (0.02, 0.0, 0.0)) / (distance + 0.02)
+    way = (apart + np.array([0.02, 0.0, 0.0])) / (distance + 0.02)
     wrist_at = wrist_at + np.stack([way, -way * _MIRROR_V], 1) * need[:, None]
     return arms.reach(wrist_at - shoulder)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -61,12 +62,13 @@ class Session:
             seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60
         )
         self.gestures: list[Gesture] = []
+        """Every stroke planned so far, in the order of planning."""
         self._duration = Fraction(0)
         self._words: deque[Word] = deque()
         self._ticks = 0
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
-        self._resampler: object | None = None
+        self._resampler: Any = None
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -95,7 +97,7 @@ class Session:
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._resampler is not None:
-            self.listener.push(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))  # type: ignore[attr-defined]
+            self.listener.push(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))
         self.listener.finish()
         while self._frame < total:
             end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
@@ -110,7 +112,7 @@ class Session:
             from soxr import ResampleStream
 
             self._resampler = ResampleStream(chunk.rate, SAMPLE_RATE, 1, "float32", "HQ")
-        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[attr-defined, no-any-return]
+        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[no-any-return]
 
     def _decide(self) -> None:
         now = self._ticks * TICK
@@ -124,9 +126,7 @@ class Session:
             self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
         manner = blend_manners(self.mood.probabilities, 1.0)
         self._moods.append((now, self.mood.probabilities.copy()))
-        before = len(self.planner.gestures)
-        self.planner.decide(now, accents=accents, phrases=phrases, words=words, known=visible, manner=manner)
-        self.gestures.extend(list(self.planner.gestures)[before:])
+        self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
         self._ticks += 1
         while self._words and self._words[0].end < now - 3:
             self._words.popleft()
@@ -150,14 +150,17 @@ class Session:
         tracks = [s.track for s in self.planner.hands]
         mood = self._mood_at(times)
         size = self.intensity
-        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=mood[:, EMOTIONS.index("fear")])
+        pose = realise(
+            times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=mood[:, EMOTIONS.index("fear")]
+        )
         rotations = self._chosen(pose.rotations)
         face = None
         if "face" in self.parts:
             heard = self.listener.window(times[0] - 0.6, times[-1] + 0.6)
             accents = [a for a in self.listener.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
             words = [w for w in self._words if w.start < times[-1] + 1.0]
-            face = self.face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze)
+            shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
+            face = self.face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze, shifts=shifts)
             face = face.astype(np.float32)
         return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
 
@@ -172,8 +175,7 @@ class Session:
         s = humanoid()
         out = rotations
         if "hands" not in self.parts:
-            fingers = [*s.left_hand, *s.right_hand]
-            out[:, fingers] = quat_identity(1)
+            out[:, [*s.left_hand, *s.right_hand]] = quat_identity(1)
         if "body" not in self.parts:
             eyes = {s.index["leftEye"], s.index["rightEye"]} if "face" in self.parts else set()
             fingers = {*s.left_hand, *s.right_hand}

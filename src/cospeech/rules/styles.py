@@ -11,7 +11,7 @@ import numpy as np
 
 from ..rotations import Array
 
-__all__ = ["EMOTIONS", "MANNERS", "STYLES", "Manner", "Style", "blend_manners"]
+__all__ = ["EMOTIONS", "MANNERS", "STYLES", "Manner", "Style", "blend_manners", "mix_styles"]
 
 
 @dataclass(frozen=True)
@@ -75,68 +75,195 @@ class Style:
 
 
 _SEATED_ROWS = (
-    "hip path (1 Hz), m/min", "hip SD, m", "foot speed 50 %, m/s", "foot speed 90 %, m/s", "foot speed 99 %, m/s",
-    "foot moving (> 0.1 m/s)", "steps per min (peaks > 0.3 m/s)", "share of time: wrist below hip",
-)  # fmt: skip
+    "hip path (1 Hz), m/min",
+    "hip SD, m",
+    "foot speed 50 %, m/s",
+    "foot speed 90 %, m/s",
+    "foot speed 99 %, m/s",
+    "foot moving (> 0.1 m/s)",
+    "steps per min (peaks > 0.3 m/s)",
+    "share of time: wrist below hip",
+)
 
 _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither hang nor spread
-    "height over shoulders / arm, 5 %", "outward of own shoulder / arm, 5 %", "outward of own shoulder / arm, 50 %",
-    "SD of height / arm", "SD of forward / arm", "elbow flexion left 5 %, deg", "elbow flexion right 5 %, deg",
+    "height over shoulders / arm, 5 %",
+    "outward of own shoulder / arm, 5 %",
+    "outward of own shoulder / arm, 50 %",
+    "SD of height / arm",
+    "SD of forward / arm",
+    "elbow flexion left 5 %, deg",
+    "elbow flexion right 5 %, deg",
     "share of time: wrist below hip",
-)  # fmt: skip
+)
 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style("an even-tempered conversationalist; the default"),
         "lively": Style(
-            "wide, quick and never still: a show host", rate=0.95, amplitude=1.25, height=0.06, breadth=0.02, tempo=1.1,
-            hold=0.75, both=0.7, torso=1.3, head=1.15, sway=1.3, steps=8, expressiveness=1.3, averted=0.15, tension=0.55,
+            "wide, quick and never still: a show host",
+            rate=0.95,
+            amplitude=1.25,
+            height=0.06,
+            breadth=0.02,
+            tempo=1.1,
+            hold=0.75,
+            both=0.7,
+            torso=1.3,
+            head=1.15,
+            sway=1.3,
+            steps=8,
+            expressiveness=1.3,
+            averted=0.15,
+            tension=0.55,
             repertoire={"spread": 2.0, "offer": 1.4, "toss": 2.0, "sweep": 1.6},
         ),
         "calm": Style(
-            "few, small, slow gestures close to the body; long rests", rate=0.62, amplitude=0.9, height=-0.03, breadth=0.0,
-            tempo=0.9, hold=0.45, both=0.55, torso=0.75, head=0.9, sway=0.8, steps=5, expressiveness=0.75, rest="folded",
+            "few, small, slow gestures close to the body; long rests",
+            rate=0.62,
+            amplitude=0.9,
+            height=-0.03,
+            breadth=0.0,
+            tempo=0.9,
+            hold=0.45,
+            both=0.55,
+            torso=0.75,
+            head=0.9,
+            sway=0.8,
+            steps=5,
+            expressiveness=0.75,
+            rest="folded",
             repertoire={"offer": 1.5, "gather": 1.5, "beat": 1.2, "spread": 0.3},
         ),
         "lecturer": Style(
-            "precise: counts, frames and pinches in front of the chest", rate=0.8, amplitude=0.95, height=0.07, breadth=0.0,
-            forward=0.0, hold=0.85, hand=0.85, both=0.5, symmetry=0.7, tension=0.7, torso=0.9, steps=5, rest="steeple",
-            averted=0.35, repertoire={"precision": 3.0, "frame": 2.5, "count": 1.5, "point": 1.2, "chop": 1.6, "spread": 0.4},
+            "precise: counts, frames and pinches in front of the chest",
+            rate=0.8,
+            amplitude=0.95,
+            height=0.07,
+            breadth=0.0,
+            forward=0.0,
+            hold=0.85,
+            hand=0.85,
+            both=0.5,
+            symmetry=0.7,
+            tension=0.7,
+            torso=0.9,
+            steps=5,
+            rest="steeple",
+            averted=0.35,
+            repertoire={"precision": 3.0, "frame": 2.5, "count": 1.5, "point": 1.2, "chop": 1.6, "spread": 0.4},
         ),
         "orator": Style(
-            "large, slow and high, with held poses: a politician", rate=0.7, amplitude=1.3, height=0.08, breadth=0.02,
-            forward=0.05, tempo=0.95, hold=0.95, hand=0.75, both=0.6, symmetry=0.95, tension=0.75, torso=1.2, lean=2,
-            averted=0.15, repertoire={"chop": 2.5, "point": 2.0, "push": 1.6, "frame": 1.5, "fist": 2.0, "offer": 1.5},
+            "large, slow and high, with held poses: a politician",
+            rate=0.7,
+            amplitude=1.3,
+            height=0.08,
+            breadth=0.02,
+            forward=0.05,
+            tempo=0.95,
+            hold=0.95,
+            hand=0.75,
+            both=0.6,
+            symmetry=0.95,
+            tension=0.75,
+            torso=1.2,
+            lean=2,
+            averted=0.15,
+            repertoire={"chop": 2.5, "point": 2.0, "push": 1.6, "frame": 1.5, "fist": 2.0, "offer": 1.5},
         ),
         "southpaw": Style(
-            "left-handed, turned to one side, the other hand at the hip", rate=0.8, amplitude=1.05, hand=0.06, both=0.22,
-            symmetry=0.35, turn=18, hold=0.6, rest="low", idle="hip", torso=1.1,
+            "left-handed, turned to one side, the other hand hardly stirs",
+            rate=0.8,
+            amplitude=1.05,
+            hand=0.06,
+            both=0.22,
+            symmetry=0.35,
+            turn=18,
+            hold=0.6,
+            rest="low",
+            torso=1.1,
             repertoire={"toss": 1.8, "point": 1.6, "offer": 1.5},
             exempt=("right share of speed", "left–right speed correlation"),
         ),
         "reserved": Style(
-            "hands folded, one hand at a time, eyes often away", rate=0.62, amplitude=0.85, height=0.0, breadth=-0.02,
-            tempo=0.95, hold=0.3, hand=0.55, both=0.4, symmetry=0.5, tension=0.5, torso=0.7, head=0.95, sway=0.9, steps=5,
-            lean=1, rest="folded", idle="folded", expressiveness=0.6, averted=0.5,
+            "hands folded, one hand at a time, eyes often away",
+            rate=0.62,
+            amplitude=0.85,
+            height=0.0,
+            breadth=-0.02,
+            tempo=0.95,
+            hold=0.3,
+            hand=0.55,
+            both=0.4,
+            symmetry=0.5,
+            tension=0.5,
+            torso=0.7,
+            head=0.95,
+            sway=0.9,
+            steps=5,
+            lean=1,
+            rest="folded",
+            idle="folded",
+            expressiveness=0.6,
+            averted=0.5,
             repertoire={"offer": 1.6, "beat": 1.6, "shrug": 1.5, "spread": 0.2, "push": 0.4},
             exempt=_FOLDED_ROWS,
         ),
         "storyteller": Style(
-            "acts it out: big space, changes of level, body follows", rate=0.85, amplitude=1.2, height=0.03, breadth=0.02,
-            tempo=1.0, hold=0.7, both=0.6, symmetry=0.6, torso=1.5, head=1.2, sway=1.5, steps=5, tension=0.35, averted=0.4,
-            expressiveness=1.4, repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
+            "acts it out: big space, changes of level, body follows",
+            rate=0.85,
+            amplitude=1.2,
+            height=0.03,
+            breadth=0.02,
+            tempo=1.0,
+            hold=0.7,
+            both=0.6,
+            symmetry=0.6,
+            torso=1.5,
+            head=1.2,
+            sway=1.5,
+            steps=5,
+            tension=0.35,
+            averted=0.4,
+            expressiveness=1.4,
+            repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
         ),
         "seated": Style(
-            "at ease on a chair, hands in the lap between phrases", rate=0.7, amplitude=0.95, height=-0.02, hold=0.55, both=0.6,
-            seated=True, rest="lap", idle="lap", sway=0.5, steps=0, lean=4, torso=0.9, exempt=_SEATED_ROWS,
+            "at ease on a chair, hands in the lap between phrases",
+            rate=0.7,
+            amplitude=0.95,
+            height=-0.02,
+            hold=0.55,
+            both=0.6,
+            seated=True,
+            rest="lap",
+            idle="lap",
+            sway=0.5,
+            steps=0,
+            lean=4,
+            torso=0.9,
+            exempt=_SEATED_ROWS,
         ),
         "restless": Style(
-            "fast small beats low in front, weight from foot to foot", rate=1.0, amplitude=0.8, height=-0.04, breadth=-0.02,
-            tempo=1.3, hold=0.8, both=0.75, symmetry=0.75, tension=0.45, torso=1.1, head=1.15, sway=1.8, steps=10,
-            blinks=26, averted=0.35, repertoire={"beat": 2.5, "roll": 3.0, "precision": 1.3, "chop": 1.3},
+            "fast small beats low in front, weight from foot to foot",
+            rate=1.0,
+            amplitude=0.8,
+            height=-0.04,
+            breadth=-0.02,
+            tempo=1.3,
+            hold=0.8,
+            both=0.75,
+            symmetry=0.75,
+            tension=0.45,
+            torso=1.1,
+            head=1.15,
+            sway=1.8,
+            steps=10,
+            blinks=26,
+            averted=0.35,
+            repertoire={"beat": 2.5, "roll": 3.0, "precision": 1.3, "chop": 1.3},
         ),
     }
-)  # fmt: skip
+)
 """Name → style; the first is the default. ``--style`` takes these names."""
 
 
@@ -182,29 +309,93 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
         "happiness": Manner(1.22, 1.2, 1.12, breadth=0.07, height=0.05, chin=3, bow=-2, torso=1.25, head=1.15),
         "anger": Manner(1.28, 1.3, 1.32, breadth=0.0, height=0.05, abrupt=0.9, tension=0.5, bow=4, chin=-3, shrug=3, torso=1.2),
         "sadness": Manner(
-            0.62, 0.6, 0.74, breadth=-0.08, height=-0.10, variety=0.4, tension=-0.3, bow=7, chin=-9, averted=0.3, torso=0.65,
+            0.62,
+            0.6,
+            0.74,
+            breadth=-0.08,
+            height=-0.10,
+            variety=0.4,
+            tension=-0.3,
+            bow=7,
+            chin=-9,
+            averted=0.3,
+            torso=0.65,
             head=0.75,
         ),
         "contempt": Manner(
-            0.72, 0.65, 0.9, breadth=-0.03, height=-0.05, variety=0.7, bow=-3, chin=5, turn=9, tilt=4, averted=0.2, torso=0.8,
+            0.72,
+            0.65,
+            0.9,
+            breadth=-0.03,
+            height=-0.05,
+            variety=0.7,
+            bow=-3,
+            chin=5,
+            turn=9,
+            tilt=4,
+            averted=0.2,
+            torso=0.8,
             head=0.9,
         ),
-        "surprise": Manner(1.25, 1.15, 1.2, breadth=0.08, height=0.09, abrupt=0.35, tension=0.2, bow=-4, chin=4, shrug=5, torso=1.2),
+        "surprise": Manner(
+            1.25, 1.15, 1.2, breadth=0.08, height=0.09, abrupt=0.35, tension=0.2, bow=-4, chin=4, shrug=5, torso=1.2
+        ),
         "fear": Manner(
-            0.68, 0.8, 0.92, breadth=-0.09, height=0.0, variety=0.5, tension=0.45, bow=4, chin=-3, shrug=8, averted=0.3, torso=0.75,
+            0.68,
+            0.8,
+            0.92,
+            breadth=-0.09,
+            height=0.0,
+            variety=0.5,
+            tension=0.45,
+            bow=4,
+            chin=-3,
+            shrug=8,
+            averted=0.3,
+            torso=0.75,
             head=1.0,
         ),
         "disgust": Manner(
-            0.72, 0.68, 0.92, breadth=-0.03, height=-0.04, variety=0.7, tension=0.2, bow=-2, chin=-2, turn=11, tilt=-4, averted=0.3,
-            torso=0.8, head=0.95,
+            0.72,
+            0.68,
+            0.92,
+            breadth=-0.03,
+            height=-0.04,
+            variety=0.7,
+            tension=0.2,
+            bow=-2,
+            chin=-2,
+            turn=11,
+            tilt=-4,
+            averted=0.3,
+            torso=0.8,
+            head=0.95,
         ),
     }
-)  # fmt: skip
+)
 EMOTIONS: tuple[str, ...] = tuple(MANNERS)
 """The eight emotions of BEAT in its order."""
 
 _MANNER_FIELDS = tuple(f.name for f in fields(Manner))
 _MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
+
+
+def mix_styles(parts: Mapping[str, float]) -> Style:
+    """A speaker between speakers: numbers and repertoires are averaged by weight, the rest comes from the heaviest.
+
+    >>> mix_styles({"calm": 1, "lively": 1}).tempo == (STYLES["calm"].tempo + STYLES["lively"].tempo) / 2
+    True
+    """
+    total = sum(parts.values())
+    share = {name: weight / total for name, weight in parts.items() if weight > 0}
+    main = STYLES[max(share, key=lambda name: share[name])]
+    mixed: dict[str, object] = {}
+    for name in (f.name for f in fields(Style) if isinstance(getattr(main, f.name), float)):
+        mixed[name] = sum(getattr(STYLES[style], name) * weight for style, weight in share.items())
+    forms = {form for style in share for form in STYLES[style].repertoire}
+    mixed["repertoire"] = {f: sum(STYLES[s].repertoire.get(f, 1.0) * w for s, w in share.items()) for f in sorted(forms)}
+    mixed["exempt"] = tuple(sorted({row for style in share for row in STYLES[style].exempt}))
+    return replace(main, what=", ".join(f"{weight:.0%} {name}" for name, weight in share.items()), **mixed)  # type: ignore[arg-type]
 
 
 def blend_manners(probabilities: Array, intensity: float = 1.0) -> Manner:

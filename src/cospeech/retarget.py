@@ -158,9 +158,8 @@ def _plan(a: _Key, b: _Key) -> _Plan:
     if all(tops):  # what carries the shoulders corresponds, whatever it is called
         partner = {ours: name for ours, name in partner.items() if ours not in _SPINE or name != tops[0]}
         partner[tops[1]] = tops[0]  # type: ignore[index, assignment]
-    source_rest = source.forward(source.rest, source.offsets[0])
-    target_rest = target.forward(target.rest, target.offsets[0])
-    aims = directions(source, theirs, source_rest[0]), directions(target, goal, target_rest[0])
+    source_rest, target_rest = (s.forward(s.rest, s.offsets[0])[1] for s in (source, target))
+    aims = directions(source, theirs), directions(target, goal)
     pairs, before = [], []
     for ours, name in partner.items():
         j, k = target.index[goal[ours]], source.index[theirs[name]]
@@ -168,7 +167,7 @@ def _plan(a: _Key, b: _Key) -> _Plan:
         if any(word in ours for word in _AIMED) and ours in aims[0] and ours in aims[1]:
             change = quat_between(aims[1][ours], aims[0][ours])
         pairs.append((j, k))
-        before.append(quat_multiply(quat_multiply(quat_conjugate(source_rest[1][k]), change), target_rest[1][j]))
+        before.append(quat_multiply(quat_multiply(quat_conjugate(source_rest[k]), change), target_rest[j]))
     between = _spread(target, goal, {j for j, _ in pairs})
     hips = (source.index[theirs["hips"]], target.index[goal["hips"]])
     return _Plan(source, target, np.array(pairs).T, np.array(before), between, hips)

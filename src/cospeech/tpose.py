@@ -12,7 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from .rotations import Array, axis_angle_to_quat, matrix_to_quat, quat_between, quat_conjugate, quat_multiply, quat_rotate
+from .rotations import (
+    Array,
+    axis_angle_to_quat,
+    matrix_to_quat,
+    quat_angle,
+    quat_between,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+)
 from .skeleton import Skeleton
 
 __all__ = ["directions", "on_floor", "with_tpose"]
@@ -34,6 +43,8 @@ _CHILD = {  # the joint that a bone points at, the first that exists
 # feet and spines differ by build, and are turned only where they make no T-pose at all.
 _LIMB, _HAND, _FINGER, _COLLAR, _SPINE, _FOOT = 10.0, 20.0, 45.0, 50.0, 45.0, 50.0
 _TWIST = 35.0
+_APART = 60.0  # a bone whose parent had to turn by more is not where it was modelled to be
+_PHALANGES = ("Metacarpal", "Proximal", "Intermediate", "Distal")
 _SNAP = 35.0  # a file's axes are the body's axes if they are that near
 _FOOT_SLOPE = np.array([0.0, -0.45, 0.89])  # ours: ankle to ball of our humanoid
 
@@ -45,59 +56,51 @@ def _part(name: str) -> tuple[str, float]:
     return (name[5:], -1.0) if name.startswith("right") else (name, 1.0)
 
 
-def directions(skeleton: Skeleton, names: Mapping[str, str], points: Array) -> dict[str, Array]:
-    """Directions of bones, not normalised: from each joint to the next of ours below it, or to its tip.
+def directions(skeleton: Skeleton, names: Mapping[str, str]) -> dict[str, Array]:
+    """Directions of bones in the rest pose, not normalised: from each joint to the next of ours below it, or to its tip.
 
     Args:
         skeleton, names: theirs, and our name → their name.
-        points: (J, 3) joint positions in the skeleton's rest pose.
 
     Returns:
         our name → (3,), a foot's to the tip of its toes; bones without a next joint or a tip, or of length zero, are absent.
     """
+    points, tips = _points_and_tips(skeleton)
     found = {}
     for ours, theirs in names.items():
         part, _ = _part(ours)
         side = ours[: len(ours) - len(part)]
         below = next((side + c for c in _CHILD.get(part, ()) if side + c in names), None)
         joint = skeleton.index[theirs]
+        children = skeleton.children[joint]
         if part == "Foot":
-            found[ours] = _farthest(skeleton, joint, points)
+            found[ours] = _farthest(skeleton, joint, points, tips)
         elif below is not None:
-            found[ours] = points[skeleton.index[names[below]], :] - points[joint, :]
-        elif part in _CHILD and (tip := _tip(skeleton, joint, points)) is not None:
-            found[ours] = tip
+            found[ours] = points[skeleton.index[names[below]]] - points[joint]
+        elif part in _CHILD and joint in tips:
+            found[ours] = tips[joint] - points[joint]
+        elif part in _CHILD and len(children) == 1:
+            found[ours] = points[children[0]] - points[joint]
         if ours in found and np.linalg.norm(found[ours]) < 1e-9:
             del found[ours]
     return found
 
 
-def _farthest(skeleton: Skeleton, joint: int, points: Array) -> Array:
-    """To the tip of the toes, in the rest pose, by whatever joints a foot has."""
+def _points_and_tips(skeleton: Skeleton) -> tuple[Array, dict[int, Array]]:
+    """(J, 3) joints and, by joint, the ends of last bones, in the rest pose."""
+    points, world = skeleton.forward(skeleton.rest, skeleton.offsets[0])
+    joints = {skeleton.index[name]: np.array(end, float) for name, end in skeleton.ends.items()}
+    return points, {j: points[j] + quat_rotate(world[j], end) for j, end in joints.items()}
+
+
+def _farthest(skeleton: Skeleton, joint: int, points: Array, tips: Mapping[int, Array]) -> Array:
+    """To the tip of the toes, by whatever joints a foot has."""
     below = [joint]
     for j in range(joint + 1, len(skeleton)):
         if skeleton.parents[j] in below:
             below.append(j)
-    tips = [points[j, :] - points[joint, :] for j in below]
-    tips += [points[j, :] - points[joint, :] + tip for j in below if (tip := _end(skeleton, j)) is not None]
-    return max(tips, key=lambda v: float(np.linalg.norm(v)))
-
-
-def _end(skeleton: Skeleton, joint: int) -> Array | None:
-    """The End Site of ``joint`` in the rest pose, from the joint, where there is one."""
-    end = skeleton.ends.get(skeleton.names[joint])
-    if end is None:
-        return None
-    world = skeleton.forward(skeleton.rest, skeleton.offsets[0])[1]
-    return quat_rotate(world[joint], np.array(end, float))
-
-
-def _tip(skeleton: Skeleton, joint: int, points: Array) -> Array | None:
-    """Where a last bone points, in the rest pose: to its End Site, or to the only joint below it."""
-    if (end := _end(skeleton, joint)) is not None:
-        return end
-    below = skeleton.children[joint]
-    return points[below[0], :] - points[joint, :] if len(below) == 1 else None
+    reached = [points[j] - points[joint] for j in below] + [tips[j] - points[joint] for j in below if j in tips]
+    return max(reached, key=lambda v: float(v @ v))
 
 
 def with_tpose(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
@@ -121,13 +124,10 @@ def with_tpose(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
 
 def on_floor(skeleton: Skeleton, hips: int) -> Skeleton:
     """Move the root so that in the T-pose the lowest point is at height 0 and the joint ``hips`` over the origin."""
-    points, world = skeleton.forward(skeleton.rest, np.zeros(3))
-    tips = [
-        points[skeleton.index[name]] + quat_rotate(world[skeleton.index[name]], np.array(end, float))
-        for name, end in skeleton.ends.items()
-    ]
-    lowest = min(p[1] for p in (*points, *tips))
     offsets = skeleton.offsets.copy()
+    offsets[0] = 0
+    points, tips = _points_and_tips(replace(skeleton, offsets=offsets))
+    lowest = min(p[1] for p in (*points, *tips.values()))
     offsets[0] = (-points[hips, 0], -lowest, -points[hips, 2])
     return replace(skeleton, offsets=offsets + 0.0)
 
@@ -139,7 +139,7 @@ class _Maker:
         self.skeleton, self.names = skeleton, names
         self.ours = {skeleton.index[theirs]: ours for ours, theirs in names.items()}
         self.points, self.start = skeleton.forward(skeleton.rest, skeleton.offsets[0])
-        self.bones = directions(skeleton, names, self.points)
+        self.bones = directions(skeleton, names)
         self.whole = self._facing()
         self.turns: dict[str, Array] = {}  # twists found to be missing, by our name
         self.rigid: set[str] = set()  # joints that follow their parent because it was twisted
@@ -196,8 +196,10 @@ class _Maker:
         if ours not in self.bones:
             return follow
         local = quat_rotate(quat_conjugate(self.start[joint]), _unit(self.bones[ours]))
-        for candidate in (follow,) if ours in self.rigid else (kept, follow):
-            if _fits(part, sign, quat_rotate(candidate, local)):
+        alone = ours in self.rigid or part.endswith(_PHALANGES) or quat_angle(kept, follow) > np.radians(_APART)
+        for candidate in (follow,) if alone else (kept, follow):
+            limb = _LIMB if candidate is kept else 0.0  # what is turned anyway can be turned exactly
+            if _fits(part, sign, quat_rotate(candidate, local), limb):
                 if candidate is kept:
                     self.kept.add(ours)
                 return candidate
@@ -246,18 +248,18 @@ def _local(skeleton: Skeleton, world: Array) -> Array:
     return quat_multiply(quat_conjugate(above), world)
 
 
-def _fits(part: str, sign: float, d: Array) -> bool:
-    """Is the direction ``d`` of a bone that of a T-pose?"""
+def _fits(part: str, sign: float, d: Array, limb: float) -> bool:
+    """Is the direction ``d`` of a bone that of a T-pose? Bones of arms and legs may be off by ``limb`` degrees."""
     if part in _UP:
         return _angle(d, _Y) < _SPINE
     if part in ("UpperLeg", "LowerLeg"):
-        return _angle(d, -_Y) < _LIMB
+        return _angle(d, -_Y) <= limb
     if part == "Foot":
         return d[2] > 0 and abs(d[0]) < abs(d[2]) and -0.97 < d[1] < 0.5  # forward, level to 76° down
     if part == "Toes":
         return _angle(d, _Z) < _FOOT
-    limit = {"UpperArm": _LIMB, "LowerArm": _LIMB, "Hand": _HAND, "Shoulder": _COLLAR}.get(part, _FINGER)
-    return part.startswith("Thumb") or _angle(d, sign * _X) < limit
+    limit = {"UpperArm": limb, "LowerArm": limb, "Hand": _HAND, "Shoulder": _COLLAR}.get(part, _FINGER)
+    return part.startswith("Thumb") or _angle(d, sign * _X) <= limit
 
 
 def _target(part: str, sign: float) -> Array | None:

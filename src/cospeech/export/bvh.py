@@ -56,6 +56,7 @@ class Writer(_Writer):
         if units not in UNITS:
             raise InputError(f"cannot write BVH in {units!r}", f"known units: {', '.join(UNITS)}")
         self._scale = UNITS[units]
+        self._decimals = _DECIMALS + round(np.log10(UNITS["cm"] / self._scale))  # of lengths
         self._order = _file_order(skeleton)
         self._rest = skeleton.forward(skeleton.rest, skeleton.offsets[0])[1]  # world rotations of the T-pose
         self._last: Array | None = None  # last row of angles, to go on without jumps
@@ -82,17 +83,21 @@ class Writer(_Writer):
             indent = "\t" * len(stack)
             yield f"{indent}{'JOINT' if stack else 'ROOT'} {names[joint]}"
             yield f"{indent}{{"
-            yield f"{indent}\tOFFSET {_numbers(offsets[joint])}"
+            yield f"{indent}\tOFFSET {self._numbers(offsets[joint])}"
             places = "" if stack else "Xposition Yposition Zposition "
             yield f"{indent}\tCHANNELS {3 if stack else 6} {places}{' '.join(f'{a}rotation' for a in _ORDER)}"
             stack.append(joint)
             if not skeleton.children[joint]:
                 end = np.array(skeleton.ends.get(skeleton.names[joint], (0.0, 0.0, 0.0)), float)
-                tip = _numbers(quat_rotate(self._rest[joint], end) * self._scale)
+                tip = self._numbers(quat_rotate(self._rest[joint], end) * self._scale)
                 yield f"{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {tip}\n{indent}\t}}"
         while stack:
             stack.pop()
             yield "\t" * len(stack) + "}"
+
+    def _numbers(self, values: Iterable[float]) -> str:
+        digits = self._decimals + 1
+        return " ".join(f"{round(float(v), digits) + 0.0:.{digits}f}" for v in values)
 
     def _write(self, motion: Motion) -> None:
         assert self._file is not None
@@ -100,9 +105,9 @@ class Writer(_Writer):
             piece = slice(start, start + _BLOCK)
             angles = self._angles(motion.rotations[piece])[:, self._order]
             root = np.asarray(motion.root[piece], float) * self._scale
-            rows = np.concatenate([root, np.degrees(angles).reshape(len(angles), -1)], 1)
-            rows = np.round(rows, _DECIMALS) + 0.0  # no "-0.00000"
-            template = " ".join([f"%.{_DECIMALS}f"] * rows.shape[1]) + "\n"
+            turns = np.round(np.degrees(angles).reshape(len(angles), -1), _DECIMALS)
+            rows = np.concatenate([np.round(root, self._decimals), turns], 1) + 0.0  # no "-0.00000"
+            template = " ".join([f"%.{self._decimals}f"] * 3 + [f"%.{_DECIMALS}f"] * (rows.shape[1] - 3)) + "\n"
             self._file.write((template * len(rows) % tuple(rows.ravel().tolist())).encode())
 
     def _angles(self, rotations: Array) -> Array:
@@ -159,7 +164,3 @@ def _file_order(skeleton: Skeleton) -> list[int]:
         order.append(joint)
         stack.extend(reversed(skeleton.children[joint]))
     return order
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(f"{round(float(v), 6) + 0.0:.6f}" for v in values)

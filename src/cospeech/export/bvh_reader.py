@@ -43,7 +43,7 @@ _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 _MAX_FPS = 1e4  # ours: faster than any motion capture
 _MAX_NUMBERS = 100_000_000  # ours: an hour of 75 joints at 120 fps
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
-_COMMON = (*map(float, _RATES), *(f * 1000 / 1001 for f in (24, 30, 60, 120)))
+_NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
 
 
 def load(path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None) -> Motion:
@@ -74,9 +74,19 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
     names = file_names(header.names)
     ends = {names[joint]: end for joint, end in header.ends.items()}
-    kind = next((kind for kind in SKELETONS if named_skeleton(kind).names == tuple(names)), "custom")
-    skeleton = Skeleton(tuple(names), tuple(header.parents), offsets, ends=ends, kind=kind)
-    return _as_motion(skeleton, rotations, root, rate, units, up)
+    skeleton, order = _in_table_order(Skeleton(tuple(names), tuple(header.parents), offsets, ends=ends))
+    return _as_motion(skeleton, rotations[:, order], root, rate, units, up)
+
+
+def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
+    """Skeletons of our tables get their kind and the table's order of joints; a BVH itself is always depth first."""
+    above = {name: skeleton.names[p] if p >= 0 else None for name, p in zip(skeleton.names, skeleton.parents, strict=True)}
+    for kind in SKELETONS:
+        table = named_skeleton(kind)
+        if above == {name: table.names[p] if p >= 0 else None for name, p in zip(table.names, table.parents, strict=True)}:
+            order = [skeleton.index[name] for name in table.names]
+            return replace(table, offsets=skeleton.offsets[order], ends=skeleton.ends), order
+    return skeleton, list(range(len(skeleton)))
 
 
 def file_names(names: Iterable[str]) -> list[str]:
@@ -103,11 +113,11 @@ def frame_rate(frame_time: float, precision: float) -> float:
     if not 1 / _MAX_FPS <= frame_time <= _MAX_FPS:
         raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
     rate = 1 / frame_time
-    if abs(rate - round(rate)) < 1e-9 * rate:
-        return float(round(rate))
-    near = min(_COMMON, key=lambda common: abs(1 / common - frame_time))
+    near = round(rate) or 1
+    if abs(rate - near) > 1e-9 * rate:
+        near = min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
     if abs(1 / near - frame_time) <= 1.001 * precision:
-        return near
+        return float(near)
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
 
 
@@ -152,13 +162,11 @@ def _decode(file: io.TextIOWrapper, header: Header) -> tuple[Array, Array, Array
 def _moved(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
     """Offsets after the mean positions of joints that have position channels (see the module's text)."""
     joints, axes = np.array([m[0] for m in moving], int), np.array([m[1] for m in moving], int)
-    later = joints > 0
-    joints, axes, means = joints[later], axes[later], means[later]
+    joints, axes, means = joints[joints > 0], axes[joints > 0], means[joints > 0]
     modelled = offsets[joints, axes]
     instead = np.abs(means - modelled).sum() <= np.abs(means).sum()
-    result = offsets.copy()
-    result[joints, axes] = means if instead else modelled + means
-    return result
+    offsets[joints, axes] = means if instead else modelled + means
+    return offsets
 
 
 def _as_motion(skeleton: Skeleton, rotations: Array, root: Array, rate: float, units: str | None, up: str | None) -> Motion:

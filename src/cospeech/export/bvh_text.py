@@ -20,7 +20,7 @@ from ..rotations import Array
 __all__ = ["MAX_JOINTS", "MAX_VALUE", "Header", "read_header", "read_rows"]
 
 MAX_JOINTS = 5000  # ours: film rigs have some hundreds
-MAX_VALUE = 1e7  # ours: no position or angle of a usable file is larger; keeps every product finite
+MAX_VALUE = 1e7  # ours: of a position or angle; keeps every product finite
 MAX_LINE = 1 << 20  # ours: characters; a row of 5000 joints has 200,000
 _BLOCK = 1 << 19  # ours: numbers parsed at once
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
@@ -158,8 +158,7 @@ def _channels(words: list[str], line: int) -> tuple[str, ...]:
     if count not in {"0", "1", "2", "3", "4", "5", "6"} or len(words) < int(count):
         raise InputError(f"line {line}: CHANNELS {count[:40]} with {len(words)} names", "0 to 6 are possible")
     names = []
-    for _ in range(int(count)):
-        word = words.pop(0)
+    for word in [words.pop(0) for _ in range(int(count))]:
         match = _CHANNEL.fullmatch(word)
         if not match:
             raise InputError(f"line {line}: unknown channel {word[:40]!r}", "known: Xposition … Zrotation")
@@ -197,6 +196,5 @@ def _blame(batch: list[str], line: int, columns: int) -> None:
         words = text.split() if len(text) < MAX_LINE else []
         if words and len(words) != columns:
             raise InputError(f"line {k}: {len(words)} values where {columns} channels are declared", "is the file cut short?")
-        for word in words:
-            number(word, k)
+        _ = [number(word, k) for word in words]
     raise InputError(f"line {line + 1} or later: rows that cannot be read", "is the file damaged?")

@@ -26,9 +26,9 @@ def _unit(x: float, y: float, z: float) -> Floats:
 # Directions towards the lights in the camera's frame (right, up, back to the camera), and everything below: ours, by eye.
 KEY = _unit(-0.55, 0.75, 0.75)
 _RIM = _unit(0.80, 0.45, -0.60)
-_KEY_COLOUR = _colour(1.62, 1.52, 1.40)
+_KEY_COLOUR = _colour(1.20, 1.12, 1.03)
 _RIM_COLOUR = _colour(0.75, 0.90, 1.15)
-_SKY, _GROUND = _colour(0.52, 0.57, 0.66), _colour(0.27, 0.245, 0.24)
+_SKY, _GROUND = _colour(0.40, 0.44, 0.51), _colour(0.22, 0.20, 0.195)
 _WRAP = _colour(0.32, 0.20, 0.16)  # how far the key reaches round an edge; red farthest, as in skin
 _SHOULDER = 0.72  # linear light above which highlights are compressed
 _STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the most of it, that `develop` tells apart

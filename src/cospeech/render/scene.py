@@ -6,6 +6,7 @@ their middle; pixels at an outline or at a border of two parts are shaded at eve
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,11 @@ from ..mannequin import Character, skin_with_normals
 from ..rotations import Array
 from . import light, raster
 from .camera import Camera
+from .shadow import floor_shadow, openness, reached
 
 __all__ = ["Scene"]
 
+_PENUMBRA = 0.022  # metres: blur of the key's shadows; ours, as of a large soft box
 _DEEP = 0.012  # metres of depth within one pixel above which it shows an outline; ours: half a finger
 
 
@@ -42,13 +45,12 @@ class Scene:
     def __init__(self, character: Character, width: int, height: int, background: tuple[int, int, int]) -> None:
         self.character = character
         parts = character.parts
-        starts = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
-        self._triangles = np.concatenate([p.triangles + s for p, s in zip(parts, starts, strict=True)]).astype(np.int32)
+        self._triangles = _triangles(character)
         self._part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p.triangles) for p in parts])
         colours = [np.broadcast_to(np.asarray(p.colour, np.float32), p.vertices.shape) for p in parts]
         self._colour = np.concatenate(colours).T.copy()  # (3, V)
         self._roughness = np.array([p.roughness for p in parts], np.float32)
-        self._open = np.ones((1, sum(len(p.vertices) for p in parts)), np.float32)
+        self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
         self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
 
@@ -63,18 +65,29 @@ class Scene:
         """
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
+        axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
+        lit = reached(vertices, normals, self._triangles, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
         screen = camera.project(vertices)
         front = np.flatnonzero(raster.front_facing(screen, self._triangles))
         seen = raster.see(screen, self._triangles[front], camera.width, camera.height)
         seen = seen._replace(triangle=front[seen.triangle])
-        picture = self._blank.copy()
+        picture, backdrop = self._blank.copy(), self._backdrop
+        shadow = floor_shadow(camera, vertices)
+        if shadow is not None:
+            (rows, columns), left = shadow
+            backdrop = backdrop.copy()
+            backdrop[:, rows, columns] *= left
+            picture[rows, columns] = light.develop(backdrop[:, rows, columns]).transpose(1, 2, 0)
         if len(seen.sample):
-            pixel, colour = self._resolve(camera, seen, screen, normals)
+            table = np.concatenate([axes.astype(np.float32) @ normals.T, self._colour, self._open[None], lit[None]])
+            pixel, colour = self._resolve(camera, seen, screen, table, backdrop)
             picture.reshape(-1, 3)[pixel] = light.develop(colour).T
         return picture
 
-    def _resolve(self, camera: Camera, seen: raster.Seen, screen: Array, normals: Array) -> tuple[raster.Ints, raster.Floats]:
-        """Pixels that show the character, and their linear colours (3, P)."""
+    def _resolve(
+        self, camera: Camera, seen: raster.Seen, screen: Array, table: Array, backdrop: Array
+    ) -> tuple[raster.Ints, raster.Floats]:
+        """Pixels that show the character, and their linear colours (3, P); ``table`` as `_shade` takes it."""
         width = camera.width
         of_sample = seen.sample >> 2
         first = np.flatnonzero(np.r_[True, of_sample[1:] != of_sample[:-1]])
@@ -95,22 +108,24 @@ class Scene:
             np.concatenate([middle_y + np.float32(0.5), edge_y]),
             np.concatenate([seen.triangle[first[smooth]], seen.triangle[rough]]),
         )
-        colour = self._shade(camera, points, screen, normals)
+        colour = self._shade(camera, points, screen, table)
         middles = len(middle_x)
         out = np.empty((3, len(pixel)), np.float32)
         out[:, smooth] = colour[:, :middles]
         if middles < len(points.x):
             counts = count[~smooth]
             starts = np.cumsum(counts) - counts
-            behind = self._backdrop.reshape(3, -1)[:, pixel[~smooth]]
+            behind = backdrop.reshape(3, -1)[:, pixel[~smooth]]
             total = np.add.reduceat(np.minimum(colour[:, middles:], 1), starts, axis=1)
             out[:, ~smooth] = (total + behind * (raster.SAMPLES - counts)) * np.float32(1 / raster.SAMPLES)
         return pixel, out
 
-    def _shade(self, camera: Camera, points: _Points, screen: Array, normals: Array) -> raster.Floats:
-        """Linear colours (3, N) of surface points."""
-        axes = camera.axes.astype(np.float32) * np.array([[1], [1], [-1]], np.float32)
-        table = np.concatenate([axes @ normals.T, self._colour, self._open])
+    def _shade(self, camera: Camera, points: _Points, screen: Array, table: Array) -> raster.Floats:
+        """Linear colours (3, N) of surface points.
+
+        Args:
+            table: (8, V): normals in the camera's frame, colours, openness to the surroundings and to the key.
+        """
         corner = self._triangles[points.triangle].T.copy()  # (3, N)
         weight = _weights(screen, corner, points.x, points.y)
         mixed = np.empty((len(table), len(points.x)), np.float32)
@@ -123,7 +138,20 @@ class Scene:
         sight = np.concatenate([sight, np.ones((1, len(points.x)))]).astype(np.float32)
         sight /= np.sqrt(_dot(sight, sight))
         roughness = self._roughness[self._part[points.triangle]]
-        return light.shade(normal, sight, mixed[3:6], roughness, mixed[6], np.float32(1))
+        return light.shade(normal, sight, mixed[3:6], roughness, mixed[6], mixed[7])
+
+
+def _triangles(character: Character) -> raster.Ints:
+    """Triangles of all parts, as indices into their vertices one part after the other."""
+    starts = np.cumsum([0] + [len(p.vertices) for p in character.parts[:-1]])
+    return np.concatenate([p.triangles + s for p, s in zip(character.parts, starts, strict=True)]).astype(np.int32)
+
+
+@lru_cache(2)
+def _openness(character: Character) -> raster.Floats:
+    """`shadow.openness` of the character in its T-pose; kept, because it takes a third of a second."""
+    vertices, normals = (np.concatenate([getattr(p, what) for p in character.parts]) for what in ("vertices", "normals"))
+    return openness(vertices, normals, _triangles(character))
 
 
 def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Floats) -> raster.Floats:
@@ -134,7 +162,9 @@ def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Flo
     total = area[0] + area[1] + area[2]
     total[np.abs(total) < 1e-12] = 1
     area /= total
-    return np.clip(area, 0, 1, out=area)
+    np.clip(area, 0, 1, out=area)  # the middle of a pixel may lie beside the triangle that was seen in it
+    area /= area[0] + area[1] + area[2]
+    return area
 
 
 def _dot(a: raster.Floats, b: raster.Floats) -> raster.Floats:

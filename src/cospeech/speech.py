@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import reduce
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +32,7 @@ RATE = 16_000  # Hz; what the features are computed at (wideband speech)
 MOST_SECONDS_IN_MEMORY = 2 * 3600.0  # ours: 460 MB at 16 kHz; longer speech is streamed
 LOUDEST = 100.0  # ours: +40 dB over full scale; floats beyond were not scaled to -1 … 1
 AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
-CANCELLED = 0.1  # ours: mean of the channels 20 dB below the loudest of them
+CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
 FPS_DENOMINATOR = 1_001_000  # exact for 30000/1001 and for three decimals
 
 
@@ -324,11 +325,12 @@ class _Merge:
             return
         block = np.concatenate(self.waiting) if len(self.waiting) > 1 else self.waiting[0]
         self.waiting = []
-        mean = block @ np.full(self.channels, 1 / self.channels, np.float32)
+        mean = reduce(np.add, block.T) / np.float32(self.channels)  # not through BLAS: the same bits on any number of threads
         if self.pick is None:
             loudness = np.sqrt(np.mean(np.square(block), axis=0))
             if loudness.max() > AUDIBLE:
-                cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * loudness.max()
+                unrelated = loudness.max() / np.sqrt(self.channels)
+                cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
                 self.pick = int(loudness.argmax()) if cancelled else -1
         yield mean if self.pick in (None, -1) else np.ascontiguousarray(block[:, self.pick])
 

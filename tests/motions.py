@@ -1,15 +1,16 @@
-"""Motion to test with: a figure that gestures, looks around and speaks, written down by formula."""
+"""What to test with: a figure that gestures, looks around and speaks, written down by formula; and a small character."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from cospeech.mannequin.character import Character, Part
 from cospeech.motion import Motion
 from cospeech.rotations import axis_angle_to_quat, quat_identity, quat_multiply
 from cospeech.skeleton import humanoid
 from cospeech.skeletons.arkit import ARKIT_INDEX
 
-__all__ = ["gesturing"]
+__all__ = ["gesturing", "stand_in"]
 
 
 def gesturing(frames: int, fps: float = 30.0) -> Motion:
@@ -41,3 +42,37 @@ def gesturing(frames: int, fps: float = 30.0) -> Motion:
         face[:, k] = (1 + np.sin(2 * np.pi * t * (0.3 + k / 40) + k)) / 2 * (0.1 if name.startswith("mouth") else 0.6)
     root = skeleton.offsets[0] + np.stack([0.03 * np.sin(t), 0.01 * np.sin(2 * t), 0.02 * np.cos(t)], 1)
     return Motion(fps=fps, rotations=q, root=root, face=face)
+
+
+def stand_in() -> Character:
+    """A small figure with all that the mannequin's data can have: a skinned block per limb, and a face with five shapes."""
+    skeleton = humanoid()
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+    faces = np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+         [1, 5, 7], [1, 7, 3]], np.int32,
+    )  # fmt: skip
+
+    def block(name: str, joint: str, size: float, colour: object, morphs: dict) -> Part:
+        k = skeleton.index[joint]
+        vertices = (skeleton.tpose[k] + corners * size).astype(np.float32)
+        joints, weights = np.zeros((8, 4), np.int32), np.zeros((8, 4), np.float32)
+        joints[:, 0], joints[:, 1], weights[:, 0], weights[:, 1] = k, skeleton.parents[k], 0.75, 0.25
+        normals = (corners / np.sqrt(3)).astype(np.float32)
+        return Part(name, vertices, normals, faces, joints, weights, np.array(colour, float), 0.5, morphs)
+
+    def shape(*rows: int) -> np.ndarray:
+        delta = np.zeros((8, 3), np.float32)
+        delta[list(rows), 1] = -0.02
+        return delta
+
+    shapes = {"jawOpen": shape(0, 1), "eyeBlinkLeft": shape(6, 7), "tongueOut": shape(*range(8)), "browInnerUp": shape(2)}
+    return Character(
+        skeleton,
+        (
+            block("face", "head", 0.09, (0.8, 0.5, 0.4), shapes),
+            block("teeth", "jaw", 0.02, np.full((8, 3), 0.9), {"jawOpen": shape(*range(8))}),
+            block("hand", "rightHand", 0.05, (0.2, 0.3, 0.9), {}),
+            block("chest", "upperChest", 0.15, np.linspace(0, 1, 24).reshape(8, 3), {}),
+        ),
+    )

@@ -26,7 +26,7 @@ const samples = times.map(Number).map((time) => {
       box.expandByPoint(node.getVertexPosition(k, vertex).applyMatrix4(node.matrixWorld));
     }
     meshes[node.name] = {
-      weights: node.morphTargetInfluences ?? [],
+      weights: [...(node.morphTargetInfluences ?? [])],
       names: Object.keys(node.morphTargetDictionary ?? {}),
       min: box.min.toArray(),
       max: box.max.toArray(),

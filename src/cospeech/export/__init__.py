@@ -89,7 +89,8 @@ class Writer(AbstractContextManager["Writer"], ABC):
         """Append a piece of motion of the announced skeleton and fps."""
         if motion.fps != self.fps or len(motion.skeleton) != len(self.skeleton):
             raise InputError(f"writer of {self.fps} fps and {len(self.skeleton)} joints got other motion")
-        self._write(motion)
+        if len(motion):
+            self._write(motion)
         self.frames += len(motion)
 
     def __exit__(self, kind, error, trace) -> None:  # type: ignore[no-untyped-def]

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
@@ -19,11 +17,11 @@ import numpy as np
 
 from ..errors import CospeechError, InputError
 from ..rotations import Array
+from .glb_container import split_glb
 from .reading import read_bytes
 
-__all__ = ["COMPONENTS", "WIDTHS", "GltfFile", "checked", "read_glb", "split_glb"]
+__all__ = ["COMPONENTS", "WIDTHS", "GltfFile", "checked", "read_glb"]
 
-_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942  # 4.4: "glTF", "JSON", "BIN\0"
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
 """Code of a component type → numpy dtype."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -183,37 +181,3 @@ def read_glb(path: str | PathLike[str]) -> GltfFile:
         if version != "2.0":
             raise InputError(f"{name} is glTF {str(version)[:20]}", "only glTF 2.0 can be read")
         return GltfFile(document, binary, name)
-
-
-def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk of a GLB (4.4)."""
-    if data[:1] in (b"{", b" ", b"\n"):
-        return _parse_json(data, name), b""
-    if len(data) < 20 or struct.unpack_from("<I", data)[0] != _MAGIC:
-        raise InputError(f"{name} is not a binary glTF file", "expected .glb, .vrm or .vrma")
-    _, version, length, json_length, kind = struct.unpack_from("<5I", data)
-    if version != 2 or kind != _JSON:
-        raise InputError(f"{name} is not a glTF 2.0 binary file", "export it again")
-    if length > len(data) or 20 + json_length > length:
-        raise InputError(f"{name} is cut off: {len(data)} of {length} bytes", "copy or export it again")
-    document = _parse_json(data[20 : 20 + json_length], name)
-    at = 20 + json_length + -json_length % 4
-    if at + 8 > length:
-        return document, b""
-    size, kind = struct.unpack_from("<II", data, at)
-    if kind != _BIN:
-        return document, b""
-    if at + 8 + size > length:
-        raise InputError(f"{name} is cut off inside its binary chunk", "copy or export it again")
-    return document, data[at + 8 : at + 8 + size]
-
-
-def _parse_json(text: bytes, name: str) -> dict[str, Any]:
-    """The document, which has to be an object."""
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name} is damaged: its JSON cannot be read ({error})"[:160], "export it again") from None
-    if not isinstance(document, dict):
-        raise InputError(f"{name} is damaged: its JSON is no object", "export it again")
-    return document

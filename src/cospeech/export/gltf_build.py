@@ -14,11 +14,10 @@ import numpy as np
 
 from ..errors import InputError, InternalError
 from ..rotations import Array
+from .glb_container import BIN, JSON, MAGIC
 from .gltf import COMPONENTS, WIDTHS
 
 __all__ = ["GltfBuilder"]
-
-_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942  # 4.4
 
 
 class GltfBuilder:
@@ -102,8 +101,8 @@ class GltfBuilder:
         length = 12 + 8 + len(text) + 8 + self._size + pad
         if length >= 1 << 32:
             raise InputError(f"a GLB of {length >> 20} MiB is more than the format can hold", "export it in pieces")
-        file.write(struct.pack("<5I", _MAGIC, 2, length, len(text), _JSON) + text)
-        file.write(struct.pack("<II", self._size + pad, _BIN))
+        file.write(struct.pack("<5I", MAGIC, 2, length, len(text), JSON) + text)
+        file.write(struct.pack("<II", self._size + pad, BIN))
         for size, blocks in self._parts:
             for block in blocks():
                 file.write(block)

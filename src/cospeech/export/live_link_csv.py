@@ -129,22 +129,15 @@ def _read_header(line: bytes, path: str | PathLike[str]) -> dict[str, int]:
 
 
 def _numbers(cells: list[str], line: int) -> Array:
-    try:
-        row = np.array([float(cell or 0) for cell in cells])
-    except ValueError:
-        bad = next(cell for cell in cells if not _is_number(cell))
-        raise InputError(f"line {line}: {bad[:40]!r} is not a number", "decimals are written with a point") from None
+    row = np.empty(len(cells))
+    for k, cell in enumerate(cells):
+        try:
+            row[k] = float(cell or 0)
+        except ValueError:
+            raise InputError(f"line {line}: {cell[:40]!r} is not a number", "decimals are written with a point") from None
     if not np.isfinite(row).all():
         raise InputError(f"line {line}: a value is not finite", "is the recording damaged?")
     return row
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell or 0)
-    except ValueError:
-        return False
-    return True
 
 
 def _timecode(cell: str, line: int) -> tuple[float, float]:

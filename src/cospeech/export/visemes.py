@@ -78,7 +78,7 @@ def oculus_visemes(face: Array) -> dict[str, Array]:
     named["PP"] = shut * np.maximum(_mean(face, "mouthPress"), np.minimum(upper, lower))
     room = np.maximum(sum(named.values()), 1)
     named = {name: weight / room for name, weight in named.items()}
-    return named | {"sil": 1 - sum(named.values())}
+    return named | {"sil": np.maximum(1 - sum(named.values()), 0)}
 
 
 def arkit_from_presets(presets: dict[str, Array]) -> Array:

@@ -14,22 +14,26 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
 from ..skeleton import humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
+from .gltf import GltfFile, checked, read_glb
 from .gltf_build import GltfBuilder
+from .rig_find import read_rig
 from .standing import as_humanoid
-from .tracks import Recorder, Track
-from .visemes import vrm_presets
+from .tracks import Curve, Recorder, Track, clock_of, read_animation
+from .visemes import arkit_from_presets, vrm_presets
 
-__all__ = ["PRESETS", "Writer"]
+__all__ = ["PRESETS", "Writer", "load"]
 
 PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight")
 """The preset expressions that are written; moods are left to the ARKit channels, looks to ``lookAt``."""
 
 _EYES = ("leftEye", "rightEye")
+_ARKIT = {name.lower(): name for name in ARKIT}
 
 
 class Writer(BaseWriter):
@@ -123,3 +127,49 @@ def _between_the_eyes() -> list[float]:
     skeleton = humanoid()
     left, right = (skeleton.offsets[skeleton.index[name]] for name in _EYES)
     return ((left + right) / 2).tolist()
+
+
+def load(path: str | PathLike[str]) -> Motion:
+    """Read a clip onto our humanoid; the face from custom expressions with ARKit's names, else from the presets.
+
+    Raises:
+        InputError: damaged, without animation, or not a VRM animation.
+    """
+    file = read_glb(path)
+    extension = file.json.get("extensions", {})
+    if not isinstance(extension, dict) or "VRMC_vrm_animation" not in extension:
+        raise InputError(f"{file.name} is no VRM animation", "an animated character is read as .glb")
+    rig = read_rig(file)
+    curves = read_animation(file)
+    fps, times = clock_of(curves, file.name)
+    rotations, root = rig.motion(curves, times)
+    with checked(file.name):
+        face = _face(file, curves, times, extension["VRMC_vrm_animation"])
+        look = extension["VRMC_vrm_animation"].get("lookAt", {}).get("node")
+    motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
+    if (look, "rotation") in curves:
+        for name in _EYES:
+            motion.rotations[:, motion.skeleton.index[name]] = curves[look, "rotation"].at(times)
+    return motion
+
+
+def _face(file: GltfFile, curves: dict[tuple[int, str], Curve], times: Array, extension: dict[str, Any]) -> Array | None:
+    """ARKit weights (T, 52) of the clip's expressions; None where it has none."""
+    expressions = extension.get("expressions", {})
+
+    def weights(kind: str) -> dict[str, Array]:
+        found = {}
+        for name, entry in expressions.get(kind, {}).items():
+            curve, rest = curves.get((entry["node"], "translation")), file.list("nodes")[entry["node"]].get("translation")
+            still = np.full(len(times), float(rest[0]) if rest else 0.0)
+            found[str(name)] = np.clip(still if curve is None else curve.at(times)[:, 0], 0, 1)
+        return found
+
+    custom = {_ARKIT[name.lower()]: weight for name, weight in weights("custom").items() if name.lower() in _ARKIT}
+    if custom:
+        face = np.zeros((len(times), len(ARKIT)))
+        for name, weight in custom.items():
+            face[:, ARKIT_INDEX[name]] = weight
+        return face
+    preset = weights("preset")
+    return arkit_from_presets(preset) if preset else None

@@ -139,8 +139,8 @@ def skin_with_normals(
     shift = np.asarray(positions - np.einsum("jab,jb->ja", turn, character.skeleton.tpose), np.float32)
     blend = tables.weights @ np.concatenate([turn, shift[:, :, None]], 2).reshape(len(turn), 12)
     blend = blend.reshape(-1, 3, 4)
-    posed = np.matmul(blend, vertices[:, :, None])[:, :, 0]
-    turned = np.matmul(blend[:, :, :3], normals[:, :, None])[:, :, 0]
+    posed = np.einsum("vij,vj->vi", blend, vertices)
+    turned = np.einsum("vij,vj->vi", blend[:, :, :3], normals)
     turned /= np.maximum(np.sqrt(np.einsum("vi,vi->v", turned, turned)), 1e-9)[:, None]
     return [posed[b] for b in tables.bounds], [turned[b] for b in tables.bounds]
 

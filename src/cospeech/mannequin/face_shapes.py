@@ -22,11 +22,10 @@ __all__ = ["Shapes", "brow_shapes", "jaw_shapes", "tongue_shapes"]
 
 HINGE = np.array([0.0, 0.046, -0.004])  # of the jaw, just before the ear
 OPEN = np.radians(17.0)  # of the jaw at jawOpen = 1
+SHARE = 0.34  # of the gap that the upper lip closes at mouthClose
 CORNER = np.array([MOUTH_HALF, MOUTH[1]])
 UPPER_FOLLOWS = (1.0, 1.0, 1.0, 0.97, 0.84, 0.52, 0.16)  # how far each ring of the upper lid goes with its edge
 LOWER_FOLLOWS = (1.0, 1.0, 1.0, 0.92, 0.72, 0.42, 0.15)
-
-Field = Array
 
 
 def bump(p: Array, centre: tuple[float, float], sizes: tuple[float, float]) -> Array:
@@ -61,10 +60,7 @@ class Shapes:
             self.q[ids], self.s[ids] = q, mouth.s
             self.side[ids] = np.where(mouth.upper, 1.0, -1.0)
             self.side[ids[[0, len(ids) // 2]]] = 0.0
-        end = mouth.ids[0].max() + 0
-        self.bag_end = int(np.max(mouth.ids) + 1)
-        del end
-        self.q[self.bag_end] = -4.5
+        self.q[int(mouth.ids.max()) + 1] = -4.5  # the end of the mouth's bag
         self.ringed = np.isfinite(self.q)
         self.full = np.sqrt(np.maximum(1 - self.s**2, 0)) * self.ringed
         self.lips = np.interp(
@@ -82,8 +78,8 @@ class Shapes:
         skin = smoothstep(0.010 + 0.024 * wide, -0.010 - 0.016 * wide, y - MOUTH[1])
         skin = skin * smoothstep(-0.010, 0.040, z) * smoothstep(0.002, 0.050, z - 0.55 * (y + 0.020))
         c = np.abs(self.s)
-        lower = 1 - 0.53 * smoothstep(0.30, 1.0, c)
-        upper = 0.47 * smoothstep(0.62, 1.0, c) ** 1.5
+        lower = 1 - 0.53 * c**2.4
+        upper = 0.47 * c**3.2 - 0.05 * (1 - c**2)
         rings = np.where(self.side > 0, upper, np.where(self.side < 0, lower, 0.47))
         t = np.clip((np.where(self.ringed, self.q, 9) - 1) / 1.8, 0, 1)
         mask = np.where(self.ringed, (1 - t) * rings + t * skin, skin)
@@ -106,20 +102,19 @@ class Shapes:
 
     # --- mouth ------------------------------------------------------------------------------------------------------------
 
-    def corner(self, reach: float = 0.017, tall: float = 0.022) -> Array:
+    def corner(self, reach: float = 0.020, tall: float = 0.022) -> Array:
         """Weight around the left corner of the mouth."""
         return bump(self.p, tuple(CORNER), (reach, tall))
 
     def lip(self, upper: bool, outside: float = 0.010) -> Array:
         """Weight of one lip: full on the red, fading to the corners and over the skin beyond."""
         side = 1 if upper else -1
-        red = np.where(self.side == side, self.lips * self.full**0.7, 0)
         t = (self.p[:, 1] - MOUTH[1]) * side
         skin = np.exp(-((np.maximum(t - 0.012, 0) / outside) ** 2)) * np.exp(-((self.p[:, 0] / 0.020) ** 2)) * (t > 0)
         skin *= smoothstep(0.03, 0.06, self.p[:, 2])
         beyond = np.where(self.ringed, np.clip((self.q - 1) / 1.8, 0, 1), 1.0)
         around = np.where(self.ringed, self.lips * self.full**0.7, 0) * (self.side == side)
-        return np.where(self.ringed, np.maximum(around, skin * beyond * 0.5), 0.5 * skin) + 0 * red
+        return np.where(self.ringed, np.maximum(around, skin * beyond * 0.5), 0.5 * skin)
 
     def mouth_area(self) -> Array:
         """Weight of the whole mouth."""
@@ -173,8 +168,8 @@ class Shapes:
         out["mouthUpperUpLeft"] = vector(up * left, 0.0004, 0.0068, -0.0006) + vector(wing, 0.0005, 0.0016, 0.0008)
         shift = self.slide(0.0095 * area, 0 * area)
         out["mouthLeft"] = shift
-        out["mouthPucker"] = self.corners_in(0.44, 0.0090) + vector(up, 0, 0.0010, 0.001) + vector(low, 0, -0.0012, 0.001)
-        out["mouthFunnel"] = self.corners_in(0.30, 0.0075) + vector(up, 0, 0.0046, 0.0015) + vector(low, 0, -0.0066, 0.0015)
+        out["mouthPucker"] = self.corners_in(0.44, 0.0090) + vector(self._thin(0.0012), 0, self.side, 0.8)
+        out["mouthFunnel"] = self.corners_in(0.30, 0.0075) + vector(up, 0, 0.0034, 0.0015) + vector(low, 0, -0.0052, 0.0015)
         out["mouthRollUpper"], out["mouthRollLower"] = self.roll(True), self.roll(False)
         chin = bump(p, (0, -0.008), (0.020, 0.014))
         out["mouthShrugLower"] = (
@@ -202,7 +197,7 @@ class Shapes:
         contact = rows[self.head.mouth.q.index(0.0)]
         other = contact[(-np.arange(count)) % count]
         gap = np.where(self.head.mouth.upper[:, None], turn[other] - turn[contact], turn[contact] - turn[other])
-        share = np.where(self.head.mouth.upper, 0.40, -0.60)
+        share = np.where(self.head.mouth.upper, SHARE, SHARE - 1)
         close = np.zeros_like(turn)
         for q, ids in zip(self.head.mouth.q, rows, strict=True):
             fade = np.interp(q, (-4, -2, -1, 1, 1.3, 1.9, 2.8), (0.0, 0.5, 1, 1, 0.95, 0.80, 0.52))
@@ -211,7 +206,7 @@ class Shapes:
         near = np.exp(-((np.maximum(t - 0.018, 0) / 0.014) ** 2)) * np.exp(-((self.p[:, 0] / 0.022) ** 2)) * (t > 0.008)
         middle = gap[count // 4]
         skin = np.where(self.ringed, 0, near * smoothstep(0.03, 0.06, self.p[:, 2])) * 0.52
-        close += -0.60 * skin[:, None] * middle
+        close += (SHARE - 1) * skin[:, None] * middle
         out["mouthClose"] = close
         return out
 

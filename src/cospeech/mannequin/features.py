@@ -190,7 +190,7 @@ def teeth(upper: bool, front: float, edge: float) -> Piece:
     """A row of teeth with its gum on a dental arch; ``front`` z of the incisors, ``edge`` y of their cutting edge."""
     net = Net()
     count = 31
-    angle = np.linspace(-1.35, 1.35, count)
+    angle = np.linspace(-1.48, 1.48, count)
     side = 1 if upper else -1
     width, depth = (0.0215, 0.026) if upper else (0.0200, 0.025)
     arch = _arc(angle, width, depth, front)
@@ -198,7 +198,7 @@ def teeth(upper: bool, front: float, edge: float) -> Piece:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     gap = (np.arange(count) % 3 == 0).astype(float)
     white, gum, back = srgb("f3efe6"), srgb("c4766f"), srgb("8a4a48")
-    tall = (0.0088 if upper else 0.0076) * (1 - 0.22 * np.abs(angle) / 1.35)
+    tall = (0.0088 if upper else 0.0076) * (1 - 0.22 * np.abs(angle) / 1.48)
     rows, colour = [], []
     table = (  # height share, out, ink
         (1.55, 0.0012, gum), (1.02, 0.0010, gum), (0.96, 0.0012, white), (0.45, 0.0018, white), (0.06, 0.0012, white),
@@ -209,7 +209,8 @@ def teeth(upper: bool, front: float, edge: float) -> Piece:
         p = arch + normal * (out - 0.0005 * gap * (share < 1))[:, None]
         p[:, 1] = edge + side * (share * tall + notch)
         rows.append(net.add(p))
-        colour.append(ink * (1 - 0.22 * gap * (share < 1))[:, None] * np.ones((count, 1)))
+        far = 1 - 0.62 * smoothstep(0.35, 1.45, np.abs(angle))
+        colour.append(ink * (far * (1 - 0.22 * gap * (share < 1)))[:, None])
     net.tube(rows if not upper else rows[::-1], closed=False)
     return Piece(net, net.shade(lambda p: p[:, 1], 0.0), np.concatenate(colour))
 

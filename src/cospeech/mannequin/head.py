@@ -22,6 +22,7 @@ EYE = np.array([0.031, 0.082, 0.072])  # the humanoid's left eye joint
 EYE_RADIUS = 0.0150  # ours: a quarter larger than life reads at arm's length
 LID = 0.0015  # thickness of the lids at their edge
 MIDDLE = np.array([0.0, 0.075, 0.0])  # from which every point of the head is seen
+NOSTRIL = np.array([0.0066, 0.0420, 0.0992])
 BOTTOM = -0.105  # where the neck ends inside the collar
 
 LIP_POINTS = 28  # around the mouth: two corners, 13 above, 13 below
@@ -49,13 +50,13 @@ def head_solid(lids: bool = True) -> Solid:
     sockets = [ellipsoid((s * 0.032, 0.083, 0.0985), (0.0185, 0.0125, 0.0165)) for s in both]
     mass = cut(0.014, mass, *sockets)
     bridge = capsule((0, 0.096, 0.0800), (0, 0.054, 0.1035), 0.0072, 0.0082)
-    tip = ellipsoid((0, 0.0500, 0.1060), (0.0094, 0.0088, 0.0098))
-    wings = [ellipsoid((s * 0.0108, 0.0480, 0.0955), (0.0066, 0.0070, 0.0090)) for s in both]
-    mass = union(0.015, mass, union(0.012, bridge, tip, *wings))
-    nostrils = [ellipsoid((s * 0.0064, 0.0400, 0.1000), (0.0030, 0.0026, 0.0042)) for s in both]
+    tip = ellipsoid((0, 0.0486, 0.1062), (0.0088, 0.0086, 0.0096))
+    wings = [ellipsoid((s * 0.0110, 0.0486, 0.0950), (0.0064, 0.0064, 0.0088)) for s in both]
+    mass = union(0.014, mass, union(0.010, bridge, tip, *wings))
+    nostrils = [ellipsoid((s * 0.0066, 0.0402, 0.0990), (0.0028, 0.0030, 0.0040)) for s in both]
     mass = cut(0.005, mass, *nostrils)
-    philtrum = capsule((0, 0.037, 0.1025), (0, 0.026, 0.1035), 0.0035, 0.0035)
-    mass = cut(0.006, mass, philtrum)
+    philtrum = capsule((0, 0.034, 0.1035), (0, 0.026, 0.1035), 0.0032, 0.0034)
+    mass = cut(0.008, mass, philtrum)
     if lids:
         mass = union(0.006, mass, *(ellipsoid(EYE * [s, 1, 1], np.full(3, EYE_RADIUS + LID)) for s in both))
     return mass
@@ -218,8 +219,9 @@ def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array
     d[:, 0] = np.abs(d[:, 0])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     cloud = land(solid, MIDDLE + 0.25 * d, -d)
-    kept_line, kept = [], []
-    chosen = list(taken)
+    kept_line: list[Array] = []
+    kept = list(_nostril(solid))
+    chosen = [*taken, *kept]
 
     def fits(p: Array, reach: float) -> bool:
         return min(np.sum((np.asarray(chosen) - p) ** 2, 1)) > reach**2
@@ -238,6 +240,15 @@ def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array
             chosen.append(p)
             kept.append(p)
     return np.array(kept_line), np.array(kept)
+
+
+def _nostril(solid: Solid) -> Array:
+    """Points in and around the left nostril, so that it can be dark."""
+    turn = 2 * np.pi * np.arange(6) / 6
+    rim = NOSTRIL + 0.0029 * np.stack([np.cos(turn), 0 * turn, 1.25 * np.sin(turn)], 1)
+    d = np.concatenate([[NOSTRIL], rim]) - MIDDLE
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    return land(solid, MIDDLE + 0.25 * d, -d)
 
 
 def _inside(p: Array, bounds: list[Array]) -> bool:

@@ -13,7 +13,7 @@ from .clothes import clothes
 from .face_shapes import Shapes, brow_shapes, jaw_shapes, tongue_shapes
 from .features import Piece, brows, ears, eyeball, hair, teeth, tongue
 from .hands import hands
-from .head import Head, head_net, head_normals
+from .head import NOSTRIL, Head, head_net, head_normals
 from .net import smoothstep
 from .sculpture import DARK, SKIN, make_part, srgb, weights_of
 
@@ -40,8 +40,8 @@ def _face_colour(head: Head) -> Array:
     for sign in (1, -1):
         d = ((p[:, 0] - sign * 0.041) / 0.018) ** 2 + ((p[:, 1] - 0.046) / 0.014) ** 2
         blend(0.34 * np.exp(-d) * (p[:, 2] > 0.03), blush)
-        hole = (p - [sign * 0.0064, 0.0405, 0.0985]) / [0.0042, 0.0030, 0.0050]
-        blend(0.95 * np.exp(-(hole**2).sum(1)), srgb("6b3a33"))
+        hole = (p - NOSTRIL * [sign, 1, 1]) / [0.0034, 0.0040, 0.0040]
+        blend(1.0 * np.exp(-((hole**2).sum(1) ** 2)), srgb("5a2e28"))
     blend(0.25 * np.exp(-(((p - [0, 0.050, 0.113]) / 0.010) ** 2).sum(1)), blush)
     lips = {0.0: "8f4745", 0.32: "bd6b64", 0.68: "c4736b", 1.0: "cc8675", -1.0: "84403f", -2.0: "5f2a2c"}
     for q, ids in zip(head.mouth.q, head.mouth.ids, strict=True):
@@ -78,8 +78,8 @@ def _face_parts() -> list[Part]:
         )
 
     eyebrows, _ = brows()
-    upper, lower = teeth(True, front - 0.0100, 0.0158), teeth(False, front - 0.0122, 0.0168)
-    lick = tongue(front - 0.0165, 0.0165)
+    upper, lower = teeth(True, front - 0.0100, 0.0138), teeth(False, front - 0.0126, 0.0158)
+    lick = tongue(front - 0.0170, 0.0158)
     parts = [
         part("leftEye", eyeball(1), "leftEye", 0.25),
         part("rightEye", eyeball(-1), "rightEye", 0.25),

@@ -1,7 +1,7 @@
 """Run by a Python that has ``bpy``: import a BVH into Blender as a user would, and compare bones with forward kinematics.
 
-Usage: ``python check_bvh.py talk.bvh positions.npz``, where the npz holds ``names (J,)`` and ``positions (T, J, 3)`` in the
-file's units and axes. Prints one line of JSON; it is the caller who judges.
+Usage: ``python check_bvh.py talk.bvh positions.npz``, where the npz holds ``names (J,)``, ``positions (T, J, 3)`` and
+``rest (J, 3)`` in the file's units and axes. Prints one line of JSON; it is the caller who judges.
 """
 
 from __future__ import annotations
@@ -24,16 +24,9 @@ def bone_heads(armature: bpy.types.Object, names: list[str], frames: int, start:
     return heads
 
 
-def largest_step(armature: bpy.types.Object) -> float:
-    """Largest change of an Euler curve from key to key, in degrees; a jump of 360° would show here."""
-    animation = armature.animation_data
-    bag = animation.action.layers[0].strips[0].channelbag(animation.action_slot)
-    steps = [0.0]
-    for curve in bag.fcurves:
-        if curve.data_path.endswith("rotation_euler"):
-            values = np.array([point.co[1] for point in curve.keyframe_points])
-            steps.append(float(np.abs(np.diff(values)).max(initial=0)))
-    return float(np.degrees(max(steps)))
+def z_up(positions: np.ndarray) -> np.ndarray:
+    """From the file's axes to Blender's, as its importer turns them: Y up → Z up."""
+    return np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], -1)
 
 
 def main(bvh: str, expected: str) -> None:
@@ -42,16 +35,16 @@ def main(bvh: str, expected: str) -> None:
     bpy.ops.import_anim.bvh(filepath=bvh, update_scene_fps=True, frame_start=1)
     armature = bpy.context.object
     with np.load(expected, allow_pickle=False) as data:
-        names, positions = [str(name) for name in data["names"]], data["positions"]
+        names, positions, rest = [str(name) for name in data["names"]], data["positions"], data["rest"]
     heads = bone_heads(armature, names, len(positions), 1)
-    ours = np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], -1)  # Y up, as Blender turns it: Z up
+    rest_heads = np.array([armature.matrix_world @ armature.data.bones[name].head_local for name in names])
     scene = bpy.context.scene
     result = {
         "bones": sorted(bone.name for bone in armature.data.bones),
         "frames": int(armature.animation_data.action.frame_range[1]),
         "fps": scene.render.fps / scene.render.fps_base,
-        "largest_error": float(np.abs(heads - ours).max()),
-        "largest_step": largest_step(armature),
+        "largest_error": float(np.abs(heads - z_up(positions)).max()),
+        "rest_error": float(np.abs(rest_heads - z_up(rest)).max()),
         "order": armature.pose.bones[names[0]].rotation_mode,
     }
     sys.stdout.write(json.dumps(result) + "\n")

@@ -74,7 +74,7 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
     names = file_names(header.names)
     ends = {names[joint]: end for joint, end in header.ends.items()}
-    skeleton, order = _in_table_order(Skeleton(tuple(names), tuple(header.parents), offsets, ends=ends))
+    skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
     return _as_motion(skeleton, rotations[:, order], root, rate, units, up)
 
 
@@ -197,5 +197,4 @@ def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:
 
 def _guess_units(skeleton: Skeleton) -> str:
     """The unit that makes the skeleton as tall as a person; in the T-pose it stands on the floor."""
-    height = float(skeleton.tpose[:, 1].max())
-    return next(unit for limit, unit in _HEIGHTS if height < limit)
+    return next(unit for limit, unit in _HEIGHTS if skeleton.tpose[:, 1].max() < limit)

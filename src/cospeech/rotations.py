@@ -181,8 +181,10 @@ def quat_to_euler(q: Array, order: str = "XYZ") -> Array:
     middle = np.arctan2(s, np.hypot(m[..., i, i], m[..., i, j]))
     pole = np.hypot(m[..., i, i], m[..., i, j]) < 1e-9
     first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
-    third = np.arctan2(-sign * m[..., i, j], m[..., i, i])
     first = np.where(pole, np.arctan2(sign * m[..., k, j], m[..., j, j]), first)
+    # From what is left after the first turn, so that near the poles, where both are ill-determined, they fit each other.
+    cos, sin = np.cos(first), sign * np.sin(first)
+    third = np.arctan2(sign * (cos * m[..., j, i] + sin * m[..., k, i]), cos * m[..., j, j] + sin * m[..., k, j])
     return np.stack([first, middle, np.where(pole, 0.0, third)], -1)
 
 

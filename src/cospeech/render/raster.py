@@ -58,8 +58,9 @@ def sample_positions(sample: Ints, width: int) -> tuple[Floats, Floats]:
     pixel, k = sample >> 2, sample & 3
     row = pixel // np.int32(width)
     lower = k >> 1
-    x = (pixel - row * np.int32(width)) + ((k & 1) + _SHIFT[lower]) * np.float32(0.5)
-    return x, row + (lower + np.float32(0.5)) * np.float32(0.5)
+    column = (pixel - row * np.int32(width)).astype(np.float32)
+    x = column + ((k & 1).astype(np.float32) + _SHIFT[lower]) * np.float32(0.5)
+    return x, row.astype(np.float32) + (lower.astype(np.float32) + np.float32(0.5)) * np.float32(0.5)
 
 
 def front_facing(screen: Floats, triangles: Ints) -> NDArray[np.bool_]:
@@ -93,11 +94,14 @@ def see(screen: Floats, triangles: Ints, width: int, height: int) -> Seen:
 def _runs(screen: Floats, triangles: Ints, width: int, height: int) -> _Runs:
     """Cut triangles into runs of samples, the farthest triangle first."""
     columns, rows = 2 * width, 2 * height
-    far_first = np.argsort(screen[:, 2][triangles].sum(1), kind="stable").astype(np.int32)
-    corner = (screen.astype(np.float32) * np.array([2, 2, 1], np.float32))[triangles[far_first]]  # (F, 3 corners, 3)
-    order = np.argsort(corner[:, :, 1], axis=1, kind="stable")  # top to bottom
-    corner = np.take_along_axis(corner, order[:, :, None], 1)
-    (x0, y0, w0), (x1, y1, w1), (x2, y2, w2) = corner.transpose(1, 2, 0)
+    x, y, w = np.ascontiguousarray(screen.T, np.float32)
+    far_first = np.argsort(w[triangles[:, 0]], kind="stable").astype(np.int32)
+    a, b, c = triangles[far_first].T
+    y = y * 2
+    a, b = _upper_first(a, b, y)  # a sorting network: afterwards a is the top corner, c the bottom one
+    b, c = _upper_first(b, c, y)
+    a, b = _upper_first(a, b, y)
+    x0, x1, x2, y0, y1, y2, w0, w1, w2 = 2 * x[a], 2 * x[b], 2 * x[c], y[a], y[b], y[c], w[a], w[b], w[c]
     top = np.clip(np.ceil(y0 - 0.5), 0, rows).astype(np.int32)
     bottom = np.clip(np.ceil(y2 - 0.5), 0, rows).astype(np.int32)
     off = (np.maximum(np.maximum(x0, x1), x2) < 0) | (np.minimum(np.minimum(x0, x1), x2) > columns)
@@ -114,16 +118,23 @@ def _runs(screen: Floats, triangles: Ints, width: int, height: int) -> _Runs:
     of = np.repeat(np.arange(len(count), dtype=np.int32), count)  # triangle of each row
     row = np.arange(len(of), dtype=np.int32) - np.repeat(np.cumsum(count, dtype=np.int32) - count - top, count)
     x0, y0, long, upper, x1, y1, lower, turn, w0, step_x, step_y = table[:, of]
-    y, shift = row + np.float32(0.5), _SHIFT[row & 1]
+    y, shift = row.astype(np.float32) + np.float32(0.5), _SHIFT[row & 1]  # int32 and float32 would make float64
     through = x0 + (y - y0) * long
     bent = np.where(row >= np.ceil(y1 - 0.5), x1 + (y - y1) * lower, x0 + (y - y0) * upper)
     right = turn > 0
-    start = np.clip(np.ceil(np.where(right, through, bent) - shift), 0, columns).astype(np.int32)
-    stop = np.clip(np.ceil(np.where(right, bent, through) - shift), 0, columns).astype(np.int32)
+    start = np.clip(np.ceil(np.where(right, through, bent) - shift), 0, columns)
+    stop = np.clip(np.ceil(np.where(right, bent, through) - shift), 0, columns)
     keep = np.flatnonzero(stop > start)
     inverse = w0 + (start + shift - x0) * step_x + (y - y0) * step_y
     base = (row >> 1) * np.int32(SAMPLES * width) + (row & 1) * np.int32(2)
-    return _Runs(base[keep], start[keep], (stop - start)[keep], inverse[keep], step_x[keep], far_first[of[keep]])
+    length, start = (stop - start)[keep].astype(np.int32), start[keep].astype(np.int32)
+    return _Runs(base[keep], start, length, inverse[keep], step_x[keep], far_first[of[keep]])
+
+
+def _upper_first(a: Ints, b: Ints, y: Floats) -> tuple[Ints, Ints]:
+    """Corners a and b of triangles, exchanged where b lies above a."""
+    swap = y[b] < y[a]
+    return np.where(swap, b, a), np.where(swap, a, b)
 
 
 def _slope(xa: Floats, ya: Floats, xb: Floats, yb: Floats) -> Floats:
@@ -140,7 +151,7 @@ def _spread(runs: _Runs) -> tuple[Ints, Floats, Ints]:
     column += before[run]
     inverse = column.astype(np.float32)
     inverse *= runs.step[run]
-    inverse += (runs.inverse - runs.column * runs.step)[run]
+    inverse += (runs.inverse - runs.column.astype(np.float32) * runs.step)[run]
     place = column << 1  # samples of a pixel lie together: column 2i + j of a row is place 4i + j
     column &= 1
     place -= column

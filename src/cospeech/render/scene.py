@@ -21,11 +21,16 @@ from .shadow import floor_shadow, openness, reached
 __all__ = ["Scene"]
 
 _PENUMBRA = 0.022  # metres: blur of the key's shadows; ours, as of a large soft box
+_GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
 _DEEP = 0.012  # metres of depth within one pixel above which it shows an outline; ours: half a finger
 
 
+# What `light.shade` wants to know, at every vertex.
+_Shine = tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats]
+
+
 class _Points(NamedTuple):
-    """Points to shade: place in the picture, pixels; triangle; inverse depth."""
+    """Points to shade: place in the picture, pixels; triangle."""
 
     x: raster.Floats
     y: raster.Floats
@@ -49,7 +54,8 @@ class Scene:
         self._part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p.triangles) for p in parts])
         colours = [np.broadcast_to(np.asarray(p.colour, np.float32), p.vertices.shape) for p in parts]
         self._colour = np.concatenate(colours).T.copy()  # (3, V)
-        self._roughness = np.array([p.roughness for p in parts], np.float32)
+        self._roughness = np.concatenate([np.full(len(p.vertices), p.roughness, np.float32) for p in parts])
+        self._glossy = np.array([p.roughness < _GLOSSY for p in parts])[self._part]
         self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
         self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
@@ -68,7 +74,7 @@ class Scene:
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
         lit = reached(vertices, normals, self._triangles, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
         screen = camera.project(vertices)
-        front = np.flatnonzero(raster.front_facing(screen, self._triangles))
+        front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
         seen = raster.see(screen, self._triangles[front], camera.width, camera.height)
         seen = seen._replace(triangle=front[seen.triangle])
         picture, backdrop = self._blank.copy(), self._backdrop
@@ -79,36 +85,39 @@ class Scene:
             backdrop[:, rows, columns] *= left
             picture[rows, columns] = light.develop(backdrop[:, rows, columns]).transpose(1, 2, 0)
         if len(seen.sample):
-            table = np.concatenate([axes.astype(np.float32) @ normals.T, self._colour, self._open[None], lit[None]])
-            pixel, colour = self._resolve(camera, seen, screen, table, backdrop)
+            sight = (axes @ (camera.position - vertices).T).astype(np.float32)
+            sight /= np.sqrt(_dot(sight, sight))
+            shine = (axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit)
+            pixel, colour = self._resolve(camera, seen, screen, shine, backdrop)
             picture.reshape(-1, 3)[pixel] = light.develop(colour).T
         return picture
 
     def _resolve(
-        self, camera: Camera, seen: raster.Seen, screen: Array, table: Array, backdrop: Array
+        self, camera: Camera, seen: raster.Seen, screen: Array, shine: _Shine, backdrop: Array
     ) -> tuple[raster.Ints, raster.Floats]:
-        """Pixels that show the character, and their linear colours (3, P); ``table`` as `_shade` takes it."""
+        """Pixels that show the character, and their linear colours (3, P)."""
         width = camera.width
         of_sample = seen.sample >> 2
         first = np.flatnonzero(np.r_[True, of_sample[1:] != of_sample[:-1]])
         count = np.diff(np.r_[first, len(of_sample)])
         pixel = of_sample[first]
         smooth = count == raster.SAMPLES
-        four = first[smooth] + np.arange(raster.SAMPLES)[:, None]
-        inverse, part = seen.inverse[four], self._part[seen.triangle[four]]
-        near, far = inverse.max(0), inverse.min(0)
-        smooth[smooth] = (near - far < _DEEP * near * far) & (part.max(0) == part.min(0))
-
+        whole = np.repeat(smooth, count)
+        inverse = seen.inverse[whole].reshape(-1, raster.SAMPLES).T
+        part = self._part[seen.triangle[whole]].reshape(-1, raster.SAMPLES).T
+        near, far = _over(np.maximum, inverse), _over(np.minimum, inverse)
+        smooth[smooth] = (near - far < _DEEP * near * far) & (_over(np.maximum, part) == _over(np.minimum, part))
         rough = np.repeat(~smooth, count)
         middle_y = pixel[smooth] // np.int32(width)
-        middle_x = pixel[smooth] - middle_y * np.int32(width)
+        middle_x = (pixel[smooth] - middle_y * np.int32(width)).astype(np.float32) + np.float32(0.5)
+        middle_y = middle_y.astype(np.float32) + np.float32(0.5)
         edge_x, edge_y = raster.sample_positions(seen.sample[rough], width)
         points = _Points(
-            np.concatenate([middle_x + np.float32(0.5), edge_x]),
-            np.concatenate([middle_y + np.float32(0.5), edge_y]),
+            np.concatenate([middle_x, edge_x]),
+            np.concatenate([middle_y, edge_y]),
             np.concatenate([seen.triangle[first[smooth]], seen.triangle[rough]]),
         )
-        colour = self._shade(camera, points, screen, table)
+        colour = self._shade(points, screen, shine)
         middles = len(middle_x)
         out = np.empty((3, len(pixel)), np.float32)
         out[:, smooth] = colour[:, :middles]
@@ -120,25 +129,18 @@ class Scene:
             out[:, ~smooth] = (total + behind * (raster.SAMPLES - counts)) * np.float32(1 / raster.SAMPLES)
         return pixel, out
 
-    def _shade(self, camera: Camera, points: _Points, screen: Array, table: Array) -> raster.Floats:
-        """Linear colours (3, N) of surface points.
-
-        Args:
-            table: (8, V): normals in the camera's frame, colours, openness to the surroundings and to the key.
-        """
+    def _shade(self, points: _Points, screen: Array, shine: _Shine) -> raster.Floats:
+        """Linear colours (3, N) of surface points: of glossy parts point by point, of others from vertex to vertex."""
         corner = self._triangles[points.triangle].T.copy()  # (3, N)
         weight = _weights(screen, corner, points.x, points.y)
-        mixed = np.empty((len(table), len(points.x)), np.float32)
-        for row, values in zip(mixed, table, strict=True):
-            a, b, c = (values[corner[k]] for k in range(3))
-            np.add(a * weight[0] + b * weight[1], c * weight[2], out=row)
-        normal = mixed[:3] / np.sqrt(_dot(mixed[:3], mixed[:3]) + np.float32(1e-12))
-        focal = np.float32(1 / camera.focal)
-        sight = np.stack([(camera.width / 2 - points.x) * focal, (points.y - camera.height / 2) * focal])
-        sight = np.concatenate([sight, np.ones((1, len(points.x)))]).astype(np.float32)
-        sight /= np.sqrt(_dot(sight, sight))
-        roughness = self._roughness[self._part[points.triangle]]
-        return light.shade(normal, sight, mixed[3:6], roughness, mixed[6], mixed[7])
+        colour = _mix(light.shade(*shine), corner, weight)
+        glossy = np.flatnonzero(self._glossy[points.triangle])
+        if len(glossy):
+            corner, weight = corner[:, glossy], weight[:, glossy]
+            normal, sight, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
+            normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
+            colour[:, glossy] = light.shade(normal, sight, *(values if len(values) > 1 else values[0] for values in others))
+        return colour
 
 
 def _triangles(character: Character) -> raster.Ints:
@@ -165,6 +167,21 @@ def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Flo
     np.clip(area, 0, 1, out=area)  # the middle of a pixel may lie beside the triangle that was seen in it
     area /= area[0] + area[1] + area[2]
     return area
+
+
+def _mix(values: raster.Floats, corner: raster.Ints, weight: raster.Floats) -> raster.Floats:
+    """Values (C, V) of vertices, mixed by weights (3, N) at the corners (3, N) of triangles: (C, N)."""
+    mixed = np.empty((len(values), corner.shape[1]), np.float32)
+    for row, value in zip(mixed, values, strict=True):
+        np.multiply(value[corner[0]], weight[0], out=row)
+        row += value[corner[1]] * weight[1]
+        row += value[corner[2]] * weight[2]
+    return mixed
+
+
+def _over(function: np.ufunc, rows: Array) -> Array:
+    """Maximum or minimum of the four rows; faster than reducing along an axis."""
+    return function(function(rows[0], rows[1]), function(rows[2], rows[3]))
 
 
 def _dot(a: raster.Floats, b: raster.Floats) -> raster.Floats:

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..rotations import Array
 from .camera import Camera
-from .raster import SAMPLES, Floats, Ints, see
+from .raster import SAMPLES, Floats, Ints, front_facing, see
 
 __all__ = ["floor_shadow", "openness", "reached"]
 
-_CELL = 0.010  # metres per pixel of the picture that a light "takes"; ours
+_CELL = 0.016  # metres per pixel of the picture that a light "takes"; ours
 _LIFT = 0.006  # metres along the normal, and again towards the light, by which a point is held off its own surface; ours
 _NEAREST = 0.4  # 1 + 0.4 / m · height towards the light stands for inverse depth: positive within 2.5 m of the middle
 _TAPS = 16  # looks per vertex; ours
@@ -45,9 +45,10 @@ def reached(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats,
     scale = np.float32(_NEAREST * _CELL)
     flat, slope = vertices @ axes.T, (normals @ axes.T) * np.float32(_CELL)
     low, high = flat.min(0), flat.max(0)
-    flat -= [low[0] - 2, low[1] - 2, (low[2] + high[2]) / 2]
+    flat -= np.array([low[0] - 2, low[1] - 2, (low[2] + high[2]) / 2], np.float32)
     width, height = int(high[0] - low[0]) + 5, int(high[1] - low[1]) + 5
-    seen = see(flat * np.array([1, 1, scale], np.float32) + np.array([0, 0, 1], np.float32), triangles, width, height)
+    screen = flat * np.array([1, 1, scale], np.float32) + np.array([0, 0, 1], np.float32)
+    seen = see(screen, triangles[~front_facing(screen, triangles)], width, height)  # the far side hides as well: all is closed
     depth = np.zeros(width * height * SAMPLES, np.float32)
     depth[seen.sample] = (seen.inverse - 1) / scale
     depth[depth == 0] = -np.inf

@@ -5,6 +5,8 @@ quaternions ``xyzw`` and of unit length. Euler orders are *intrinsic*, read left
 ``R = Rz @ Rx @ Ry``, which is also how a BVH file's channel order reads.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,7 +17,8 @@ __all__ = [
     "rotvec_to_quat",
 ]  # fmt: skip
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
+"""Floats of any width, and what indexes them: NumPy's own stubs do not follow dtypes through arithmetic."""
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _SMALL = 1e-12  # ours: below this an angle or a norm counts as zero in float64
 

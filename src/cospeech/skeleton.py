@@ -34,7 +34,7 @@ class Skeleton:
     names: tuple[str, ...]
     parents: tuple[int, ...]
     offsets: Array
-    rest: Array | None = None
+    rest: Array = None  # type: ignore[assignment]  # filled in below
     ends: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     kind: str = "custom"
 

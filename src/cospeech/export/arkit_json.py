@@ -30,6 +30,7 @@ NAMES = (*sorted(name for name in ARKIT if name != "tongueOut"), "tongueOut")
 _ORDER = np.array([ARKIT_INDEX[name] for name in NAMES])
 _LOWER = {name.lower(): k for name, k in ARKIT_INDEX.items()}
 _MAX_BYTES = 256 << 20  # ours: JSON is parsed in memory, at some ten times its size; 5 hours of ours fit
+_MAX_SECONDS = 1e7  # ours: four months
 _DEFAULT_FPS = 60.0  # BEAT's face data, for a file of one frame
 
 
@@ -112,6 +113,6 @@ def _rows(frames: list, width: int, name: str) -> tuple[Array, Array]:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"frame {k} of {name} cannot be read", 'expected {"weights": [...], "time": …}') from None
-    if not (np.isfinite(weights).all() and np.isfinite(times).all()):
-        raise InputError(f"{name} holds values that are not finite", "is it damaged?")
+    if not (np.isfinite(weights).all() and np.all(np.abs(times) < _MAX_SECONDS)):
+        raise InputError(f"{name} holds values or times that are not finite", "is it damaged?")
     return times, weights

@@ -23,6 +23,7 @@ __all__ = ["Curve", "Recorder", "Track", "clock_of", "read_animation"]
 
 _KINDS = {"rotation": ("VEC4", 4), "translation": ("VEC3", 3), "scale": ("VEC3", 3)}
 _BLOCK = 4096
+_FREE_FRAMES = 20_000  # ours: 11 minutes may lie between two keys; a file of hours has more keys, a damaged one has not
 
 
 class Track(NamedTuple):
@@ -187,6 +188,6 @@ def clock_of(curves: dict[tuple[int, str], Curve], name: str) -> tuple[float, Ar
     step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
     fps = frame_rate(longest.times, 30.0) if 1e-3 <= step <= 0.1 else 30.0  # ours: sparse hand-set keys are sampled at 30
     frames = int(np.floor(end * fps + 1e-3)) + 1
-    if frames > 5_000_000:
-        raise InputError(f"{name} lasts {end:.0f} s", "is it damaged?")
+    if frames > _FREE_FRAMES + 100 * len(longest.times):
+        raise InputError(f"{name} lasts {end:.0f} s and has {len(longest.times)} keys", "is it damaged?")
     return fps, np.arange(frames) / fps

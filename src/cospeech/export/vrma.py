@@ -139,17 +139,17 @@ def load(path: str | PathLike[str]) -> Motion:
     extension = file.json.get("extensions", {})
     if not isinstance(extension, dict) or "VRMC_vrm_animation" not in extension:
         raise InputError(f"{file.name} is no VRM animation", "an animated character is read as .glb")
-    rig = read_rig(file)
-    curves = read_animation(file)
-    fps, times = clock_of(curves, file.name)
-    rotations, root = rig.motion(curves, times)
     with checked(file.name):
+        rig = read_rig(file)
+        curves = read_animation(file)
+        fps, times = clock_of(curves, file.name)
+        rotations, root = rig.motion(curves, times)
         face = _face(file, curves, times, extension["VRMC_vrm_animation"])
         look = extension["VRMC_vrm_animation"].get("lookAt", {}).get("node")
-    motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
-    if (look, "rotation") in curves:
-        for name in _EYES:
-            motion.rotations[:, motion.skeleton.index[name]] = curves[look, "rotation"].at(times)
+        motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
+        if (look, "rotation") in curves:
+            for name in _EYES:
+                motion.rotations[:, motion.skeleton.index[name]] = curves[look, "rotation"].at(times)
     return motion
 
 

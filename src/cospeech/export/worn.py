@@ -17,7 +17,7 @@ from ..skeleton import Skeleton
 from ..skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .face_rig import FaceRig, looks_turn_eyes, read_face
-from .gltf import GltfFile, read_glb
+from .gltf import GltfFile, checked, read_glb
 from .gltf_build import GltfBuilder
 from .rig import Rig, local_matrices, rotation_of
 from .rig_find import read_rig
@@ -35,10 +35,11 @@ def load_avatar(path: str | PathLike[str]) -> Avatar:
         InputError: not glTF, damaged, or without a humanoid that can be recognised.
     """
     file = read_glb(path)
-    rig = read_rig(file)
-    face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
-    eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
-    return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True)
+    with checked(file.name):
+        rig = read_rig(file)
+        face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
+        eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
+        return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +91,11 @@ class Avatar:
         Raises:
             InputError: there is no such animation, or it is damaged.
         """
-        curves = read_animation(self.file, animation)
-        fps, times = clock_of(curves, self.file.name)
-        rotations, root = self.rig.motion(curves, times)
-        return Motion(fps=fps, rotations=rotations, root=root, face=self.face.face(curves, times), skeleton=self.skeleton)
+        with checked(self.file.name):
+            curves = read_animation(self.file, animation)
+            fps, times = clock_of(curves, self.file.name)
+            rotations, root = self.rig.motion(curves, times)
+            return Motion(fps=fps, rotations=rotations, root=root, face=self.face.face(curves, times), skeleton=self.skeleton)
 
 
 class AvatarStage:

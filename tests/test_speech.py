@@ -180,7 +180,6 @@ def encode(path: Path, container: str, codec: str, rate: int = 48_000) -> None:
     ("container", "codec"), [("mp4", "aac"), ("ipod", "aac"), ("adts", "aac"), ("webm", "libopus"), ("matroska", "aac")]
 )
 def test_media_that_need_the_extra(tmp_path, container, codec):
-    pytest.importorskip("av")
     encode(tmp_path / "a.wav", container, codec)
     speech = Speech.load(tmp_path / "a.wav")
     assert speech.seconds == pytest.approx(1.0, abs=0.05)

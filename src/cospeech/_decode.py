@@ -22,6 +22,8 @@ __all__: list[str] = []
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
 MEMORY = 1 << 30  # ours: bytes of address space; decoding needs some 300 MiB of it, most of that libraries
+STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
+HOLE = 0.05  # seconds; ours: below two frames of motion nobody sees that speech and motion part
 CPU_SECONDS = 3600  # ours: a day of MP3 takes some 100 s; ends a decoder whose parent is gone and that never writes again
 
 # First bytes → FFmpeg's name for the demuxer. Offset 4 for ISO media ("....ftyp").
@@ -94,26 +96,51 @@ def decode(path: bytes) -> int:
             reason = error.error_string.removeprefix("Error : ").rstrip(". ")
             raise Refused(f"not a sound file that can be read: {reason}", "WAV, FLAC, OGG, MP3 and AIFF can") from None
         with sound:
-            return decode_sound(sound)
+            return decode_sound(sound, file)
 
 
-def decode_sound(sound) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported only where it is needed
-    import soundfile
-
+def decode_sound(sound, file) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported only where it is needed
+    """Whole messages, read in small steps: an error costs the step in which it happens."""
     channels, frames = sound.channels, 0
     send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62))
-    buffer = memoryview(bytearray(max(1, BLOCK_SAMPLES // channels) * channels * 4))
+    steps = max(1, BLOCK_SAMPLES // (channels * STEP_FRAMES))
+    buffer = memoryview(bytearray(steps * STEP_FRAMES * channels * 4))
     while True:
+        filled, more = fill(sound, file, buffer, frames)
+        frames += filled // (channels * 4)
+        if filled:
+            send(b"B", buffer[:filled])
+        if not more:
+            break
+    # An Ogg file says at its end how long it is: with holes in it, what follows a hole would come too early.
+    lost = (sound.frames - frames) / sound.samplerate if sound.format == "OGG" else 0
+    if frames and lost > HOLE:
+        raise Refused(f"damaged: {lost:.1f} s in the midst of it cannot be decoded", "re-save it from its source")
+    return frames
+
+
+def fill(sound, file, buffer: memoryview, before: int) -> "tuple[int, bool]":  # type: ignore[no-untyped-def]
+    """How many bytes of the buffer could be filled, and whether there may be more.
+
+    A decoder that stumbles with all of the file behind it has found a file that was cut off: what came until there counts.
+    """
+    import soundfile
+
+    width = sound.channels * 4
+    filled = 0
+    while filled < len(buffer):
         try:
-            count = sound.buffer_read_into(buffer, dtype="float32")
+            count = sound.buffer_read_into(buffer[filled : filled + STEP_FRAMES * width], dtype="float32")
         except soundfile.LibsndfileError as error:
-            at = frames / max(sound.samplerate, 1)
+            if file.tell() >= os.fstat(file.fileno()).st_size and before + filled > 0:
+                return filled, False
+            at = (before + filled // width) / max(sound.samplerate, 1)
             reason = error.error_string.removeprefix("Error : ").rstrip(". ")
             raise Refused(f"damaged at {at:.1f} s: {reason}", "re-save it from its source, or cut it there") from None
-        if count <= 0:
-            return frames
-        frames += count
-        send(b"B", buffer[: count * channels * 4])
+        filled += count * width
+        if count <= 0:  # a smaller count than asked for may be a hole in a damaged Vorbis stream
+            return filled, False
+    return filled, True
 
 
 def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-def]

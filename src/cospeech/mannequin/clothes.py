@@ -62,7 +62,7 @@ def sleeve_solid(sign: int) -> Solid:
 
 def _torso_rows(solid: Solid) -> list[Array]:
     """Rings of the trunk from the hem to the neckline."""
-    heights = [0.925, 0.955, 0.99, 1.03, 1.075, 1.12, 1.165, 1.205, 1.24, 1.275, 1.31, 1.345, 1.375, 1.400, 1.420, 1.436, 1.446]
+    heights = [0.925, 0.955, 0.99, 1.03, 1.075, 1.12, 1.165, 1.210, 1.252, 1.292, 1.322, 1.350, 1.376, 1.400, 1.420, 1.436, 1.446]
     angle = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
     rows = []
     for y in heights:
@@ -164,7 +164,7 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
         previous = ids
     collar = net.points[rows[-1]]
     previous = rows[-1]
-    for grow, rise in ((1.015, 0.005), (1.005, 0.014), (0.945, 0.019), (0.885, 0.014), (0.84, -0.012)):
+    for grow, rise in ((1.015, 0.005), (1.005, 0.014), (0.945, 0.019), (0.88, 0.013), (0.79, -0.012)):
         ids = ringed(collar, grow, -rise * down + [0, 0, 0.15 * rise])
         net.bridge(previous, ids)
         previous = ids
@@ -172,10 +172,11 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
         lower = (joint("leftHand") - joint("leftLowerArm")) * [sign, 1, 1]
         lower = lower / np.linalg.norm(lower)
         previous = tail
-        for grow, along in ((0.86, 0.008), (0.84, 0.028), (0.80, 0.033), (0.70, 0.031), (0.66, 0.015)):
+        for grow, along in ((0.86, 0.008), (0.84, 0.028), (0.80, 0.033), (0.72, 0.032), (0.68, 0.010)):
             ids = ringed(net.points[tail], grow, along * lower)
             net.bridge(previous, ids)
             previous = ids
+        net.cap(previous, net.points[previous].mean(0) - 0.012 * lower)
 
 
 def spine_weights(y: Array) -> dict[str, Array]:
@@ -211,7 +212,7 @@ def _dress(net: Net, solid: Solid, labels: dict[str, list[int]], first_edge: int
         mine = arm & (p[:, 0] * sign > 0)
         weights[mine] = limb_weights(p[mine], side)
     free = (np.abs(p[:, 0]) < 0.26) & (p[:, 1] > 1.17)
-    weights = net.diffuse(weights, 14, free)
+    weights = net.diffuse(weights, 11, free)
     colour = np.tile(srgb("5c8f9c"), (count, 1))
     colour[first_edge:] = srgb("4a7885")  # ribbed hem, collar and cuffs
     return make_part("sweater", net, net.shade(solid, 0.0), weights, colour, 0.9, posed=True)
@@ -288,7 +289,11 @@ def trousers() -> Part:
             previous = ids
             centre = net.points[previous].mean(0)
     free = (net.points[:, 1] > 0.66) & (net.points[:, 1] < 0.93)
+    seam = [*bridge, *(row[k] for row in rows for k in (0, count // 2))]
+    free[bridge] = False
+    net.points[bridge, 1] = 0.800
     net.relax(solid, free, 30)
+    net.points[seam, 0] = 0.0
     return _fit_trousers(net, solid)
 
 
@@ -349,10 +354,8 @@ def _shell(solid: Solid, centre: tuple[float, float, float], around: int, rows: 
     ids = []
     for e in elevation:
         d = np.stack([np.sin(angle) * np.cos(e), np.full(around, np.sin(e)), np.cos(angle) * np.cos(e)], 1)
-        stretch = d * [0.06, 0.06, 0.13]
-        ids.append(
-            net.add(land(solid, middle + d * [0.2, 0.2, 0.3], -stretch / np.linalg.norm(stretch, axis=1, keepdims=True)))
-        )
+        away = d * [0.14, 0.14, 0.30]
+        ids.append(net.add(land(solid, middle + away, -away / np.linalg.norm(away, axis=1, keepdims=True))))
     net.tube(ids)
     net.cap(ids[-1], middle + [0, 0.2, 0])
     net.cap(ids[0][::-1], middle - [0, 0.2, 0])

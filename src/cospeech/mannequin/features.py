@@ -102,7 +102,7 @@ def ears() -> Piece:
     angle = 2 * np.pi * np.arange(count) / count
     shape = 1 + 0.10 * np.sin(angle) - 0.16 * np.maximum(-np.sin(angle), 0) * (0.6 + 0.4 * np.cos(angle))
     # rings over the ear: share of the outline, height above the disc; the last two close the back
-    rings = ((0.0, -0.0035), (0.30, -0.0035), (0.56, -0.0010), (0.70, 0.0012), (0.80, 0.0000), (0.90, 0.0022))
+    rings = ((0.14, -0.0035), (0.32, -0.0035), (0.56, -0.0010), (0.70, 0.0012), (0.80, 0.0000), (0.90, 0.0022))
     rings += ((1.0, 0.0008), (0.98, -0.0022), (0.70, -0.0070), (0.45, -0.0140))
     for sign in (1, -1):
         rows = []
@@ -116,8 +116,9 @@ def ears() -> Piece:
             dip = smoothstep(-0.001, -0.0035, np.full(count, high)) * (share < 0.5)
             colours.append(SKIN * [1.0, 0.90, 0.86] * (1 - 0.35 * dip[:, None]))
         net.tube(rows[::-1])
+        net.cap(rows[0], net.points[rows[0]].mean(0))
         net.cap(rows[-1][::-1], net.points[rows[-1]].mean(0))
-        colours.append(SKIN[None])
+        colours += [colours[-len(rings)][:1], SKIN[None]]
     normals = net.shade(lambda p: p[:, 0], 0.0)
     return Piece(net, normals, np.concatenate(colours))
 

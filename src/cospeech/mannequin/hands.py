@@ -124,8 +124,8 @@ def _left() -> Part:
     trunk = union(0.010, palm, *(digits[f] for f in FINGERS))
     net = Net()
     last, webs = _last_row()
-    start = _around_wrist(-0.045, (0.021, 0.027))
-    at = (0.0, 0.28, 0.40, 0.51, 0.62, 0.73, 0.84, 0.93, 1.0)
+    start = _around_wrist(-0.062, (0.0215, 0.0270))
+    at = (0.0, 0.18, 0.35, 0.47, 0.575, 0.675, 0.775, 0.87, 0.945, 1.0)
     rows = [net.add(start + t * (last - start)) for t in at]
     net.tube(rows)
     web = net.add(webs)
@@ -153,7 +153,7 @@ def _left() -> Part:
 
 def _thumb_hole(net: Net, rows: list[list[int]]) -> list[int]:
     """Open 2 × 2 cells on the thumb's edge; returns the loop of 8 points in a finger ring's order."""
-    r = 2
+    r = 3
     cols = (0, 19, 18)  # back, edge, palm
     middle = rows[r + 1][19]
     net.faces = [f for f in net.faces if middle not in f]
@@ -178,8 +178,8 @@ def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
 
 def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], fingers: dict[str, list[int]]) -> Part:
     p = net.points
-    columns: dict[str, Array] = {"leftHand": np.ones(len(p))}
-    weights = weights_of(len(p), **columns)
+    wrist = 0.36 + 0.64 * smoothstep(-0.034, 0.014, p[:, 0])  # under the cuff the skin goes with the sleeve
+    weights = weights_of(len(p), leftHand=wrist, leftLowerArm=1 - wrist)
     index = humanoid().index
     z = np.array([_chain(f)[0][2] for f in FINGERS])
     near = np.exp(-(((p[:, 2:3] - z) / 0.0085) ** 2))
@@ -211,6 +211,7 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
     weights /= weights.sum(1, keepdims=True)
     soft = np.zeros(len(p), bool)
     soft[[i for row in rows for i in row] + web + fingers["Thumb"][:16]] = True
+    soft[[*rows[0], *rows[1]]] = False
     weights = net.diffuse(weights, 6, soft)
     normals = net.shade(whole, 0.35)
     colour = _tint(p, fingers, normals)

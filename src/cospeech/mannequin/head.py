@@ -191,6 +191,7 @@ def _eye(net: Net, solid: Solid, sign: int) -> EyeRings:
         ids.append(net.add(points))
     rows = [r if sign > 0 else r[::-1] for r in ids]
     net.tube(rows)
+    net.cap(rows[0][::-1], (EYE - [0, 0, 0.004]) * [sign, 1, 1])
     return EyeRings(np.array(ids), s, upper)
 
 

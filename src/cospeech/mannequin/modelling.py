@@ -56,7 +56,6 @@ def _face_colour(head: Head) -> Array:
         dark = eye.upper & (np.abs(eye.s) < 0.97)
         for k in (0, 1, 2):
             colour[eye.ids[k]] = np.where(dark[:, None], lash, srgb("c98f7c"))
-        colour[eye.ids[1]][ends] = srgb("c07a6a")
         half = 0.55 * (eye.upper & (np.abs(eye.s) < 0.97))[:, None]
         colour[eye.ids[3]] += half * (srgb("6a4436") - colour[eye.ids[3]])
         colour[eye.ids[5]] += 0.30 * eye.upper[:, None] * (line - colour[eye.ids[5]])

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import Array
-from .character import Character
+from ..rotations import Array, axis_angle_to_quat, quat_identity
+from .character import Character, skin
 
 __all__ = ["BodyVolume", "Ellipsoid", "Section", "body_volume"]
 
@@ -21,6 +21,9 @@ LEVELS = {  # heights in the T-pose, metres; ours: where a hand may meet the bod
     "shoulders": 1.40,
     "neck": 1.49,
 }
+
+_ARM = 0.5  # ours: what follows the upper arm more than this is sleeve
+_HANGING = np.radians(70)  # ours: the T-pose stretches the armpits, so the trunk is measured with the arms down
 
 
 class Section(NamedTuple):
@@ -64,11 +67,16 @@ def body_volume(character: Character) -> BodyVolume:
     """Sections of the trunk (clothes included; without what follows the upper arms) and the head as an ellipsoid."""
     index = character.skeleton.index
     arms = [index[side + n] for side in ("left", "right") for n in ("UpperArm", "LowerArm", "Hand")]
+    local = quat_identity(len(index))
+    for side, sign in (("left", -1), ("right", 1)):
+        local[index[side + "UpperArm"]] = axis_angle_to_quat([0, 0, 1], sign * _HANGING)
+    positions, world = character.skeleton.forward(local, character.skeleton.offsets[0])
+    posed = dict(zip((p.name for p in character.parts), skin(character, world, positions), strict=True))
     meshes = []
     for name in ("sweater", "trousers", "face"):
         part = character[name]
         arm = np.where(np.isin(part.joints, arms), part.weights, 0).sum(1)
-        meshes.append((part.vertices, part.triangles[(arm[part.triangles] < 0.5).all(1)]))
+        meshes.append((posed[name], part.triangles[(arm[part.triangles] < _ARM).all(1)]))
     sections = {}
     for name, y in LEVELS.items():
         cuts = [_section(p, t, y) for p, t in meshes if np.any((p[t][:, :, 1] > y).any(1) & (p[t][:, :, 1] < y).any(1))]

@@ -36,6 +36,7 @@ _ROOM = np.array(
     [0.9, 1.25, 1.0]
 )  # strokes of speakers are higher than those of the table's drawings (motion.md: SD of height)
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+_RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
@@ -57,7 +58,7 @@ class _HandState:
     track: Track
     home: Array
     """Where it rests."""
-    busy: float = 0.0
+    busy: float = -9.0
     """No new preparation before this time."""
     up_until: float = 0.0
     """When the hand goes back to rest if nothing else is asked of it."""
@@ -112,7 +113,7 @@ class Planner:
         for accent in accents:
             if self._last_accent < accent.time <= now + HORIZON:
                 self._last_accent = accent.time
-                if accent.time > now + 0.1:
+                if accent.time > now + 0.1 or now == 0:
                     self._on_accent(now, accent, words, manner)
                 self.posture.on_accent(now, accent, manner)
         self._silent_words(now, words, manner)
@@ -128,7 +129,7 @@ class Planner:
         word = next((w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)), None)
         if word is not None and word.start > self._last_word:
             name, chance = form_for(word.text) or ("", 0.0)
-            if self._random.random() < chance * 0.85 and self._perform(now, accent.time, accent.strength, name, manner, word):
+            if self._random.random() < chance * 0.95 and self._perform(now, accent.time, accent.strength, name, manner, word):
                 self._last_word = word.start
                 return
         willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength)
@@ -182,7 +183,8 @@ class Planner:
         poses = self._place(form, effort, manner)
         stroke = self._stroke_time(poses[0], poses[1], tempo, manner)
         onset = at - LEAD - stroke / 2
-        ready = max(now + _SLACK, max(self.hands[h].busy for h in hands))
+        earliest = now + _SLACK if now > 0 else -_RUN_UP
+        ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = self._reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
         if available < 0.16:
@@ -196,7 +198,11 @@ class Planner:
             end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
         for hand in {LEFT, RIGHT} - set(hands):
-            self._sympathy(self.hands[hand], self.hands[hands[0]], start, prepare, onset, stroke, poses)
+            other = self.hands[hand]
+            if other.place == "up" and start > other.busy and self._random.random() < 0.8:
+                self._retract(start + self._random.uniform(0.0, 0.25), hand, other, "rest", manner)
+            else:
+                self._sympathy(other, leader, start, prepare, onset, stroke, poses)
         self.posture.on_stroke(start, onset, stroke, poses, hands, manner)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))

@@ -107,6 +107,12 @@ FORMS: dict[str, Form] = {
     "fist": Form(
         "a fist for emphasis", (P(0.08, -0.34, 0.38, 8, -8, -8, "loose_fist"), P(0.10, -0.56, 0.50, 18, 2, 8, "fist")), 0.15
     ),
+    "count": Form(
+        "a finger up for each point",
+        (P(0.06, -0.46, 0.36, 0, 0, 0, "loose_fist"), P(0.04, -0.30, 0.46, -4, -12, 0, "point")),
+        0.12,
+        "one",
+    ),
     "sweep": Form(
         "a hand sweeps sideways",
         (P(-0.16, -0.46, 0.46, 42, 8, -8, "soft_open"), P(0.40, -0.44, 0.46, 20, -16, 10, "open")),

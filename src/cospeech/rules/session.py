@@ -79,10 +79,12 @@ class Session:
         """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""
         self._duration += chunk.duration
         self._words.extend(chunk.words or ())
-        self.listener.push(self._samples(chunk))
-        heard = self.listener.known + LEVEL_DELAY
-        while self._ticks * TICK + LOOK_AHEAD <= heard:
-            self._decide()
+        samples = self._samples(chunk)
+        for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
+            self.listener.push(samples[first : first + SAMPLE_RATE])
+            heard = self.listener.known + LEVEL_DELAY
+            while self._ticks * TICK + LOOK_AHEAD <= heard:
+                self._decide()
             if self._ticks * TICK - self._frame / self.fps >= _MOST_AT_ONCE:
                 yield from self._emit(self._ticks * TICK)
         yield from self._emit(self._ticks * TICK)

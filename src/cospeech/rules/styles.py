@@ -150,7 +150,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             steps=5,
             rest="steeple",
             averted=0.35,
-            repertoire={"precision": 3.0, "frame": 2.5, "count": 1.5, "point": 1.2, "chop": 1.6, "spread": 0.4},
+            repertoire={"precision": 3.0, "frame": 2.5, "count": 3.0, "point": 1.2, "chop": 1.6, "spread": 0.4},
         ),
         "orator": Style(
             "large, slow and high, with held poses: a politician",

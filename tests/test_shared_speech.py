@@ -1,0 +1,64 @@
+"""The gesturer on real recordings: every file of the shared speech, where there is one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from hashlib import sha256
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from cospeech import Speech, humanoid
+from cospeech.rules import RuleGesturer
+
+SUFFIXES = {".flac", ".wav", ".ogg", ".mp3"}
+
+
+def recordings(shared: Path) -> list[Path]:
+    return sorted(p for p in (shared / "data" / "speech").rglob("*") if p.suffix in SUFFIXES)
+
+
+def test_exact_length_and_the_same_seed_gives_the_same_bytes_on_every_recording(shared):
+    files = recordings(shared)
+    assert len(files) > 40
+    for path in files:
+        info = soundfile.info(path)
+        speech = Speech.load(path)
+        first, second = (RuleGesturer().generate(speech, seed=7) for _ in range(2))
+        assert len(first) == ceil(info.frames * 30 / info.samplerate), path.name
+        assert first.rotations.tobytes() == second.rotations.tobytes(), path.name
+        assert first.face.tobytes() == second.face.tobytes(), path.name
+
+
+def test_other_seeds_move_visibly_differently(shared):
+    hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
+    for path in recordings(shared):
+        speech = Speech.load(path)
+        a, b = (RuleGesturer().generate(speech, seed=seed).positions()[:, hands] for seed in (0, 1))
+        assert np.linalg.norm(a - b, axis=-1).mean() > 0.03, path.name
+
+
+PROGRAM = """
+import sys, hashlib
+from cospeech import Speech
+from cospeech.rules import RuleGesturer
+m = RuleGesturer().generate(Speech.load(sys.argv[1]), seed=3)
+print(hashlib.sha256(m.rotations.tobytes() + m.root.tobytes() + m.face.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_the_number_of_threads_changes_nothing(shared, threads):
+    path = shared / "data" / "speech" / "jfk" / "jfk.flac"
+    here = RuleGesturer().generate(Speech.load(path), seed=3)
+    expected = sha256(here.rotations.tobytes() + here.root.tobytes() + here.face.tobytes()).hexdigest()
+    environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+    ran = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(path)], env=environment, capture_output=True, text=True, check=True, timeout=120
+    )
+    assert ran.stdout.strip() == expected

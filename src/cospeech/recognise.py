@@ -150,7 +150,7 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
         InputError: joints without which nothing can be carried over were not found, or ``bone_map`` has unknown names.
     """
     chosen = _checked(bone_map or {}, skeleton)
-    found = by_names(skeleton) | chosen
+    found = by_names(skeleton, chosen) | chosen
     missing = [name for name in REQUIRED if not found.get(name)]
     if missing and not bone_map:
         shape = by_shape(skeleton)
@@ -192,17 +192,19 @@ def load_map(path: str | PathLike[str]) -> dict[str, str]:
     return table
 
 
-def by_names(skeleton: Skeleton) -> dict[str, str]:
-    """Our name → their name as far as names (and the tree between named joints) tell; may be empty."""
+def by_names(skeleton: Skeleton, chosen: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Our name → their name as far as names, those ``chosen`` and the tree between them tell; may be empty."""
     for module in SKELETONS.values():
         table: dict[str, str] = import_module(module).NAMES
         if all(name in skeleton.index for name in table.values()):
             return dict(table)
     tree = _Tree(skeleton)
     found: dict[str, int] = {}
+    given = {ours: skeleton.index[theirs] for ours, theirs in (chosen or {}).items() if theirs}
     for side in ("left", "right"):
-        found |= _limb(tree, side, "UpperArm", "LowerArm", "Hand")
-        found |= _limb(tree, side, "UpperLeg", "LowerLeg", "Foot")
+        found |= _limb(tree, side, "UpperArm", "LowerArm", "Hand", given)
+        found |= _limb(tree, side, "UpperLeg", "LowerLeg", "Foot", given)
+        found |= given
         if f"{side}UpperArm" in found:
             collar = [j for j in tree.find(side, "Shoulder") if tree.above(j, found[f"{side}UpperArm"])]
             found |= {f"{side}Shoulder": collar[0]} if collar else {}
@@ -218,9 +220,10 @@ def by_names(skeleton: Skeleton) -> dict[str, str]:
     return {ours: skeleton.names[joint] for ours, joint in found.items()}
 
 
-def _limb(tree: _Tree, side: str, upper: str, lower: str, tail: str) -> dict[str, int]:
+def _limb(tree: _Tree, side: str, upper: str, lower: str, tail: str, given: Mapping[str, int]) -> dict[str, int]:
     """Upper and lower bone, one below the other, and hand or foot below them."""
-    pairs = [(a, b) for b in tree.find(side, lower) for a in tree.find(side, upper) if tree.above(a, b)]
+    uppers, lowers = ([given[side + p]] if side + p in given else tree.find(side, p) for p in (upper, lower))
+    pairs = [(a, b) for b in lowers for a in uppers if tree.above(a, b)]
     if not pairs:
         return {}
     a, b = pairs[0]

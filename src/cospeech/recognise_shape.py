@@ -69,8 +69,7 @@ class _Body:
         self.skeleton = skeleton
         self.points = skeleton.forward(skeleton.rest, np.zeros(3))[0]
         self.bone = np.linalg.norm(skeleton.offsets, axis=-1)
-        ends = {skeleton.index[name]: float(np.linalg.norm(end)) for name, end in skeleton.ends.items()}
-        self.reach = np.array([ends.get(j, 0.0) for j in range(len(skeleton))])
+        self.reach = np.array([float(np.linalg.norm(skeleton.ends.get(name, (0.0, 0, 0)))) for name in skeleton.names])
         self.next = [-1] * len(skeleton)
         for j in range(len(skeleton) - 1, 0, -1):
             parent, reach = skeleton.parents[j], self.bone[j] + self.reach[j]

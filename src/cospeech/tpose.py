@@ -89,7 +89,7 @@ def directions(skeleton: Skeleton, names: Mapping[str, str]) -> dict[str, Array]
 def _points_and_tips(skeleton: Skeleton) -> tuple[Array, dict[int, Array]]:
     """(J, 3) joints and, by joint, the ends of last bones, in the rest pose."""
     points, world = skeleton.forward(skeleton.rest, skeleton.offsets[0])
-    joints = {skeleton.index[name]: np.array(end, float) for name, end in skeleton.ends.items()}
+    joints = {skeleton.index[name]: np.array(end, float) for name, end in skeleton.ends.items() if name in skeleton.index}
     return points, {j: points[j] + quat_rotate(world[j], end) for j, end in joints.items()}
 
 

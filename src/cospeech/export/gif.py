@@ -21,10 +21,10 @@ from .moving import MovingWriter
 
 __all__ = ["Writer"]
 
-_SIZE = (400, 400)  # ours: half the width of a README's column
+_SIZE = (480, 480)  # ours: a little more than half of a README's column
 _MOST_RATE = 15.0  # pictures per second; ours: smooth enough for gestures, and half the bytes of 30
 _RATES = (1.0, 50.0)  # browsers slow down pictures that ask for less than 2/100 s
-_COLOURS = 160  # of the palette; ours: more cannot be told apart here, and cost bytes
+_BACKDROP_COLOURS = 48  # of the palette at most, so that the backdrop shows no bands
 _CLEAR = 255  # the index that means "as before"
 _PALETTE_FROM = 30  # pictures that the palette is made from
 
@@ -92,8 +92,15 @@ class Writer(MovingWriter):
         from PIL import Image
 
         some = np.concatenate(self._held[:: max(1, len(self._held) // 5)])
-        self._palette = Image.fromarray(some).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT, kmeans=1)
-        colours = bytes(self._palette.getpalette() or [])[: 3 * _COLOURS].ljust(768, b"\0")
+        edge = np.unique(some[:, 0], axis=0)  # the picture's left edge shows the backdrop
+        edge = edge[:: -(-len(edge) // _BACKDROP_COLOURS)]
+        figure = some[(some != some[:, :1]).any(2)].reshape(1, -1, 3)
+        count = _CLEAR - len(edge)
+        chosen = Image.fromarray(figure if figure.size else some).quantize(count, method=Image.Quantize.MEDIANCUT, kmeans=1)
+        colours = edge.tobytes() + bytes(chosen.getpalette() or [])[: 3 * count]
+        colours += edge.tobytes()[:3] * (256 - len(colours) // 3)
+        self._palette = Image.new("P", (1, 1))
+        self._palette.putpalette(colours)
         assert self._file is not None
         self._file.write(b"GIF89a" + struct.pack("<HHBBB", *self.size, 0xF7, 0, 0) + colours)
         self._file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", 0) + b"\0")  # 0: loop for ever

@@ -22,7 +22,7 @@ from .standing import as_humanoid
 
 __all__ = ["Writer"]
 
-_SIZE = (1600, 660)  # ours: seven standing figures and a waveform, readable at the width of a page
+_SIZE = (1600, 640)  # ours: seven standing figures and a waveform, readable at the width of a page
 _PICTURES = 7
 _AUDIO_RATE = 16_000  # Hz; enough to look at
 _STEP = 160  # samples per value of the waveform: 10 ms, so that three hours take 9 MB
@@ -81,7 +81,7 @@ class Writer(BaseWriter):
         moments = self._moments.best(self._pictures)
         if not moments:
             raise InputError(f"no motion to draw in {str(self.path)!r}", "it has no frames")
-        layout = Layout(*self._size, len(moments))
+        layout = Layout(*self._size, len(moments), rows=2 if self._words else 0)
         box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
         artist = Artist(Look(*layout.cell, self._view, self._background))
         drawn = artist.draw(np.stack([pack(pose, box) for _, pose in moments]))

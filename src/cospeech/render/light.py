@@ -30,6 +30,7 @@ _KEY_COLOUR = _colour(1.20, 1.12, 1.03)
 _RIM_COLOUR = _colour(0.75, 0.90, 1.15)
 _SKY, _GROUND = _colour(0.40, 0.44, 0.51), _colour(0.22, 0.20, 0.195)
 _WRAP = _colour(0.32, 0.20, 0.16)  # how far the key reaches round an edge; red farthest, as in skin
+_STRAY = np.float32(0.25)  # of the key, bounced into its own shadows
 _SHOULDER = 0.72  # linear light above which highlights are compressed
 _STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the most of it, that `develop` tells apart
 
@@ -49,6 +50,7 @@ def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open
     wrapped = np.maximum((facing + _WRAP) / (1 + _WRAP), 0)
     up = np.float32(0.5) + np.float32(0.5) * normal[1]
     out = (_GROUND + (_SKY - _GROUND) * up) * open_sky
+    lit = _STRAY + (1 - _STRAY) * lit
     out += _KEY_COLOUR * (wrapped * lit)
     out *= colour
     edge = 1 - np.clip(_dot(normal, sight), 0, 1)

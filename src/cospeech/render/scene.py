@@ -20,7 +20,7 @@ from .shadow import floor_shadow, openness, reached
 
 __all__ = ["Scene"]
 
-_PENUMBRA = 0.022  # metres: blur of the key's shadows; ours, as of a large soft box
+_PENUMBRA = 0.05  # metres: blur of the key's shadows; ours, as of a large soft box, and no finer than the mesh
 _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
 _DEEP = 0.012  # metres of depth within one pixel above which it shows an outline; ours: half a finger
 

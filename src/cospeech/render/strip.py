@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,11 +40,20 @@ class Sound:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels."""
+    """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
+
+    ``rows`` of words are written below the axis.
+    """
 
     width: int
     height: int
     cells: int
+    rows: int = 0
+
+    @property
+    def below(self) -> float:
+        """What the axis' labels and the words take, below the waveform."""
+        return (3.0 + 1.6 * self.rows) * self.unit
 
     @property
     def unit(self) -> float:
@@ -62,7 +72,7 @@ class Layout:
     def cell(self) -> tuple[int, int]:
         """Width and height of a picture."""
         room = self.width - 2 * self.margin - (self.cells - 1) * self.gap
-        return max(16, room // self.cells), max(16, round(self.height - 15.5 * self.unit - self.margin))
+        return max(16, room // self.cells), max(16, round(self.height - 10.2 * self.unit - self.below - self.margin))
 
     def left(self, cell: int) -> int:
         """Left edge of a picture."""
@@ -71,7 +81,8 @@ class Layout:
     @property
     def wave(self) -> tuple[float, float]:
         """Top and bottom of the waveform."""
-        return self.height - 10.6 * self.unit, self.height - 5.6 * self.unit
+        bottom = self.height - self.below
+        return bottom - 5.4 * self.unit, bottom
 
     def x(self, time: float, duration: float) -> float:
         """Where a time in seconds lies on the axis."""
@@ -93,7 +104,7 @@ def draw_strip(
         times: of the pictures, seconds.
         duration: seconds that the axis spans.
         sound: drawn as a waveform where given.
-        words: written below it where there is room; only scripts that the built-in font has (Latin).
+        words: written below it where there is room, without accents; not in scripts other than Latin, for want of a font.
     """
     sheet = _curves(layout, times, duration, sound)
     pen = ImageDraw.Draw(sheet)
@@ -159,19 +170,27 @@ def _axis(pen: ImageDraw.ImageDraw, layout: Layout, duration: float, font: Image
 def _words(
     pen: ImageDraw.ImageDraw, layout: Layout, duration: float, words: Sequence[Word], font: ImageFont.FreeTypeFont
 ) -> None:
-    """Write words in up to two rows, each where it is spoken; what does not fit is left out."""
-    rows = [layout.height - 3.0 * layout.unit, layout.height - 1.4 * layout.unit]
-    free = [0.0, 0.0]
+    """Write words, each where it is spoken, in the first row with room; what does not fit is left out."""
+    rows = [layout.wave[1] + (3.2 + 1.6 * row) * layout.unit for row in range(layout.rows)]
+    free = [0.0] * len(rows)
     for word in words:
-        if any(ord(letter) > 0x24F and not 0x2010 <= ord(letter) <= 0x2026 for letter in word.text) or word.start >= duration:
+        text = _plain(word.text)
+        if text is None or word.start >= duration:
             continue
         x = layout.x((word.start + min(word.end, duration)) / 2, duration)
-        half = font.getlength(word.text) / 2
+        half = font.getlength(text) / 2
         for row, y in enumerate(rows):
             if x - half >= free[row] and x + half <= layout.width - 2:
-                pen.text((x, y), word.text, _INK, font, anchor="mm")
+                pen.text((x, y), text, _INK, font, anchor="mm")
                 free[row] = x + half + 0.5 * layout.unit
                 break
+
+
+def _plain(word: str) -> str | None:
+    """A word in the letters that Pillow's font has, ASCII: without accents; None where that leaves nothing to read."""
+    apart = unicodedata.normalize("NFKD", word.replace("ß", "ss").replace("’", "'"))
+    bare = "".join(letter for letter in apart if not unicodedata.combining(letter))
+    return bare if bare.isascii() and bare.isprintable() else None
 
 
 def _clock(seconds: float, digits: int) -> str:

@@ -166,7 +166,8 @@ class TestTables:
             for pose in form.poses:
                 assert pose.shape in HAND_SHAPES, name
                 assert np.linalg.norm(pose[:3]) < 1.12, name
-                assert -90 <= pose.pronation <= 90 and -70 <= pose.flexion <= 60, name
+                assert -90 <= pose.pronation <= 90, name
+                assert -70 <= pose.flexion <= 60, name
 
     def test_every_word_has_a_form_and_every_lexical_form_a_word(self):
         assert set(LEXICON.values()) == set(LEXICAL_FORMS)
@@ -176,7 +177,7 @@ class TestTables:
     def test_styles_refer_to_what_exists(self):
         for name, style in STYLES.items():
             assert set(style.repertoire) <= set(FORMS), name
-            assert style.rest in RESTS and style.idle in RESTS, name
+            assert {style.rest, style.idle} <= set(RESTS), name
         assert len(STYLES) >= 8
         assert tuple(MANNERS) == EMOTIONS == (
             "neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust",

@@ -187,6 +187,6 @@ def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:
         preset = str(group.get("presetName", "")).lower()
         name = _VRM0.get(preset) or str(group.get("name", ""))
         for bind in group.get("binds", []):
-            for node in of_mesh.get(bind["mesh"], []):
+            for k in of_mesh.get(bind["mesh"], []):
                 share = float(bind.get("weight", 100)) / 100  # VRM 0.x counts in per cent
-                yield name, Bind(name, node, int(bind["index"]), share, bool(group.get("isBinary")))
+                yield name, Bind(name, k, int(bind["index"]), share, bool(group.get("isBinary")))

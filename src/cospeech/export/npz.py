@@ -18,6 +18,7 @@ import zlib
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -94,9 +95,9 @@ def _pack(archive: zipfile.ZipFile, key: str, shape: tuple[int, ...], blocks: It
             _write_header(out, np.dtype("<f4"), shape)
 
 
-def _write_header(out: io.BufferedIOBase, dtype: np.dtype, shape: tuple[int, ...]) -> None:
+def _write_header(out: IO[bytes], dtype: np.dtype, shape: tuple[int, ...]) -> None:
     description = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(out, description)
+    np.lib.format.write_array_header_1_0(out, description)  # type: ignore[arg-type]
 
 
 def load(path: str | PathLike[str]) -> Motion:

@@ -73,7 +73,11 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     out = tmp_path / "out"
     out.mkdir()
     command = [*COSPEECH, "generate", str(long_speech), "-o", str(out / "a.bvh"), "-o", str(out / "b.npz")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+    def deaf_to_nothing() -> None:  # what runs in the background of a shell may inherit that Ctrl-C is ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=deaf_to_nothing)
     until = time.monotonic() + 60
     while not any(path.stat().st_size > 10_000 for path in out.rglob("*.bvh")):  # it is writing now
         assert process.poll() is None, process.stderr.read()

@@ -54,7 +54,7 @@ def _motion(speech: Speech) -> Iterator[Row]:
     wall, work = time.perf_counter(), time.process_time()
     frames = len(model.generate(speech))
     wall, work = time.perf_counter() - wall, time.process_time() - work
-    length = float(speech.seconds)
+    length = float(speech.duration)
     yield _row("motion alone, real-time factor", wall / length, "", f"{frames} frames, {length / wall:.0f} times real time")
     yield _row("motion alone, processor time", work / length, "", "seconds of all cores per second of speech")
 
@@ -81,7 +81,7 @@ def _stream(speech: Speech) -> Iterator[Row]:
         for chunk in speech.chunks(CHUNK):
             steps.append(time.perf_counter() - mark)
             mark = time.perf_counter()
-            heard = chunk.start + float(chunk.seconds)
+            heard = chunk.start + float(chunk.duration)
             yield chunk
 
     for piece in load(DEFAULT).stream(listened()):

@@ -285,7 +285,7 @@ def bench(
 
         print(json.dumps(rows, indent=2, ensure_ascii=False))
         return
-    width = max(len(row["what"]) for row in rows)
+    width = max(len(str(row["what"])) for row in rows)
     for row in rows:
         print(f"{row['what']:<{width}}  {row['value']:>9.4g} {row['unit']:<4}  {row['note']}")
 

@@ -212,7 +212,7 @@ def _told(
 
 def _write_all(moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: float, audio: File, avatar: File | None) -> int:
     """Write a stream to all files at once; the number of frames."""
-    count, writers = 0, []
+    count, writers = 0, list[Writer]()
     with ExitStack() as stack:
         for piece in moving:
             other = piece if skeleton == "humanoid" else piece.retarget(skeleton)

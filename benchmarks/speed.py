@@ -1,0 +1,84 @@
+"""Speed and memory on this machine, as Markdown: what docs/benchmarks.md shows.
+
+python benchmarks/speed.py              # `cospeech bench`, with the machine named
+python benchmarks/speed.py --hours 3    # and a recording of so many hours: does memory grow?
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import soundfile
+
+from cospeech.bench import measure
+from cospeech.demo import EXAMPLE
+from cospeech.generate import generate_files
+
+
+def machine() -> str:
+    """Processor, cores, system and Python, in words."""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        models = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
+        name = models[0] if models else name
+    return f"{name}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, NumPy {np.__version__}"
+
+
+def resident() -> float:
+    """Memory of this process now, in MB (Linux)."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1000
+    raise SystemExit("the memory of a process can only be read on Linux here")
+
+
+def long_speech(path: Path, hours: float) -> None:
+    """The example said over and over, written in blocks."""
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    with soundfile.SoundFile(path, "w", rate, 1) as file:
+        for _ in range(int(hours * 3600 * rate / len(samples))):
+            file.write(samples)
+
+
+def memory_over(hours: float) -> list[tuple[float, float]]:
+    """(share of the speech done, MB) at 10 %, 50 % and the end of generating from a long recording."""
+    seen: list[tuple[float, float]] = []
+    marks = [0.1, 0.5, 0.999]
+
+    def watch(done: float, total: float | None) -> None:
+        if marks and total and done / total >= marks[0]:
+            seen.append((marks.pop(0), resident()))
+
+    with tempfile.TemporaryDirectory() as folder:
+        audio = Path(folder) / "long.flac"
+        long_speech(audio, hours)
+        generate_files(audio, [Path(folder) / f"talk{suffix}" for suffix in (".bvh", ".glb", ".npz")], progress=watch)
+    return seen
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--seconds", type=float, default=60.0)
+    options.add_argument("--hours", type=float, default=0.0)
+    chosen = options.parse_args()
+    print(f"{machine()}, {time.strftime('%Y-%m-%d')}\n")
+    print("| what | value | |\n|---|---:|---|")
+    for row in measure(chosen.seconds):
+        print(f"| {row['what']} | {row['value']:.3g} {row['unit']} | {row['note']} |")
+    if chosen.hours:
+        began = time.perf_counter()
+        seen = memory_over(chosen.hours)
+        took = time.perf_counter() - began
+        text = ", ".join(f"{megabytes:.0f} MB at {share:.0%}" for share, megabytes in seen)
+        print(f"| {chosen.hours:g} h of speech to .bvh, .glb and .npz | {took:.0f} s | memory {text} |")
+
+
+if __name__ == "__main__":
+    main()

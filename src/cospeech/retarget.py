@@ -118,7 +118,7 @@ class _Plan:
         rest = self.target.forward(self.target.rest, self.target.offsets[0])[1]
         turned = np.zeros((len(root), len(self.target), 4))
         turned[:, self.pairs[0]] = quat_multiply(world[:, self.pairs[1]], self.before)
-        since = {}  # change since the T-pose of the neighbours of joints that are spread
+        since: dict[int, Array] = {}  # change since the T-pose of the neighbours of joints that are spread
         for joint, low, high, part in self.between:
             for k in (low, high):
                 since.setdefault(k, quat_multiply(turned[:, k], quat_conjugate(rest[k])))

@@ -234,7 +234,9 @@ class _Maker:
     def _twist(self, ours: str, axis: Array, have: Array, want: Array, rigid: list[str]) -> None:
         """Ask for a turn of ``ours`` about ``axis`` that takes the direction ``have`` to ``want``, if it is a large one."""
         across = have - axis * (axis @ have)
-        if np.linalg.norm(across) < max(1e-9, 0.3 * np.linalg.norm(have)):  # 0.3, ours: too nearly along the axis to tell
+        if np.linalg.norm(across) < max(
+            1e-9, 0.3 * float(np.linalg.norm(have))
+        ):  # 0.3, ours: too nearly along the axis to tell
             return
         angle = float(np.arctan2(np.cross(across, want) @ axis, across @ want))
         if abs(angle) > np.radians(_TWIST):

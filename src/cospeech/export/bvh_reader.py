@@ -113,11 +113,11 @@ def frame_rate(frame_time: float, precision: float) -> float:
     if not 1 / _MAX_FPS <= frame_time <= _MAX_FPS:
         raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
     rate = 1 / frame_time
-    near = round(rate) or 1
+    near = float(round(rate) or 1)
     if abs(rate - near) > 1e-9 * rate:
         near = min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
     if abs(1 / near - frame_time) <= 1.001 * precision:
-        return float(near)
+        return near
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
 
 
@@ -182,7 +182,7 @@ def _as_motion(skeleton: Skeleton, rotations: Array, root: Array, rate: float, u
         root = quat_rotate(_Z_TO_Y, root)
     skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
     scale = UNITS[units or (_guess_units(skeleton) if names else "cm")]
-    ends = {name: tuple(float(x) * scale for x in end) for name, end in skeleton.ends.items()}
+    ends = {name: (x * scale, y * scale, z * scale) for name, (x, y, z) in skeleton.ends.items()}
     skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends)
     return Motion(fps=rate, rotations=quat_continuous(rotations), root=root * scale, skeleton=skeleton)
 

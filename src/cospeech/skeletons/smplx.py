@@ -9,7 +9,7 @@ from .humanoid import ENDS as OUR_ENDS
 
 __all__ = ["ENDS", "JOINTS", "NAMES"]
 
-_BODY = [
+_BODY: list[tuple[str, str | None, str]] = [
     # SMPL-X, parent, ours
     ("pelvis", None, "hips"),
     ("left_hip", "pelvis", "leftUpperLeg"), ("right_hip", "pelvis", "rightUpperLeg"), ("spine1", "pelvis", "spine"),
@@ -25,7 +25,7 @@ _BODY = [
 _PARTS = ("Proximal", "Intermediate", "Distal")
 _THUMB = ("Metacarpal", "Proximal", "Distal")
 _FINGERS = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
-_HANDS = [
+_HANDS: list[tuple[str, str | None, str]] = [
     (f"{side}_{finger}{k}", f"{side}_{finger}{k - 1}" if k > 1 else f"{side}_wrist", f"{side}{ours}{part}")
     for side in ("left", "right")
     for finger, ours in _FINGERS.items()

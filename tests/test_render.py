@@ -353,6 +353,14 @@ def test_stage_turns_the_first_frame_to_the_camera():
     assert placed.positions[0, 0, [0, 2]] == pytest.approx([0, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize(("lift", "stays"), [(0.0, True), (0.2, True), (-0.95, False), (1.4, False)])
+def test_stage_finds_the_floor_of_files_that_have_another(lift, stays):
+    motion = gesturing(4)
+    placed = Stage(humanoid(), 30).place(Motion(fps=30, rotations=motion.rotations, root=motion.root + np.array([0, lift, 0])))
+    lowest = placed.positions[0, :, 1].min()
+    assert lowest == pytest.approx(humanoid().tpose[:, 1].min() + (lift if stays else 0.0), abs=0.02)
+
+
 @pytest.mark.parametrize("pieces", [1, 7])
 def test_hands_never_leave_the_picture_and_the_camera_moves_smoothly(pieces):
     fps, view, skeleton = 30.0, view_named("body"), humanoid()

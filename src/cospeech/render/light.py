@@ -50,7 +50,7 @@ def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open
     wrapped = np.maximum((facing + _WRAP) / (1 + _WRAP), 0)
     up = np.float32(0.5) + np.float32(0.5) * normal[1]
     out = (_GROUND + (_SKY - _GROUND) * up) * open_sky
-    lit = _STRAY + (1 - _STRAY) * lit
+    lit = _STRAY * open_sky + (1 - _STRAY) * lit
     out += _KEY_COLOUR * (wrapped * lit)
     out *= colour
     edge = 1 - np.clip(_dot(normal, sight), 0, 1)

@@ -18,7 +18,8 @@ from .camera import View
 __all__ = ["Framing", "Pose", "Stage", "box_of"]
 
 _SLACK = 0.12  # metres that the hips may wander before the camera follows; ours: swaying is seen, walking is followed
-_HURRY = 0.08  # share of the remaining way that the camera goes in 1/30 s; ours
+_HURRY = 0.16  # share of the remaining way that the camera goes in 1/30 s; ours
+_ASTRAY = 0.30  # metres between feet and floor in the first frame above which the file has another floor than ours
 
 
 class Pose(NamedTuple):
@@ -33,7 +34,7 @@ class Pose(NamedTuple):
 
 
 class Stage:
-    """Turns the character to the camera as it stands in the first frame, and follows where it walks.
+    """Turns the character to the camera as it stands in the first frame, puts it on the floor, and follows where it walks.
 
     What it gives for a frame depends on that frame and those before it, not on the pieces in which motion comes.
     """
@@ -42,7 +43,7 @@ class Stage:
         self._skeleton = skeleton
         self._pace = 1 - (1 - _HURRY) ** (30 / fps)
         self._facing: Array | None = None
-        self._centre = (0.0, 0.0)
+        self._centre, self._floor = (0.0, 0.0), 0.0
 
     def place(self, motion: Motion) -> Pose:
         """The T frames of ``motion``, which is on the skeleton announced: (T, J, 4), (T, J, 3) and (T, 52)."""
@@ -52,9 +53,11 @@ class Stage:
             ahead = quat_rotate(rotations[0, 0], np.array([0.0, 0.0, 1.0]))
             self._facing = axis_angle_to_quat((0, 1, 0), -np.arctan2(ahead[0], ahead[2]))
             self._centre = (float(positions[0, 0, 0]), float(positions[0, 0, 2]))
+            low, soles = float(positions[0, :, 1].min()), float(self._skeleton.tpose[:, 1].min())
+            self._floor = low - soles if abs(low - soles) > _ASTRAY else 0.0
         if not len(motion):
             return Pose(rotations, positions, face)
-        centres = np.zeros((len(motion), 1, 3))
+        centres = np.full((len(motion), 1, 3), self._floor)
         centres[:, 0, [0, 2]] = [self._follow(x, z) for x, z in positions[:, 0, [0, 2]].tolist()]
         return Pose(quat_multiply(self._facing, rotations), quat_rotate(self._facing, positions - centres), face)
 

@@ -10,7 +10,7 @@ from cospeech.mannequin import asset
 from cospeech.rotations import axis_angle_to_quat, quat_identity
 from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
 
-CLOSED = ("hair", "leftShoe", "rightShoe", "leftSole", "rightSole", "tongue", "face", "ears")
+CLOSED = ("hair", "leftHand", "rightHand", "leftShoe", "rightShoe", "leftSole", "rightSole", "tongue", "face", "ears")
 PAIRS = (("leftHand", "rightHand"), ("leftEye", "rightEye"), ("leftShoe", "rightShoe"), ("leftSole", "rightSole"))
 
 
@@ -74,8 +74,8 @@ def test_normals_agree_with_the_winding(character):
 def test_closed_parts_have_positive_volume_and_matched_edges(character):
     for name in CLOSED:
         part = character[name]
-        assert volume(part.vertices, part.triangles) > 0, name
-    for name in ("face", "tongue", "leftShoe"):
+        assert volume(part.vertices - part.vertices.mean(0), part.triangles) > 0, name
+    for name in ("face", "tongue", "leftShoe", "leftHand", "ears"):
         t = character[name].triangles
         edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
         there = {tuple(e) for e in edges.tolist()}
@@ -289,7 +289,7 @@ def test_skinning_is_quick_and_its_normals_are_unit(character):
         start = time.perf_counter()
         vertices, normals = mannequin.skin_with_normals(character, world, positions, face)
         times.append(time.perf_counter() - start)
-    assert min(times) < 0.008
+    assert min(times) < 0.03  # some 1 ms on a free core
     for part, v, n in zip(character.parts, vertices, normals, strict=True):
         expected = part.vertices + sum(0.7 * part.morphs[k] for k in ("jawOpen", "mouthSmileLeft") if k in part.morphs)
         np.testing.assert_allclose(v, expected, atol=2e-5)

@@ -143,6 +143,9 @@ def _left() -> Part:
     free = np.zeros(len(net.points), bool)
     free[[i for i in soft if i in used]] = True
     free[[*rows[-1], *web]] = False
+    net.faces = [f[::-1] for f in net.faces]  # the rows run from the thumb's side to the little finger: right to left
+    net.cap(rows[0], net.points[rows[0]].mean(0))
+    free = np.append(free, False)
     net.points[rows[-1]] = settle(whole, net.points[rows[-1]], 8)
     net.relax(trunk, free, 30)
     seam = np.zeros(len(net.points), bool)

@@ -299,7 +299,7 @@ def test_an_ogg_with_a_hole_is_not_read_out_of_step(tmp_path, subtype):
     whole = encoded(LONG, kind="OGG", subtype=subtype)
     middle = len(whole) // 2
     holed = whole[:middle] + bytes(5000) + whole[middle + 5000 :]
-    with pytest.raises(InputError, match="damaged: .* s in the midst"):
+    with pytest.raises(InputError, match=r"damaged: .* s in the midst"):
         Speech.load(holding(holed)(tmp_path))
 
 

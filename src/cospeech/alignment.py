@@ -95,7 +95,7 @@ def count_syllables(word: str) -> int:
         return len(letters)
     text = "".join(letters)
     if text.isascii():
-        text = re.sub(r"(?:[^laeiouy]es|(?<![td])ed|(?<![^aeiouy]l)e)$", "", text) if len(text) > 3 else text
+        text = re.sub(r"(?:[^laeiouyscgxzh]es|(?<![td])ed|(?<![^aeiouy]l)e)$", "", text) if len(text) > 3 else text
     groups = 0
     before = False
     for letter in text:
@@ -136,7 +136,7 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     """
     tokens = tokenise(tokens) if isinstance(tokens, str) else [token for token in tokens if bare(token)]
     energy, fps = _energy(speech)
-    seconds = len(energy) / fps
+    seconds = float(speech.duration) if isinstance(speech, Speech) else max(1, len(energy) - 1) / fps
     if not tokens:
         raise InputError("there is no word in the transcript", "leave it out where nothing is said")
     if len(tokens) > 25 * seconds + 5:
@@ -148,7 +148,7 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     if len(frames) < 2 * len(tokens):  # silence, or hardly any speech: spread them over all of it
         return tuple(spread(tokens, 0.0, seconds))
     bounds = _search(tokens, *_cues(energy, frames), STEP / fps)
-    return tuple(_words(tokens, bounds, frames, fps))
+    return tuple(_words(tokens, bounds, frames / fps, STEP / fps, seconds))
 
 
 def _energy(speech: Speech | SpeechSource | Features) -> tuple[Floats, float]:
@@ -214,10 +214,13 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
     return np.array(bounds[::-1])
 
 
-def _words(tokens: Sequence[str], bounds: NDArray[np.intp], frames: NDArray[np.intp], fps: float) -> Iterable[Word]:
-    """A word starts with its first voiced step and ends with its last."""
-    for token, first, last in zip(tokens, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-        yield Word(bare(token), float(frames[first] / fps), float((frames[last - 1] + STEP) / fps))
+def _words(tokens: Sequence[str], bounds: NDArray[np.intp], times: Floats, step: float, seconds: float) -> Iterable[Word]:
+    """A word starts with its first voiced step and ends with its last, inside the speech."""
+    starts = np.minimum(times[bounds[:-1]], seconds).tolist()
+    ends = np.minimum(times[bounds[1:] - 1] + step, seconds).tolist()
+    ends[:-1] = [min(end, after) for end, after in zip(ends[:-1], starts[1:], strict=True)]
+    for token, start, end in zip(tokens, starts, ends, strict=True):
+        yield Word(bare(token), start, end)
 
 
 def align_with_recogniser(path: str | Path, recognise: Callable[[str], Iterable[Word]] | None = None) -> tuple[Word, ...]:

@@ -34,6 +34,7 @@ LATEST = 1e7  # seconds; ours: 115 days, beyond which a time is a mistake
 SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
 # Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
 NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # words are printed: no escape codes for terminals
 VARIANT = re.compile(r"(?<=\w)\(\d+\)$")  # CMU dictionaries number pronunciations: "and(2)"
 WORD_TIER = re.compile(r"word|wort|\bmots?\b|palabra|parola|ord\b|token|单词|単語|단어|слов", re.IGNORECASE)
 NOT_WORD_TIER = re.compile(r"phon|seg|syl|tone|tobi|break|pitch|point|gest|state", re.IGNORECASE)
@@ -102,7 +103,7 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
 
 
 def _tokens(text: str) -> list[str]:
-    spoken = NOT_SPOKEN.sub(" ", VARIANT.sub("", text.strip()))
+    spoken = NOT_SPOKEN.sub(" ", VARIANT.sub("", CONTROL.sub(" ", text).strip()))
     return [] if spoken.strip().lower() in SILENCES else tokenise(spoken)
 
 

@@ -56,7 +56,7 @@ def sleeve_solid(sign: int) -> Solid:
         capsule(shoulder + [-sign * 0.012, -0.016, 0], shoulder + 0.30 * upper, 0.047, 0.0525),
         capsule(shoulder + 0.3 * upper, elbow, 0.051, 0.043),
         capsule(elbow, elbow + 0.35 * lower, 0.043, 0.042),
-        capsule(elbow + 0.3 * lower, hand - 0.06 * lower, 0.042, 0.0345),
+        capsule(elbow + 0.3 * lower, hand - 0.06 * lower, 0.042, 0.0350),
     )
 
 
@@ -118,7 +118,7 @@ def _grow_sleeve(net: Net, loop: list[int], sign: int, arm: Solid, labels: dict[
     shoulder, elbow, hand = (joint(n) * [sign, 1, 1] for n in ("leftUpperArm", "leftLowerArm", "leftHand"))
     upper, lower = elbow - shoulder, hand - elbow
     at = [shoulder + t * upper for t in (0.10, 0.22, 0.34, 0.47, 0.60, 0.72, 0.82, 0.90, 0.965)]
-    at += [elbow + t * lower for t in (0.035, 0.10, 0.18, 0.28, 0.40, 0.52, 0.64, 0.75, 0.84, 0.90)]
+    at += [elbow + t * lower for t in (0.035, 0.10, 0.18, 0.28, 0.40, 0.52, 0.63, 0.73, 0.81, 0.865)]
     previous = loop
     for k, centre in enumerate(at):
         axis = upper / np.linalg.norm(upper) if k < 8 else lower / np.linalg.norm(lower)

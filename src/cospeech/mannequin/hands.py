@@ -46,7 +46,8 @@ def _digit(finger: str) -> Solid:
     chain, radii = _chain(finger), RADII[finger]
     ends = [*chain[:3], chain[3] - (chain[3] - chain[2]) / np.linalg.norm(chain[3] - chain[2]) * radii[3]]
     bones = [capsule(ends[k], ends[k + 1], radii[k] * 0.96, radii[k + 1] * 0.97) for k in range(3)]
-    knuckles = [ellipsoid(ends[k], np.full(3, radii[k] * 1.04)) for k in (1, 2)]
+    swell = 0.97 if finger == "Thumb" else 1.03
+    knuckles = [ellipsoid(ends[k], np.full(3, radii[k] * swell)) for k in (1, 2)]
     pad = ellipsoid(0.45 * ends[2] + 0.55 * chain[3] - [0, radii[3] * 0.30, 0], np.full(3, radii[3] * 1.02))
     return union(0.006, *bones, *knuckles, pad)
 
@@ -61,6 +62,7 @@ def _palm() -> Solid:
     thenar = capsule((0.020, -0.010, 0.016), (0.050, -0.015, 0.042), 0.0170, 0.0135)
     heel = capsule((0.016, -0.010, -0.016), (0.060, -0.011, -0.030), 0.0150, 0.0115)
     pads = capsule((0.080, -0.008, 0.024), (0.074, -0.010, -0.030), 0.0085, 0.0085)
+    rays += [ellipsoid(_chain(f)[0] + [0.001, 0.0042, 0], np.full(3, RADII[f][0] * 0.98)) for f in FINGERS]  # knuckles
     hollow = ellipsoid((0.054, -0.0345, 0.000), (0.026, 0.014, 0.016))
     return cut(0.012, union(0.016, wrist, *rays, thenar, heel, pads), hollow)
 
@@ -83,7 +85,7 @@ def _last_row() -> tuple[Array, Array]:
     rows = {1: [], -1: []}
     for side in (1, -1):
         for k in range(4):
-            rows[side] += [borders[k] + [0, side * 0.007, 0], ends[k] + [0.001, side * 0.0095, 0]]
+            rows[side] += [borders[k] + [0, side * 0.006, 0], ends[k] + [0.001, side * 0.0095, 0]]
         rows[side].append(borders[4] + [0, side * 0.006, 0])
     edges = [borders[4] + [0, 0, -0.001], borders[0] + [0, 0, 0.001]]
     webs = np.array([b - [0.002, 0.001, 0] for b in borders[1:4]])

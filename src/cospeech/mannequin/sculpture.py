@@ -1,6 +1,6 @@
 """The pose in which we sculpt, weights, and the way from there to the T-pose.
 
-The body is sculpted with the arms hanging at 60° and the elbows a little bent, because that is how a speaker is seen most of the
+The body is sculpted with the arms lowered by 48° and the elbows a little bent, because that is how a speaker is seen most of the
 time. `unpose` then applies the inverse of linear blend skinning, so that skinning reproduces the sculpted shape exactly in that
 pose; a T-pose sculpt would lose its shoulders whenever the arms hang.
 """
@@ -19,7 +19,7 @@ from .net import Net
 
 __all__ = ["DARK", "HAIR", "SKIN", "joint", "make_part", "mirrored", "sculpt_pose", "srgb", "unpose", "weights_of"]
 
-ARM_DOWN = 60.0  # degrees from the T-pose; ours: between gesturing (30–60°) and hanging (80°)
+ARM_DOWN = 48.0  # degrees from the T-pose; ours: midway in gesturing, so that neither the T-pose nor hanging arms lose much
 ELBOW_BENT = 20.0  # degrees; ours: halfway to what a relaxed arm shows
 
 

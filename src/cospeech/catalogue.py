@@ -39,7 +39,7 @@ def _styles() -> list[Row]:
 
 
 def _emotions() -> list[Row]:
-    from .rules.styles import EMOTIONS
+    from .rules.manners import EMOTIONS
 
     return [{"name": "auto", "what": "heard from the speech; the default"}] + [
         {"name": name, "what": f"{name}, whatever the speech sounds like"} for name in EMOTIONS

@@ -25,7 +25,8 @@ from .models import DEFAULT, PARTS, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
-from .rules.styles import EMOTIONS, STYLES
+from .rules.manners import EMOTIONS
+from .rules.styles import STYLES
 from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
 

@@ -12,9 +12,10 @@ from math import isfinite
 from ..errors import InputError, nearest
 from ..motion import Motion
 from ..speech import Speech
+from .manners import EMOTIONS
 from .plan import Gesture
 from .session import LOOK_AHEAD, Session
-from .styles import EMOTIONS, STYLES, Style, mix_styles
+from .styles import STYLES, Style, mix_styles
 
 __all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "RuleGesturer", "Session", "Style"]
 

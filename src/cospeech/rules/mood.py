@@ -11,7 +11,7 @@ import numpy as np
 
 from ..rotations import Array
 from .heard import RATE, Accent, Heard
-from .styles import EMOTIONS
+from .manners import EMOTIONS
 
 __all__ = ["SPAN", "Mood", "voice_cues"]
 

@@ -21,9 +21,10 @@ from .arms import arm_lengths
 from .hands import CHANNELS, LAGS
 from .heard import Accent, Phrase
 from .lexicon import form_for
+from .manners import Manner
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, RESTS, Form
-from .styles import Manner, Style
+from .styles import Style
 from .track import Track
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]

@@ -11,7 +11,8 @@ import numpy as np
 from ..rotations import Array
 from .bodytrack import BODY_CHANNELS, Body
 from .heard import Accent, Phrase
-from .styles import Manner, Style
+from .manners import Manner
+from .styles import Style
 from .track import Track
 
 __all__ = ["Posture"]

@@ -17,10 +17,11 @@ from ..skeleton import humanoid
 from ..speech import Speech, Word, count_frames
 from .face import Face
 from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
+from .manners import EMOTIONS, blend_manners
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
-from .styles import EMOTIONS, Style, blend_manners
+from .styles import Style
 
 __all__ = ["LOOK_AHEAD", "Session"]
 

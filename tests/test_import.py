@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -67,3 +68,18 @@ def test_the_core_has_no_torch_and_is_small():
     }  # fmt: skip
     to_install = {"hatchling", "packaging", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
     assert set(pinned("core.txt")) == direct | of_theirs | to_install
+
+
+def test_the_wheel_is_complete(tmp_path):
+    """Everything in the package travels with it: assets too; and the licence."""
+    pytest.importorskip("hatchling")
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", tmp_path]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    source = ROOT / "src"
+    files = {path.relative_to(source).as_posix() for path in (source / "cospeech").rglob("*") if path.is_file()}
+    assert {name for name in files if "__pycache__" not in name} <= names
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert wheel.stat().st_size < 10e6

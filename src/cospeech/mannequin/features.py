@@ -14,8 +14,8 @@ from .solids import gradient, land
 
 __all__ = ["Piece", "brows", "ears", "eyeball", "hair", "teeth", "tongue"]
 
-IRIS_RADIUS = 0.0074  # metres on the ball; ours, a little larger than life
-PUPIL_RADIUS = 0.0033
+IRIS_RADIUS = 0.0078  # metres on the ball; ours, a little larger than life
+PUPIL_RADIUS = 0.0034
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def brow_line(t: Array) -> tuple[Array, Array, Array]:
     """Centre (x, y) and half height of the left brow over t = 0 (nose) … 1 (temple)."""
     x = 0.0125 + 0.0375 * t
     y = 0.1068 + 0.0050 * np.sin(np.pi * np.minimum(t * 0.80, 1)) - 0.0042 * t**3
-    half = 0.0041 * (1 - 0.30 * t) * np.minimum(1, (t + 0.012) * 7) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
+    half = 0.0041 * (1 - 0.30 * t) * np.minimum(1, (t + 0.05) * 7) ** 0.5 * np.sqrt(np.maximum(1 - t**5, 0.02))
     return x, y, half
 
 
@@ -180,7 +180,7 @@ def _volume(a: Array, t: float) -> tuple[Array, Array]:
     front, side = front * off, side * off
     thick = 0.0085 + 0.0105 * (1 - t) + 0.007 * front * round_ + 0.009 * sweep - 0.0025 * side * t - 0.0050 * part
     strand = np.sin(15 * a + 3.0 * t + 1.2 * np.sin(3 * a)) + 0.6 * np.sin(27 * a - 2.0 * t)
-    return thick * (0.55 + 0.45 * round_) + 0.0008 * strand * off, 1 + 0.20 * strand * off / 1.6
+    return thick * (0.55 + 0.45 * round_) + 0.0010 * strand * off, 1 + 0.34 * strand * off / 1.6
 
 
 def _arc(angle: Array, width: float, depth: float, front: float) -> Array:

@@ -19,7 +19,7 @@ from .solids import Solid, capsule, cut, ellipsoid, gradient, land, union
 __all__ = ["EYE", "EYE_RADIUS", "LIP_POINTS", "EyeRings", "Head", "MouthRings", "head_net", "head_solid", "mouth_line"]
 
 EYE = np.array([0.031, 0.082, 0.072])  # the humanoid's left eye joint
-EYE_RADIUS = 0.0150  # ours: a quarter larger than life reads at arm's length
+EYE_RADIUS = 0.0160  # ours: a third larger than life reads at arm's length
 LID = 0.0015  # thickness of the lids at their edge
 MIDDLE = np.array([0.0, 0.075, 0.0])  # from which every point of the head is seen
 NOSTRIL = np.array([0.0066, 0.0420, 0.0992])
@@ -36,8 +36,8 @@ def head_solid(lids: bool = True) -> Solid:
     both = (1, -1)
     skull = union(0.03, *(ellipsoid((s * 0.019, 0.110, -0.012), (0.0550, 0.0815, 0.0920)) for s in both))
     forehead = ellipsoid((0, 0.110, 0.030), (0.058, 0.050, 0.062))
-    face = ellipsoid((0, 0.052, 0.028), (0.0575, 0.078, 0.062))
-    jaw = [capsule((s * 0.0410, 0.018, 0.014), (s * 0.010, -0.012, 0.070), 0.0160, 0.0140) for s in both]
+    face = ellipsoid((0, 0.053, 0.028), (0.0565, 0.078, 0.062))
+    jaw = [capsule((s * 0.0385, 0.020, 0.016), (s * 0.009, -0.012, 0.070), 0.0150, 0.0140) for s in both]
     cheeks = [ellipsoid((s * 0.040, 0.048, 0.056), (0.020, 0.020, 0.022)) for s in both]
     muzzle = ellipsoid((0, 0.020, 0.070), (0.030, 0.028, 0.0265))
     chin = ellipsoid((0, -0.0105, 0.077), (0.017, 0.0130, 0.0150))
@@ -53,8 +53,6 @@ def head_solid(lids: bool = True) -> Solid:
     tip = ellipsoid((0, 0.0486, 0.1062), (0.0088, 0.0086, 0.0096))
     wings = [ellipsoid((s * 0.0110, 0.0486, 0.0950), (0.0064, 0.0064, 0.0088)) for s in both]
     mass = union(0.014, mass, union(0.010, bridge, tip, *wings))
-    nostrils = [ellipsoid((s * 0.0066, 0.0402, 0.0990), (0.0028, 0.0030, 0.0040)) for s in both]
-    mass = cut(0.005, mass, *nostrils)
     philtrum = capsule((0, 0.034, 0.1035), (0, 0.026, 0.1035), 0.0032, 0.0034)
     mass = cut(0.008, mass, philtrum)
     if lids:
@@ -153,10 +151,10 @@ LID_RINGS = (-0.0022, 0.0, 0.0004, 0.0013, 0.0030, 0.0058, 0.0092)
 def eye_opening(s: Array, upper: Array) -> tuple[Array, Array]:
     """The edge of the lids in the frontal plane, from the eye's centre; s = −1 at the nose."""
     round_ = np.maximum(1 - s**2, 0)
-    x = 0.0145 * s
+    x = 0.0150 * s
     middle = -0.0012 + 0.0016 * (s + 1) / 2
-    top = 0.0067 * round_**0.60 * (1 - 0.10 * s)
-    low = -0.0064 * round_**0.72 * (1 + 0.12 * s)
+    top = 0.0072 * round_**0.60 * (1 - 0.10 * s)
+    low = -0.0067 * round_**0.72 * (1 + 0.12 * s)
     return x, middle + np.where(upper, top, low)
 
 
@@ -169,7 +167,7 @@ def on_ball(x: Array, y: Array, radius: Array | float) -> Array:
 def _eye(net: Net, solid: Solid, sign: int) -> EyeRings:
     s, upper = _loop(LID_POINTS)
     x, y = eye_opening(s, upper)
-    outward = np.stack([x / 0.0145, np.where(upper, 1, -1) * np.sqrt(np.maximum(1 - s**2, 0))], 1)
+    outward = np.stack([x / 0.0150, np.where(upper, 1, -1) * np.sqrt(np.maximum(1 - s**2, 0))], 1)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     ids = []
     for k, gap in enumerate(LID_RINGS):

@@ -40,7 +40,7 @@ def _face_colour(head: Head) -> Array:
     for sign in (1, -1):
         d = ((p[:, 0] - sign * 0.041) / 0.018) ** 2 + ((p[:, 1] - 0.046) / 0.014) ** 2
         blend(0.34 * np.exp(-d) * (p[:, 2] > 0.03), blush)
-        hole = (p - NOSTRIL * [sign, 1, 1]) / [0.0034, 0.0040, 0.0040]
+        hole = (p - NOSTRIL * [sign, 1, 1]) / [0.0030, 0.0040, 0.0036]
         blend(1.0 * np.exp(-((hole**2).sum(1) ** 2)), srgb("5a2e28"))
     blend(0.25 * np.exp(-(((p - [0, 0.050, 0.113]) / 0.010) ** 2).sum(1)), blush)
     lips = {0.0: "8f4745", 0.32: "bd6b64", 0.68: "c4736b", 1.0: "cc8675", -1.0: "84403f", -2.0: "5f2a2c"}

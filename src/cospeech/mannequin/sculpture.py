@@ -29,7 +29,7 @@ def srgb(code: str) -> Array:
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
 
-SKIN, HAIR, DARK = srgb("e3b08f"), srgb("4a3428"), srgb("3a1a1c")
+SKIN, HAIR, DARK = srgb("e3b08f"), srgb("523a2b"), srgb("3a1a1c")
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,11 @@ import numpy as np
 
 from ..rotations import Array
 from ..speech import Word
-from .arms import arm_lengths
 from .hands import CHANNELS, LAGS
 from .heard import Accent, Phrase
 from .lexicon import form_for
 from .manners import Manner
+from .places import Places, reach_time, stroke_time
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, RESTS, Form
 from .styles import Style
@@ -32,11 +32,6 @@ __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 LEFT, RIGHT = 0, 1
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
-_SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
-_ROOM = np.array(
-    [0.9, 1.25, 1.0]
-)  # strokes of speakers are higher than those of the table's drawings (motion.md: SD of height)
-_BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
@@ -86,6 +81,7 @@ class Planner:
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [_HandState(Track(place, LAGS), place) for place in places]
+        self._places = Places(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
         self._last_accent = -1.0
@@ -181,12 +177,12 @@ class Planner:
         tempo = self.style.tempo * manner.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * manner.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
-        poses = self._place(form, effort, manner)
-        stroke = self._stroke_time(poses[0], poses[1], tempo, manner)
+        poses = self._places.of(form, effort, manner)
+        stroke = stroke_time(poses[0], poses[1], tempo, manner)
         onset = at - LEAD - stroke / 2
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
-        wanted = self._reach_time(leader.track.target, poses[0], tempo)
+        wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
         if available < 0.16:
             return False
@@ -194,7 +190,7 @@ class Planner:
         start = onset - prepare
         end = onset
         for hand in hands:
-            own = poses if hand == hands[0] else [self._follower(p, strength) for p in poses]
+            own = poses if hand == hands[0] else [self._places.follower(p, strength) for p in poses]
             late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.05)
             end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
@@ -233,7 +229,7 @@ class Planner:
         state.track.move(start, prepare * (1 + _BLEND), poses[0])
         end = onset
         for k in range(1, len(poses)):
-            length = stroke if k == 1 else self._stroke_time(poses[k - 1], poses[k], tempo, manner)
+            length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, manner)
             over = np.zeros(CHANNELS)
             over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + manner.tension))
             state.track.move(end, length, poses[k] + over)
@@ -277,57 +273,6 @@ class Planner:
                 state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
         self._planned.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
-
-    # ------------------------------------------------------------------------------------------------- places
-
-    def _place(self, form: Form, effort: float, manner: Manner) -> list[Array]:
-        """Poses of a form where this speaker, in this mood, would put them this time."""
-        style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
-        table = [p.values() for p in form.poses]
-        middle = np.mean([t[:3] for t in table], axis=0)
-        low = self._random.uniform
-        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
-        centre = middle + shift
-        centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
-        centre += _SPACE
-        scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
-        spread = min(1.0, 0.55 + 0.45 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
-        home = np.array([0.04, -0.62, 0.36])
-        centre = home + (centre - home) * spread
-        turn = self._random.gauss(0, 7) * free
-        tension = float(np.clip(style.tension + manner.tension, 0, 1))
-        out = []
-        for t in table:
-            pose = t.copy()
-            pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
-            pose[:3] = np.clip(pose[:3], *_BOX)
-            pose[2] = max(
-                pose[2], 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))
-            )  # raised hands stay in front of the shoulder
-            pose[4] += turn
-            pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
-            pose[7:19] = self._shape(pose[7:19], tension, free)
-            pose[3] += self._random.gauss(0, 4) * free
-            pose[19] += manner.shrug
-            out.append(pose)
-        return out
-
-    def _shape(self, shape: Array, tension: float, free: float) -> Array:
-        """Finger angles loosened or stiffened, and never twice the same."""
-        relaxed = FORMS["beat"].poses[0].values()[7:19]
-        loose = 0.30 * (1 - tension)
-        out = shape + (relaxed - shape) * loose
-        return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
-
-    def _follower(self, pose: Array, strength: float) -> Array:
-        """The other hand of a two-handed gesture: nearly the same, never exactly."""
-        out = pose.copy()
-        loose = 1 - self.style.symmetry
-        rest = RESTS[self.style.rest][LEFT].values()
-        out[:3] += (rest[:3] - out[:3]) * loose * 0.45 * (1.2 - strength)
-        out[:3] += [self._random.gauss(0, 0.025 + 0.04 * loose) for _ in range(3)]
-        out[4] += self._random.gauss(0, 5)
-        return out
 
     def _sympathy(
         self,
@@ -383,19 +328,6 @@ class Planner:
         ]
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += manner.shrug
-        length = self._reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
+        length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
         state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
         state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
-
-    # -------------------------------------------------------------------------------------------------- times
-
-    def _stroke_time(self, a: Array, b: Array, tempo: float, manner: Manner) -> float:
-        """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
-        way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-        return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * manner.abrupt))
-
-    def _reach_time(self, a: Array, b: Array, tempo: float) -> float:
-        """Seconds for an unhurried reach, peak speed about 1 m/s."""
-        way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-        turn = abs(float(b[4] - a[4])) / 90
-        return max(0.44, 0.50 + 0.95 * way**0.8, 0.40 * turn + 0.3) / tempo**0.7

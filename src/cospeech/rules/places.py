@@ -1,0 +1,95 @@
+"""Where this speaker, in this mood, puts the poses of a gesture form this time; and how long hands take to get there."""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+
+from ..rotations import Array
+from .arms import arm_lengths
+from .manners import Manner
+from .repertoire import FORMS, RESTS, Form
+from .styles import Style
+
+__all__ = ["Places", "reach_time", "stroke_time"]
+
+_LEFT = 0  # row of `RESTS`
+_SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
+_ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
+_BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+
+
+class Places:
+    """The gesture space of one take.
+
+    Args:
+        style: the speaker.
+        random: drawn from in the order of planning.
+        intensity: overall size.
+        temperature: freedom, 0 … 2.
+    """
+
+    def __init__(self, style: Style, random: Random, intensity: float, temperature: float) -> None:
+        self.style, self._random, self.intensity, self.temperature = style, random, intensity, temperature
+
+    def of(self, form: Form, effort: float, manner: Manner) -> list[Array]:
+        """Poses of a form where this speaker, in this mood, would put them this time."""
+        style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
+        table = [p.values() for p in form.poses]
+        middle = np.mean([t[:3] for t in table], axis=0)
+        low = self._random.uniform
+        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
+        centre = middle + shift
+        centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
+        centre += _SPACE
+        scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
+        spread = min(1.0, 0.55 + 0.45 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
+        home = np.array([0.04, -0.62, 0.36])
+        centre = home + (centre - home) * spread
+        turn = self._random.gauss(0, 7) * free
+        tension = float(np.clip(style.tension + manner.tension, 0, 1))
+        out = []
+        for t in table:
+            pose = t.copy()
+            pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
+            pose[:3] = np.clip(pose[:3], *_BOX)
+            in_front = 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))  # raised hands stay in front of the shoulder
+            pose[2] = max(pose[2], in_front)
+            pose[4] += turn
+            pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
+            pose[7:19] = self._shape(pose[7:19], tension, free)
+            pose[3] += self._random.gauss(0, 4) * free
+            pose[19] += manner.shrug
+            out.append(pose)
+        return out
+
+    def _shape(self, shape: Array, tension: float, free: float) -> Array:
+        """Finger angles loosened or stiffened, and never twice the same."""
+        relaxed = FORMS["beat"].poses[0].values()[7:19]
+        loose = 0.30 * (1 - tension)
+        out = shape + (relaxed - shape) * loose
+        return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
+
+    def follower(self, pose: Array, strength: float) -> Array:
+        """The other hand of a two-handed gesture: nearly the same, never exactly."""
+        out = pose.copy()
+        loose = 1 - self.style.symmetry
+        rest = RESTS[self.style.rest][_LEFT].values()
+        out[:3] += (rest[:3] - out[:3]) * loose * 0.45 * (1.2 - strength)
+        out[:3] += [self._random.gauss(0, 0.025 + 0.04 * loose) for _ in range(3)]
+        out[4] += self._random.gauss(0, 5)
+        return out
+
+
+def stroke_time(a: Array, b: Array, tempo: float, manner: Manner) -> float:
+    """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
+    way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+    return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * manner.abrupt))
+
+
+def reach_time(a: Array, b: Array, tempo: float) -> float:
+    """Seconds for an unhurried reach, peak speed about 1 m/s."""
+    way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+    turn = abs(float(b[4] - a[4])) / 90
+    return max(0.44, 0.50 + 0.95 * way**0.8, 0.40 * turn + 0.3) / tempo**0.7

@@ -98,4 +98,4 @@ _CURVE = _curve()
 
 def develop(light: Floats) -> NDArray[np.uint8]:
     """Linear light of any shape → 8-bit sRGB with a soft shoulder, so that highlights do not burn out."""
-    return _CURVE[np.clip(light * np.float32(_STEPS / _RANGE), 0, _STEPS - 1).astype(np.int32)]
+    return _CURVE.take(np.clip(light * np.float32(_STEPS / _RANGE), 0, _STEPS - 1).astype(np.intp))

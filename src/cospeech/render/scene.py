@@ -51,6 +51,7 @@ class Scene:
         self.character = character
         parts = character.parts
         self._triangles = _triangles(character)
+        self._corners = self._triangles.T.astype(np.intp)  # what numpy indexes with fastest
         self._part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p.triangles) for p in parts])
         colours = [np.broadcast_to(np.asarray(p.colour, np.float32), p.vertices.shape) for p in parts]
         self._colour = np.concatenate(colours).T.copy()  # (3, V)
@@ -76,7 +77,7 @@ class Scene:
         screen = camera.project(vertices)
         front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
         seen = raster.see(screen, self._triangles[front], camera.width, camera.height)
-        seen = seen._replace(triangle=front[seen.triangle])
+        seen = seen._replace(triangle=front.take(seen.triangle))
         picture, backdrop = self._blank.copy(), self._backdrop
         shadow = floor_shadow(camera, vertices)
         if shadow is not None:
@@ -104,7 +105,7 @@ class Scene:
         smooth = count == raster.SAMPLES
         whole = np.repeat(smooth, count)
         inverse = seen.inverse[whole].reshape(-1, raster.SAMPLES).T
-        part = self._part[seen.triangle[whole]].reshape(-1, raster.SAMPLES).T
+        part = self._part.take(seen.triangle[whole]).reshape(-1, raster.SAMPLES).T
         near, far = _over(np.maximum, inverse), _over(np.minimum, inverse)
         smooth[smooth] = (near - far < _DEEP * near * far) & (_over(np.maximum, part) == _over(np.minimum, part))
         rough = np.repeat(~smooth, count)
@@ -131,10 +132,10 @@ class Scene:
 
     def _shade(self, points: _Points, screen: Array, shine: _Shine) -> raster.Floats:
         """Linear colours (3, N) of surface points: of glossy parts point by point, of others from vertex to vertex."""
-        corner = self._triangles[points.triangle].T.copy()  # (3, N)
+        corner = self._corners.take(points.triangle, axis=1)  # (3, N)
         weight = _weights(screen, corner, points.x, points.y)
         colour = _mix(light.shade(*shine), corner, weight)
-        glossy = np.flatnonzero(self._glossy[points.triangle])
+        glossy = np.flatnonzero(self._glossy.take(points.triangle))
         if len(glossy):
             corner, weight = corner[:, glossy], weight[:, glossy]
             normal, sight, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
@@ -158,7 +159,7 @@ def _openness(character: Character) -> raster.Floats:
 
 def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Floats) -> raster.Floats:
     """Perspective-correct barycentric weights (3, N) of points in the triangles with corners (3, N)."""
-    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = np.ascontiguousarray(screen.T)[:, corner]
+    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = np.ascontiguousarray(screen.T).take(corner, axis=1)
     ax, bx, cx, ay, by, cy = ax - x, bx - x, cx - x, ay - y, by - y, cy - y
     area = np.stack([(bx * cy - cx * by) * az, (cx * ay - ax * cy) * bz, (ax * by - bx * ay) * cz])
     total = area[0] + area[1] + area[2]
@@ -173,9 +174,9 @@ def _mix(values: raster.Floats, corner: raster.Ints, weight: raster.Floats) -> r
     """Values (C, V) of vertices, mixed by weights (3, N) at the corners (3, N) of triangles: (C, N)."""
     mixed = np.empty((len(values), corner.shape[1]), np.float32)
     for row, value in zip(mixed, values, strict=True):
-        np.multiply(value[corner[0]], weight[0], out=row)
-        row += value[corner[1]] * weight[1]
-        row += value[corner[2]] * weight[2]
+        np.multiply(value.take(corner[0]), weight[0], out=row)
+        row += value.take(corner[1]) * weight[1]
+        row += value.take(corner[2]) * weight[2]
     return mixed
 
 

@@ -57,16 +57,16 @@ def reached(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats,
     flat += slope * np.float32(_LIFT / _CELL)
     flat[:, 2] += np.float32(_LIFT / _CELL)
     fall = -slope[:, :2] / np.maximum(np.abs(slope[:, 2:]), 1 / _STEEPEST)  # how the surface goes on beside the point
-    hidden = np.zeros(len(flat), np.float32)
+    hidden = np.zeros((len(flat), SAMPLES), np.uint8)
     taps = _TAPS if blur else 1
     for k in range(taps):
         radius, angle = blur / _CELL * np.sqrt(k / taps), 2.399963 * k  # Vogel's spiral, by the golden angle
         dx, dy = np.float32(radius * np.cos(angle)), np.float32(radius * np.sin(angle))
-        x = np.clip(flat[:, 0] + dx, 0, width - 1).astype(np.int32)
-        y = np.clip(flat[:, 1] + dy, 0, height - 1).astype(np.int32)
+        x = np.clip(flat[:, 0] + dx, 0, width - 1).astype(np.intp)
+        y = np.clip(flat[:, 1] + dy, 0, height - 1).astype(np.intp)
         over = flat[:, 2] + np.maximum(fall[:, 0] * dx + fall[:, 1] * dy, 0)
-        hidden += (depth[y * np.int32(width) + x] > over[:, None]).sum(1, dtype=np.float32)
-    return 1 - hidden / np.float32(SAMPLES * taps)
+        hidden += depth.take(y * width + x, axis=0) > over[:, None]
+    return 1 - hidden @ np.full(SAMPLES, 1 / (SAMPLES * taps), np.float32)
 
 
 def openness(vertices: Floats, normals: Floats, triangles: Ints) -> Floats:

@@ -125,6 +125,16 @@ def test_convert_and_render(cli, place):
     assert Path("d.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_demo_has_everything(cli, place, monkeypatch):
+    monkeypatch.setattr("cospeech.demo.EXAMPLE", place / "talk.wav")
+    code, out, err = cli("demo", "--to", "show/me")
+    assert (code, err) == (0, "")
+    suffixes = {".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}
+    assert {p.name for p in (place / "show/me").iterdir()} == {f"talk{suffix}" for suffix in suffixes} | {"report.json"}
+    assert all(HOW_TO_OPEN[suffix] in out for suffix in suffixes)
+    assert cli("demo", "--to", "show/me", "-q")[0] == 0, "again, over what is there"
+
+
 @pytest.mark.parametrize("what", sorted(CATALOGUES))
 def test_list(cli, what):
     code, out, err = cli("list", what, "--json")
@@ -160,6 +170,9 @@ BAD = [
     ("generate talk.wav -o a.bvh --model rule", "did you mean 'rules'"),
     ("generate talk.wav -o a.bvh --style livly", "did you mean 'lively'"),
     ("generate talk.wav -o a.bvh --style lively --speaker calm", "calm"),
+    ("generate talk.wav -o a.bvh --style lively:much", "much"),
+    ("generate talk.wav -o a.bvh --style lively:0.5,livly:0.5", "did you mean 'lively'"),
+    ("generate talk.wav -o a.bvh --style lively:-1", "lively:-1"),
     ("generate talk.wav -o a.bvh --emotion joyful", "known: auto"),
     ("generate talk.wav -o a.bvh --emotion hapiness", "did you mean 'happiness'"),
     ("generate talk.wav -o a.bvh --parts face,feet", "feet"),
@@ -198,6 +211,7 @@ BAD = [
     ("convert", "MOTION"),
     ("render talk.bvh a.glb", "not a picture"),
     ("render nothing.bvh a.png", "nothing.bvh"),
+    ("render talk.bvh a.png --camera feet", "feet"),
     ("render talk.bvh a.png --audio nothing.wav", "nothing.wav"),
     ("list", "WHAT"),
     ("list modles", "did you mean 'models'"),

@@ -84,7 +84,9 @@ Output = Annotated[
     ),
 ]
 Model = Annotated[str, _option("--model", metavar="NAME", help="See `cospeech list models`.")]
-Style = Annotated[str | None, _option("--style", metavar="NAME", help="See `cospeech list styles`.")]
+Style = Annotated[
+    str | None, _option("--style", metavar="NAME", help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3.")
+]
 Emotion = Annotated[
     str,
     _option(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from fractions import Fraction
@@ -91,6 +91,7 @@ def generate_files(
     fps: float = 30.0,
     avatar: File | None = None,
     report: File | None = None,
+    special: Mapping[str, Mapping[str, object]] | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Generate motion for a sound file, and write it.
@@ -112,6 +113,7 @@ def generate_files(
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
         report: write the `Report` as JSON here too.
+        special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).
 
     Raises:
@@ -124,6 +126,7 @@ def generate_files(
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     check_files(audio, files, [path for path in (transcript, avatar) if path], report)
+    keywords = _writer_keywords(audio, avatar, special or {})
     gesturer = load_model(model)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     with ExitStack() as stack:
@@ -134,7 +137,7 @@ def generate_files(
             staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
             performance = gesturer.session(seed=seed + take, **vars(options))
             moving = _told(_played(performance, source), progress, take, takes, source.expected_seconds)
-            counts.add(_write_all(moving, staged, skeleton, options.fps, audio, avatar))
+            counts.add(_write_all(moving, staged, skeleton, options.fps, keywords))
         seconds = source.seconds or 0.0
         wanted = source.frames(options.fps)
         if counts != {wanted}:
@@ -211,27 +214,36 @@ def _told(
             progress(done if seconds is None else done + take * seconds, None if seconds is None else seconds * takes)
 
 
-def _write_all(moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: float, audio: File, avatar: File | None) -> int:
+def _write_all(
+    moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: float, keywords: Mapping[str, Mapping[str, object]]
+) -> int:
     """Write a stream to all files at once; the number of frames."""
     count, writers = 0, list[Writer]()
+    suffixes = [path.suffix.lower() for path in paths]
     with ExitStack() as stack:
         for piece in moving:
             other = piece if skeleton == "humanoid" else piece.retarget(skeleton)
+            kept = [other if suffix in KEEPS_SKELETON else piece for suffix in suffixes]
             if not writers:
-                writers = [stack.enter_context(_writer(path, piece, other, fps, audio, avatar)) for path in paths]
-            for writer in writers:
-                writer.write(other if writer.path.suffix.lower() in KEEPS_SKELETON else piece)
+                for path, suffix, motion in zip(paths, suffixes, kept, strict=True):
+                    writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **keywords.get(suffix, {}))
+                    writers.append(stack.enter_context(writer))
+            for writer, motion in zip(writers, kept, strict=True):
+                writer.write(motion)
             count += len(piece)
     return count
 
 
-def _writer(path: Path, piece: Motion, other: Motion, fps: float, audio: File, avatar: File | None) -> Writer:
-    suffix, options = path.suffix.lower(), {}
-    if suffix in LISTENS:
-        options["audio"] = audio
-    if avatar is not None and suffix in WEARS_AVATAR:
-        options["avatar"] = avatar
-    return open_writer(path, skeleton=(other if suffix in KEEPS_SKELETON else piece).skeleton, fps=fps, **options)
+def _writer_keywords(
+    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]]
+) -> dict[str, dict[str, object]]:
+    """Suffix → what the writer of that format is given beside skeleton and fps."""
+    keywords: dict[str, dict[str, object]] = {suffix: {"audio": audio} for suffix in LISTENS}
+    if avatar is not None:
+        keywords |= {suffix: {"avatar": avatar} for suffix in WEARS_AVATAR}
+    for suffix, more in special.items():
+        keywords[suffix] = keywords.get(suffix, {}) | dict(more)
+    return keywords
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:

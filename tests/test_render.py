@@ -246,7 +246,7 @@ def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
     motion = gesturing(40)
     helped = frames_of(motion, (), look, 30)
     monkeypatch.setattr("cospeech.render.film.cores", lambda: 1)
-    alone = frames_of(motion, (7, 8, 31), look, 30)
+    alone = frames_of(motion, (0, 7, 8, 8, 31), look, 30)  # empty pieces too
     assert helped.shape == (40, 40, 48, 3)
     assert np.array_equal(helped, alone)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ class Writer(MovingWriter):
         rate: float | None = None,
         size: tuple[int, int] = _SIZE,
         camera: str = "body",
-        **look: object,
+        **look: Any,
     ) -> None:
         rate = max(min(float(fps), _MOST_RATE), _RATES[0]) if rate is None else rate
         if not _RATES[0] <= rate <= _RATES[1]:

@@ -31,9 +31,9 @@ _AUDIO_BITS = 128_000  # bit/s; mono speech is transparent at this
 # the clock in which the film's length is written is fine enough for 24, 25, 30, 60 Hz and the sound; usually it is 1/1000 s
 _CONTAINER = {"movflags": "+faststart", "movie_timescale": "720000"}
 _THREADS = 2  # of the encoder; fixed, because the bytes it writes depend on it
-# CRF 20: no visible loss on this material; "veryfast" takes 2 ms a picture, less than a tenth of drawing it
+# CRF 17: no visible loss on this material; "veryfast" takes 2 ms a picture, less than a tenth of drawing it
 _ENCODERS = {
-    "libx264": {"crf": "20", "preset": "veryfast", "tune": "animation"},
+    "libx264": {"crf": "17", "preset": "veryfast", "tune": "animation"},
     "libopenh264": {"b": "2500000"},
     "mpeg4": {"qscale": "3"},
 }
@@ -63,7 +63,7 @@ class Writer(MovingWriter):
         rate: float | None = None,
         size: tuple[int, int] = _SIZE,
         camera: str = "body",
-        **look: object,
+        **look: Any,
     ) -> None:
         self._av = _pyav()
         rate = min(float(fps), _MOST_RATE) if rate is None else rate
@@ -80,7 +80,7 @@ class Writer(MovingWriter):
         # the name of the temporary file ends as the path's does, in upper case perhaps: hence the format by name
         self._container = self._av.open(str(temporary), "w", format="mp4", options=_CONTAINER)
         self._video = self._add_video()
-        self._voice = None
+        self._voice: Any = None
         if self._speech is not None:
             self._voice = self._container.add_stream("aac", rate=_AUDIO_RATE, layout="mono")
             self._voice.bit_rate = _AUDIO_BITS

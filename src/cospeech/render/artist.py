@@ -17,6 +17,7 @@ import sys
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,11 +120,11 @@ class Helper:
                 pipe.close()  # type: ignore[union-attr]
 
 
-def _fill(pipe, array: Pictures | Array) -> bool:  # type: ignore[no-untyped-def]
+def _fill(pipe: IO[bytes] | None, array: NDArray[Any]) -> bool:
     """Read exactly as many bytes as fit in ``array``; whether there were as many."""
-    view = memoryview(array).cast("B")
+    view = memoryview(array.data).cast("B")
     while view:
-        count = pipe.readinto(view)
+        count = pipe.readinto(view)  # type: ignore[union-attr]
         if not count:
             return False
         view = view[count:]

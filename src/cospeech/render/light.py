@@ -80,7 +80,7 @@ def backdrop(width: int, height: int, colour: tuple[int, int, int]) -> Floats:
     return np.ascontiguousarray(np.broadcast_to(column[:, :, None], (3, height, width)), np.float32)
 
 
-def from_srgb(value: Floats) -> Floats:
+def from_srgb(value: NDArray[np.floating]) -> NDArray[np.floating]:
     """sRGB 0 … 1 → linear light."""
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 

@@ -157,7 +157,7 @@ def _openness(character: Character) -> raster.Floats:
     return openness(vertices, normals, _triangles(character))
 
 
-def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Floats) -> raster.Floats:
+def _weights(screen: Array, corner: NDArray[np.integer], x: raster.Floats, y: raster.Floats) -> raster.Floats:
     """Perspective-correct barycentric weights (3, N) of points in the triangles with corners (3, N)."""
     (ax, bx, cx), (ay, by, cy), (az, bz, cz) = np.ascontiguousarray(screen.T).take(corner, axis=1)
     ax, bx, cx, ay, by, cy = ax - x, bx - x, cx - x, ay - y, by - y, cy - y
@@ -170,7 +170,7 @@ def _weights(screen: Array, corner: raster.Ints, x: raster.Floats, y: raster.Flo
     return area
 
 
-def _mix(values: raster.Floats, corner: raster.Ints, weight: raster.Floats) -> raster.Floats:
+def _mix(values: raster.Floats, corner: NDArray[np.integer], weight: raster.Floats) -> raster.Floats:
     """Values (C, V) of vertices, mixed by weights (3, N) at the corners (3, N) of triangles: (C, N)."""
     mixed = np.empty((len(values), corner.shape[1]), np.float32)
     for row, value in zip(mixed, values, strict=True):

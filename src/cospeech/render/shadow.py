@@ -48,11 +48,10 @@ def reached(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats,
     flat -= np.array([low[0] - 2, low[1] - 2, (low[2] + high[2]) / 2], np.float32)
     width, height = int(high[0] - low[0]) + 5, int(high[1] - low[1]) + 5
     screen = flat * np.array([1, 1, scale], np.float32) + np.array([0, 0, 1], np.float32)
-    seen = see(screen, triangles[~front_facing(screen, triangles)], width, height)  # the far side hides as well: all is closed
-    depth = np.zeros(width * height * SAMPLES, np.float32)
-    depth[seen.sample] = (seen.inverse - 1) / scale
-    depth[depth == 0] = -np.inf
-    depth = depth.reshape(-1, SAMPLES)
+    facing = ~front_facing(screen, triangles)  # y grows upwards here, so that front is back
+    seen = see(screen, triangles[facing], width, height)
+    depth = np.full((width * height, SAMPLES), -np.inf, np.float32)
+    depth.ravel()[seen.sample] = (seen.inverse - 1) / scale
 
     flat += slope * np.float32(_LIFT / _CELL)
     flat[:, 2] += np.float32(_LIFT / _CELL)
@@ -66,7 +65,7 @@ def reached(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats,
         y = np.clip(flat[:, 1] + dy, 0, height - 1).astype(np.intp)
         over = flat[:, 2] + np.maximum(fall[:, 0] * dx + fall[:, 1] * dy, 0)
         hidden += depth.take(y * width + x, axis=0) > over[:, None]
-    return 1 - hidden @ np.full(SAMPLES, 1 / (SAMPLES * taps), np.float32)
+    return 1 - hidden.astype(np.float32) @ np.full(SAMPLES, 1 / (SAMPLES * taps), np.float32)
 
 
 def openness(vertices: Floats, normals: Floats, triangles: Ints) -> Floats:

@@ -55,7 +55,7 @@ class Stage:
             self._centre = (float(positions[0, 0, 0]), float(positions[0, 0, 2]))
             low, soles = float(positions[0, :, 1].min()), float(self._skeleton.tpose[:, 1].min())
             self._floor = low - soles if abs(low - soles) > _ASTRAY else 0.0
-        if not len(motion):
+        if self._facing is None or not len(motion):
             return Pose(rotations, positions, face)
         centres = np.full((len(motion), 1, 3), self._floor)
         centres[:, 0, [0, 2]] = [self._follow(x, z) for x, z in positions[:, 0, [0, 2]].tolist()]
@@ -100,7 +100,7 @@ class Framing:
         self._box = np.concatenate([np.minimum(old[:3], box[:3]), np.maximum(old[3:], box[3:])])
         self._waiting.append(pose)
         if self._settled:
-            self._see(self._box)
+            self._see()
             yield self._next()
         elif len(self._waiting) == self._settle:
             yield from self._start()
@@ -112,19 +112,20 @@ class Framing:
         if not self._settled:
             yield from self._start()
         while self._waiting:
-            self._see(self._box)
+            self._see()
             yield self._next()
 
     def _start(self) -> Iterator[tuple[Pose, Array]]:
         self._settled = True
         for _ in range(self._ahead):
-            self._see(self._box)
+            self._see()
         while len(self._waiting) > self._ahead:
             yield self._next()
 
-    def _see(self, box: Array) -> None:
-        self._boxes.append(box)
-        self._sum = self._sum + box
+    def _see(self) -> None:
+        assert self._box is not None
+        self._boxes.append(self._box)
+        self._sum = self._sum + self._box
         if len(self._boxes) > self._ahead:
             self._sum = self._sum - self._boxes.popleft()
 

@@ -155,7 +155,9 @@ def _columns(values: Array, at: Array) -> Array:
     return np.maximum.reduceat(np.append(padded, 0.0), spans)[::2] * (low < len(values))
 
 
-def _axis(pen: ImageDraw.ImageDraw, layout: Layout, duration: float, font: ImageFont.FreeTypeFont) -> None:
+def _axis(
+    pen: ImageDraw.ImageDraw, layout: Layout, duration: float, font: ImageFont.FreeTypeFont | ImageFont.ImageFont
+) -> None:
     room = 6 * layout.unit  # pixels between two labels at least
     step = next((t for t in _TICKS if layout.x(t, duration) - layout.margin >= room), _TICKS[-1])
     bottom = layout.wave[1]
@@ -168,7 +170,11 @@ def _axis(pen: ImageDraw.ImageDraw, layout: Layout, duration: float, font: Image
 
 
 def _words(
-    pen: ImageDraw.ImageDraw, layout: Layout, duration: float, words: Sequence[Word], font: ImageFont.FreeTypeFont
+    pen: ImageDraw.ImageDraw,
+    layout: Layout,
+    duration: float,
+    words: Sequence[Word],
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
 ) -> None:
     """Write words, each where it is spoken, in the first row with room; what does not fit is left out."""
     rows = [layout.wave[1] + (3.2 + 1.6 * row) * layout.unit for row in range(layout.rows)]

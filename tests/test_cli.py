@@ -157,6 +157,7 @@ BAD = [
     ("generate empty.wav -o a.bvh", "empty.wav"),
     ("generate text.wav -o a.bvh", "text.wav"),
     ("generate nan.wav -o a.bvh", "nan"),
+    ("generate late.wav -o a.bvh -o b.glb -o c.npz -o d.csv", "late.wav"),
     ("generate talk.wav -o a.xyz", "a.xyz"),
     ("generate talk.wav -o a", "known suffixes"),
     ("generate talk.wav -o /nowhere/at/all/a.bvh", "folder exist"),
@@ -232,6 +233,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, said):
     (place / "folder.bvh").mkdir()
     (place / "a.json").write_text("[]")
     soundfile.write(place / "nan.wav", np.full(RATE, np.nan, np.float32), RATE, subtype="FLOAT")
+    late = np.random.default_rng(0).normal(0, 0.1, 60 * RATE).astype(np.float32)
+    late[-100] = np.nan
+    soundfile.write(place / "late.wav", late, RATE, subtype="FLOAT")
     cospeech.Motion(30.0, np.tile([0.0, 0, 0, 1], (3, 55, 1)), np.tile([0.0, 0.955, 0], (3, 1))).save("talk.bvh")
     before = {p.name: p.read_bytes() if p.is_file() else None for p in place.rglob("*")}
     code, out, err = cli(*line.split())

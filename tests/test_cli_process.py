@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import resource
 import signal
 import subprocess
 import sys
@@ -128,6 +129,21 @@ def test_runs_where_the_terminal_speaks_ascii(tmp_path):
     done = subprocess.run([*COSPEECH, "generate", "käse.wav"], capture_output=True, env=environment, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(b"error: ")
+
+
+def test_full_disk(tmp_path):
+    """As on a full disk: files cannot grow beyond 50 kB."""
+
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+
+    for suffix in (".bvh", ".glb", ".csv", ".npz", ".png"):
+        command = [*COSPEECH, "generate", str(EXAMPLE), "-o", f"a{suffix}"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
+        assert (done.returncode, done.stdout) == (1, ""), suffix
+        assert done.stderr.startswith("error: File too large"), suffix
+        assert done.stderr.count("\n") == 1
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_unwritable_folder(tmp_path):

@@ -360,6 +360,8 @@ def main() -> None:
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         sys.stdout = None  # type: ignore[assignment]  # nothing is flushed into the void at exit
         code = 0
+    except OSError as problem:  # a full disk, say
+        code = _say(InternalError(problem.strerror or str(problem), "is there room on the disk, and in memory?"), 1)
     except Exception as problem:
         code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
     sys.exit(code)

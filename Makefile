@@ -9,6 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .PHONY: demo test lint fix docs bench media lock clean
 
 demo: $(VENV)/.core              ## install the core, generate from the example speech into demo/, say how to open it
+	@echo "generating from the example speech into demo/ (the video takes longest)"
 	@$(BIN)/cospeech demo
 
 test: $(VENV)/.dev               ## install everything; linters, docs, and every test

@@ -19,6 +19,11 @@ KEY = np.array([0.45, 0.6, 0.75])
 FILL = np.array([-0.7, 0.1, 0.4])
 
 
+def _edge(u, v, p):
+    """Twice the area of the triangles u v p."""
+    return (v[:, 0] - u[:, 0]) * (p[:, 1] - u[:, 1]) - (v[:, 1] - u[:, 1]) * (p[:, 0] - u[:, 0])
+
+
 def rasterise(points, depth, triangles, size):
     """Index of the nearest triangle and barycentric coordinates per pixel."""
     width, height = size
@@ -39,11 +44,8 @@ def rasterise(points, depth, triangles, size):
         x, y = low[tri, 0] + k % span[tri, 0], low[tri, 1] + k // span[tri, 0]
         p = np.stack([x + 0.5, y + 0.5], 1)
 
-        def edge(u, v):
-            return (v[:, 0] - u[:, 0]) * (p[:, 1] - u[:, 1]) - (v[:, 1] - u[:, 1]) * (p[:, 0] - u[:, 0])
-
         A, B, C = a[tri], b[tri], c[tri]
-        w = np.stack([edge(B, C), edge(C, A), edge(A, B)], 1) / area[tri, None]
+        w = np.stack([_edge(B, C, p), _edge(C, A, p), _edge(A, B, p)], 1) / area[tri, None]
         inside = (w >= -1e-9).all(1)
         tri, w, pixel = tri[inside], w[inside], (y * width + x)[inside]
         z = (depth[triangles[tri]] * w).sum(1)

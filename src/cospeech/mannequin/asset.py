@@ -28,7 +28,7 @@ def save(character: Character, path: str | PathLike[str]) -> None:
             f"{part.name}/joints": part.joints.astype(np.uint8),
             f"{part.name}/weights": part.weights,
             f"{part.name}/colour": part.colour,
-            f"{part.name}/roughness": np.float32(part.roughness),
+            f"{part.name}/roughness": np.array(part.roughness, np.float32),
             f"{part.name}/morphs": np.array(list(part.morphs), dtype="U32"),
         }
         for name, delta in part.morphs.items():

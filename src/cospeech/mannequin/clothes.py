@@ -62,7 +62,25 @@ def sleeve_solid(sign: int) -> Solid:
 
 def _torso_rows(solid: Solid) -> list[Array]:
     """Rings of the trunk from the hem to the neckline."""
-    heights = [0.925, 0.955, 0.99, 1.03, 1.075, 1.12, 1.165, 1.210, 1.252, 1.292, 1.322, 1.350, 1.376, 1.400, 1.420, 1.436, 1.446]
+    heights = [
+        0.925,
+        0.955,
+        0.99,
+        1.03,
+        1.075,
+        1.12,
+        1.165,
+        1.210,
+        1.252,
+        1.292,
+        1.322,
+        1.350,
+        1.376,
+        1.400,
+        1.420,
+        1.436,
+        1.446,
+    ]
     angle = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
     rows = []
     for y in heights:
@@ -139,18 +157,14 @@ def _grow_sleeve(net: Net, loop: list[int], sign: int, arm: Solid, labels: dict[
 
 def _nearest_turn(net: Net, previous: list[int], points: Array) -> list[int]:
     """Add a ring so that its points follow those of ``previous`` with the least twist."""
-    best = None
-    for candidate in (points, points[::-1]):
-        for shift in range(len(points)):
-            rolled = np.roll(candidate, shift, axis=0)
-            cost = np.sum((rolled - net.points[previous]) ** 2)
-            if best is None or cost < best[0] - 1e-9:
-                best = (cost, rolled)
-    return net.add(best[1])
+    turns = [np.roll(way, shift, axis=0) for way in (points, points[::-1]) for shift in range(len(points))]
+    costs = [np.sum((turned - net.points[previous]) ** 2) for turned in turns]
+    return net.add(turns[int(np.argmin(np.round(costs, 9)))])
 
 
 def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> None:
     """Rolled hem, collar and cuffs: each edge bulges a little and turns inwards."""
+
     def ringed(points: Array, grow: float, lift: Array) -> list[int]:
         centre = points.mean(0)
         return net.add(centre + (points - centre) * grow + lift)
@@ -329,9 +343,9 @@ def shoes() -> list[Part]:
     )
     sole = capsule((x, 0.012, -0.036), (x + 0.006, 0.012, 0.138), 0.043, 0.045, (1.0, 1.0, 1.0))
     parts = []
-    body, normals = _shell(upper, (x + 0.003, 0.045, 0.045), 20, 14, floor=0.012)
+    body, normals = _shell(upper, (x + 0.003, 0.045, 0.045), 18, 11, floor=0.012)
     parts.append(_shoe("shoe", body, normals, srgb("d8d3cb")))
-    base, normals = _shell(sole, (x + 0.003, 0.012, 0.05), 24, 8, floor=0.0, roof=0.026)
+    base, normals = _shell(sole, (x + 0.003, 0.012, 0.05), 22, 6, floor=0.0, roof=0.026)
     parts.append(_shoe("sole", base, normals, srgb("f4f2ee")))
     out = []
     for part in parts:
@@ -345,7 +359,9 @@ def _renamed(part: Part, side: str) -> Part:
     return replace(part, name=side + part.name.capitalize())
 
 
-def _shell(solid: Solid, centre: tuple[float, float, float], around: int, rows: int, floor: float, roof: float = 1.0):
+def _shell(
+    solid: Solid, centre: tuple[float, float, float], around: int, rows: int, floor: float, roof: float = 1.0
+) -> tuple[Net, Array]:
     """A globe of points dropped onto ``solid`` and flattened at ``floor`` and ``roof``."""
     net = Net()
     middle = np.array(centre)

@@ -1,8 +1,9 @@
 """The 52 ARKit expressions as displacement fields on the head, the brows, the teeth and the tongue.
 
-Each is the pose at weight 1 minus the neutral face, in the frame of the head joint. Left ones are sculpted, right ones mirrored.
-The jaw is driven by the morphs only (``jawOpen`` and its kin): the skeleton's ``jaw`` bone carries no weight, so that a motion
-with both is not applied twice. Amplitudes are ours, set by eye to match what the names mean in Apple's ARBlendShapeLocation.
+Each is the pose at weight 1 minus the neutral face, in the frame of the head joint. Left ones are sculpted, the right ones are
+their mirror images. The jaw is driven by the morphs only (``jawOpen`` and its kin): the skeleton's ``jaw`` bone carries no
+weight, so that a motion with both is not applied twice. Amplitudes are ours, set by eye to match what the names mean in
+Apple's ARBlendShapeLocation.
 """
 
 from __future__ import annotations

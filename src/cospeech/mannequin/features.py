@@ -98,12 +98,14 @@ def brows() -> tuple[Piece, Array]:
 def ears() -> Piece:
     """Two ears: a folded disc with a rim, a hollow and a lobe, closed behind."""
     net, colours = Net(), []
-    count = 18
+    count = 16
     angle = 2 * np.pi * np.arange(count) / count
     shape = 1 + 0.10 * np.sin(angle) - 0.16 * np.maximum(-np.sin(angle), 0) * (0.6 + 0.4 * np.cos(angle))
     # rings over the ear: share of the outline, height above the disc; the last two close the back
-    rings = ((0.14, -0.0035), (0.32, -0.0035), (0.56, -0.0010), (0.70, 0.0012), (0.80, 0.0000), (0.90, 0.0022))
-    rings += ((1.0, 0.0008), (0.98, -0.0022), (0.70, -0.0070), (0.45, -0.0140))
+    rings = (
+        (0.14, -0.0035), (0.32, -0.0035), (0.56, -0.0010), (0.70, 0.0012), (0.80, 0.0), (0.90, 0.0022),
+        (1.0, 0.0008), (0.98, -0.0022), (0.70, -0.0070), (0.45, -0.0140),
+    )  # fmt: skip
     for sign in (1, -1):
         rows = []
         for share, high in rings:
@@ -139,7 +141,7 @@ def hair() -> Piece:
     """A sculpted short cut: volume over the skull, parted on one side and swept over the forehead, with soft strands."""
     solid = head_solid()
     net = Net()
-    around, rows = 56, 13
+    around, rows = 52, 12
     a = 2 * np.pi * np.arange(around) / around
     a = np.where(a > np.pi, a - 2 * np.pi, a)
     edge = hairline(a)

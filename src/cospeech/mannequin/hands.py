@@ -82,7 +82,7 @@ def _last_row() -> tuple[Array, Array]:
     knuckles = np.array([_chain(f)[0] for f in FINGERS])
     ends = knuckles + WEB[:, None] * [1, 0, 0]
     borders = [ends[0] + [0, 0, 0.0102], *(0.5 * (ends[:-1] + ends[1:]) - [0.001, 0, 0]), ends[3] - [0, 0, 0.0090]]
-    rows = {1: [], -1: []}
+    rows: dict[int, list[Array]] = {1: [], -1: []}
     for side in (1, -1):
         for k in range(4):
             rows[side] += [borders[k] + [0, side * 0.006, 0], ends[k] + [0.001, side * 0.0095, 0]]
@@ -95,8 +95,32 @@ def _last_row() -> tuple[Array, Array]:
 def _stations(finger: str) -> list[tuple[float, int]]:
     """Where rings sit on a finger: (share of the way, bone)."""
     if finger == "Thumb":
-        return [(0.66, 0), (0.86, 0), (0.05, 1), (0.30, 1), (0.60, 1), (0.84, 1), (0.99, 1), (0.20, 2), (0.50, 2), (0.78, 2), (0.93, 2)]
-    return [(0.64, 0), (0.84, 0), (0.985, 0), (0.16, 1), (0.46, 1), (0.76, 1), (0.98, 1), (0.22, 2), (0.52, 2), (0.78, 2), (0.93, 2)]
+        return [
+            (0.66, 0),
+            (0.86, 0),
+            (0.05, 1),
+            (0.30, 1),
+            (0.60, 1),
+            (0.84, 1),
+            (0.99, 1),
+            (0.20, 2),
+            (0.50, 2),
+            (0.78, 2),
+            (0.93, 2),
+        ]
+    return [
+        (0.64, 0),
+        (0.84, 0),
+        (0.985, 0),
+        (0.16, 1),
+        (0.46, 1),
+        (0.76, 1),
+        (0.98, 1),
+        (0.22, 2),
+        (0.52, 2),
+        (0.78, 2),
+        (0.93, 2),
+    ]
 
 
 def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
@@ -182,6 +206,7 @@ def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
 
 
 def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], fingers: dict[str, list[int]]) -> Part:
+    """Weights, normals and colours of the left hand."""
     p = net.points
     wrist = 0.36 + 0.64 * smoothstep(-0.034, 0.014, p[:, 0])  # under the cuff the skin goes with the sleeve
     weights = weights_of(len(p), leftHand=wrist, leftLowerArm=1 - wrist)

@@ -1,8 +1,8 @@
 """The head: its solid, and a net with rings around the eyes and the mouth.
 
 Metres, in the frame of the head joint of the T-pose (y up, z to the front, x to the left). Feature rings are placed in the
-frontal plane and dropped onto the solid; the rest is filled with points whose spacing follows the detail, joined by the convex hull
-of their directions from the middle of the head (a Delaunay triangulation on the sphere).
+frontal plane and dropped onto the solid; the rest is filled with points whose spacing follows the detail, joined by the convex
+hull of their directions from the middle of the head (a Delaunay triangulation on the sphere).
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ def head_solid(lids: bool = True) -> Solid:
     face = ellipsoid((0, 0.053, 0.028), (0.0565, 0.078, 0.062))
     jaw = [capsule((s * 0.0385, 0.020, 0.016), (s * 0.009, -0.012, 0.070), 0.0150, 0.0140) for s in both]
     cheeks = [ellipsoid((s * 0.040, 0.048, 0.056), (0.020, 0.020, 0.022)) for s in both]
+    cheeks += [ellipsoid((s * 0.0345, 0.022, 0.050), (0.019, 0.024, 0.022)) for s in both]
     muzzle = ellipsoid((0, 0.020, 0.070), (0.030, 0.028, 0.0265))
-    chin = ellipsoid((0, -0.0105, 0.077), (0.017, 0.0130, 0.0150))
+    chin = ellipsoid((0, -0.0105, 0.0765), (0.0185, 0.0130, 0.0150))
     neck = capsule((0, -0.16, -0.012), (0, 0.030, -0.016), 0.0480, 0.0432, (1, 1, 1.06))
     mass = union(0.030, skull, face, forehead, *cheeks)
     mass = union(0.024, mass, *jaw, chin, muzzle)

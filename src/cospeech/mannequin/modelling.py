@@ -52,7 +52,6 @@ def _face_colour(head: Head) -> Array:
     colour[head.mouth.ids.max() + 1] = DARK * 0.35
     lash, line = srgb("2b1a16"), srgb("b9826b")
     for eye in head.eyes.values():
-        ends = np.abs(eye.s) > 0.999
         dark = eye.upper & (np.abs(eye.s) < 0.97)
         for k in (0, 1, 2):
             colour[eye.ids[k]] = np.where(dark[:, None], lash, srgb("c98f7c"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
@@ -13,7 +14,7 @@ from .solids import Solid, gradient, settle
 __all__ = ["Net", "frame", "ring", "smoothstep", "vertex_normals"]
 
 
-def smoothstep(low: float, high: float, x: Array) -> Array:
+def smoothstep(low: float | Array, high: float | Array, x: Array) -> Array:
     """0 below ``low``, 1 above ``high``, smooth between (also for low > high)."""
     t = np.clip((np.asarray(x, float) - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
@@ -72,7 +73,7 @@ class Net:
 
     def tube(self, rows: Sequence[Sequence[int]], closed: bool = True) -> None:
         """Bridge consecutive rows."""
-        for a, b in zip(rows[:-1], rows[1:], strict=True):
+        for a, b in pairwise(rows):
             self.bridge(a, b, closed)
 
     def triangles(self) -> Array:

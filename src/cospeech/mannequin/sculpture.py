@@ -1,8 +1,8 @@
 """The pose in which we sculpt, weights, and the way from there to the T-pose.
 
-The body is sculpted with the arms lowered by 48° and the elbows a little bent, because that is how a speaker is seen most of the
-time. `unpose` then applies the inverse of linear blend skinning, so that skinning reproduces the sculpted shape exactly in that
-pose; a T-pose sculpt would lose its shoulders whenever the arms hang.
+The body is sculpted with the arms lowered by 48° and the elbows a little bent, because that is nearer to how a speaker is seen
+than the T-pose. `unpose` then applies the inverse of linear blend skinning, so that skinning reproduces the sculpted shape
+exactly in that pose; a T-pose sculpt would lose its shoulders whenever the arms hang.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def make_part(
     morphs: dict[str, Array] | None = None,
     posed: bool = False,
 ) -> Part:
-    """Pack a net: points in use, the four largest weights per vertex, the T-pose shape (``posed``: modelled in the sculpting pose)."""
+    """Pack a net: points in use, the four largest weights per vertex, and the T-pose shape of what was modelled ``posed``."""
     used = np.unique([i for f in net.faces for i in f])
     renumber = np.zeros(len(net.points), np.int32)
     renumber[used] = np.arange(len(used))

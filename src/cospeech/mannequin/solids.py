@@ -9,43 +9,37 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from ..rotations import Array
 
-__all__ = ["Solid", "capsule", "column", "cut", "ellipsoid", "gradient", "land", "offset", "settle", "union"]
+__all__ = ["Solid", "capsule", "column", "cut", "ellipsoid", "gradient", "land", "settle", "union"]
 
 Solid = Callable[[Array], Array]
 
 
-def _point(p: Sequence[float]) -> Array:
-    return np.asarray(p, float)
-
-
-def capsule(a: Sequence[float], b: Sequence[float], ra: float, rb: float, flat: Sequence[float] = (1, 1, 1)) -> Solid:
+def capsule(a: ArrayLike, b: ArrayLike, ra: float, rb: float, flat: ArrayLike = (1, 1, 1)) -> Solid:
     """A cone with round ends from ``a`` (radius ``ra``) to ``b`` (radius ``rb``); ``flat`` stretches space, e.g. (1, .8, 1)."""
-    scale = 1 / _point(flat)
-    a, b = _point(a), _point(b)
-    axis = (b - a) * scale
+    scale, start = 1 / np.asarray(flat, float), np.asarray(a, float)
+    axis = (np.asarray(b, float) - start) * scale
     length = axis @ axis
 
     def distance(p: Array) -> Array:
-        local = (p - a) * scale
+        local = (p - start) * scale
         t = np.clip(local @ axis / length, 0, 1)
         return np.linalg.norm(local - t[:, None] * axis, axis=1) - (ra + (rb - ra) * t)
 
     return distance
 
 
-def ellipsoid(centre: Sequence[float], radii: Sequence[float], turn: Array | None = None) -> Solid:
-    """An ellipsoid; ``turn`` is a rotation matrix of its axes."""
-    centre, radii = _point(centre), _point(radii)
-    turn = np.eye(3) if turn is None else turn
+def ellipsoid(centre: ArrayLike, radii: ArrayLike) -> Solid:
+    """An ellipsoid along the axes."""
+    middle, size = np.asarray(centre, float), np.asarray(radii, float)
 
     def distance(p: Array) -> Array:
-        local = (p - centre) @ turn
-        k0 = np.linalg.norm(local / radii, axis=1)
-        k1 = np.linalg.norm(local / radii**2, axis=1)
+        k0 = np.linalg.norm((p - middle) / size, axis=1)
+        k1 = np.linalg.norm((p - middle) / size**2, axis=1)
         return k0 * (k0 - 1) / np.maximum(k1, 1e-9)
 
     return distance
@@ -95,11 +89,6 @@ def cut(soft: float, solid: Solid, *tools: Solid) -> Solid:
         return total
 
     return distance
-
-
-def offset(solid: Solid, by: float | Solid) -> Solid:
-    """``solid`` grown by ``by`` metres, a number or a function of the point."""
-    return (lambda p: solid(p) - by(p)) if callable(by) else (lambda p: solid(p) - by)
 
 
 def gradient(solid: Solid, p: Array, step: float = 4e-4) -> Array:

@@ -62,6 +62,10 @@ def _section(points: Array, triangles: Array, y: float) -> Section:
     return Section(y, float((high - low)[0] / 2), float((high - low)[2] / 2), float((high + low)[2] / 2))
 
 
+def _triple(v: Array) -> tuple[float, float, float]:
+    return float(v[0]), float(v[1]), float(v[2])
+
+
 @lru_cache(2)
 def body_volume(character: Character) -> BodyVolume:
     """Sections of the trunk (clothes included; without what follows the upper arms) and the head as an ellipsoid."""
@@ -86,4 +90,4 @@ def body_volume(character: Character) -> BodyVolume:
     head = head[head[:, 1] > -0.03]
     low, high = head.min(0), head.max(0)
     centre, radii = (low + high) / 2, (high - low) / 2
-    return BodyVolume(sections, Ellipsoid(tuple(map(float, centre)), tuple(map(float, radii))))
+    return BodyVolume(sections, Ellipsoid(_triple(centre), _triple(radii)))

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError, Speech, Word
 from cospeech.alignment import align, align_with_recogniser, count_syllables, spread, tokenise
-from cospeech.features import analyse
+from cospeech.features import Features, analyse
 from cospeech.speech import example, open_speech
 from cospeech.transcripts import load_words, settle
 
@@ -317,6 +317,24 @@ def test_words_on_a_sound_without_any_speech(level):
     words = align("eins zwei drei", Speech(samples))
     assert texts(words) == ["eins", "zwei", "drei"]
     check(words, 3.0)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(0.02, 20))
+def test_any_words_on_any_sound(seed, count, seconds):
+    rng = np.random.default_rng(seed)
+    frames = int(seconds * 100) + 1
+    loud = np.repeat(rng.choice([-90, -30, -20], frames), rng.integers(1, 40, frames))[:frames] + rng.normal(0, 3, frames)
+    none = np.zeros(frames, np.float32)
+    features = Features(loud.astype(np.float32), none, none, none, np.zeros((frames, 5), np.float32))
+    tokens = rng.choice(["a", "incomprehensibilities", "no,", "stop.", "你", "1999"], count).tolist()
+    try:
+        words = align(tokens, features)
+    except InputError as error:
+        assert f"{count} words in" in error.problem  # noqa: PT017  # any other error would be a fault
+    else:
+        assert len(words) == count
+        check(words, max(1, frames - 1) / 100)
 
 
 def test_plain_text_alone_has_no_times(tmp_path):

@@ -82,13 +82,19 @@ def decode(path: bytes) -> int:
     """Send the header and blocks of one file; how many frames came."""
     import soundfile
 
+    class Straight(soundfile.SoundFile):
+        """Read from start to end. soundfile seeks to where it is after every read, which in MP3 and Vorbis moves the sound."""
+
+        def seekable(self) -> bool:
+            return False
+
     # Opened by number, so that libsndfile has no name whose suffix it could believe.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
         file.seek(0)
         container = demuxer(head)
         try:
-            sound = soundfile.SoundFile(file)
+            sound = Straight(file)
         except soundfile.LibsndfileError as error:
             file.seek(0)
             if container:

@@ -31,6 +31,8 @@ STEP = 2  # feature frames per step of the search: 20 ms
 PAUSE = 0.08  # seconds; ours: shorter silences are the closures of p, t, k
 BAND = (1.5, 6.0)  # seconds around the even division within which a boundary is searched: at least, at most
 BAND_SHARE = 0.15  # of the speech, between those two
+SLOWEST = 5  # times its expected length, the longest that a word is tried at …
+MANY_STEPS = 50  # … but at least a second; ours
 # Weights of the costs. Ours: fitted on 5 utterances read aloud (LibriVox) and 100 commands (GRID, s1) with known word times
 LENGTH = 1.7  # squared logarithm of length over expected length
 PEAKS = 0.17  # squared difference of peaks and syllables
@@ -144,6 +146,7 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     voiced = np.ones(len(energy), bool)
     for start, end in find_pauses(energy, fps, shortest=PAUSE):
         voiced[round(start * fps) : round(end * fps)] = False
+    voiced[int(np.ceil(seconds * fps - 1e-6)) :] = False  # the last frame may lie on the very end
     frames = np.flatnonzero(voiced)[::STEP]
     if len(frames) < 2 * len(tokens):  # silence, or hardly any speech: spread them over all of it
         return tuple(spread(tokens, 0.0, seconds))
@@ -196,18 +199,20 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
         last = i == len(tokens) - 1
         first = total if last else max(int(centres[i]) - half, i + 1)
         until = total if last else max(min(int(centres[i]) + half, total - (len(tokens) - 1 - i)), first)
-        ends, starts = np.arange(first, until + 1), low + np.arange(len(cost))
-        taken = ends[:, None] - starts
-        possible = taken > 0
-        ratio = np.log(np.where(possible, taken, 1) / expected[i])
-        price = LENGTH * ratio**2 + PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2
-        inside = breaks[ends - 1][:, None] - breaks[starts]
-        price += BROKEN * np.maximum(inside, 0) + cost
+        ends = np.arange(first, until + 1)
+        # Up to SLOWEST times its length, and far enough that every end has a start that can be reached.
+        longest = max(int(SLOWEST * expected[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
+        taken = np.arange(1, min(longest, until - low) + 1)
+        starts = ends[:, None] - taken
+        possible = (starts >= low) & (starts < low + len(cost))
+        starts = np.clip(starts, low, low + len(cost) - 1)
+        price = PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2 + LENGTH * np.log(taken / expected[i]) ** 2
+        price += BROKEN * np.maximum(breaks[ends - 1][:, None] - breaks[starts], 0) + cost[starts - low]
         price[~possible] = np.inf
         chosen = price.argmin(axis=1)
         edge = at_edge[ends] + (COMMA * no_pause[ends] if token[-1] in ENDS else 0)
         low, cost = first, price[np.arange(len(ends)), chosen] + edge
-        history.append((first, chosen + starts[0]))
+        history.append((first, ends - taken[chosen]))
     bounds = [total]
     for first, chosen in reversed(history):
         bounds.append(int(chosen[bounds[-1] - first]))

@@ -130,7 +130,11 @@ class Planner:
                 self._last_word = word.start
                 return
         willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength)
-        held = [s for s in self.hands if s.place == "up" and s.form in FORMS and FORMS[s.form].beats]
+        held = [
+            s
+            for s in self.hands
+            if s.place == "up" and s.form in FORMS and FORMS[s.form].beats and _effort(s.track.target) < 0.7
+        ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
             if stirred and self._random.random() < 0.45:
@@ -237,7 +241,8 @@ class Planner:
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
-        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3, 0.55, 0.4]) * sink
+        sink = max(sink, 0.55 * _effort(hold) * self._random.uniform(0.7, 1.2))
+        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.4 * _effort(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
         state.track.move(end + self._random.uniform(0.1, 0.5), self._random.uniform(0.8, 1.5) / tempo, hold)
@@ -247,6 +252,7 @@ class Planner:
     def _mark(self, state: _HandState, name: str, peak: float, end: float, manner: Manner) -> None:
         state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
         state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / manner.tempo
+        state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * _effort(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: Manner, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
@@ -331,3 +337,8 @@ class Planner:
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
         state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
         state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
+
+
+def _effort(pose: Array) -> float:
+    """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
+    return float(np.clip(max(pose[0] - 0.22, 0.0) / 0.30 + max(pose[1] + 0.40, 0.0) / 0.55, 0.0, 1.0))

@@ -157,12 +157,12 @@ class Posture:
         self.track.move(onset - 0.15, 0.26, np.array([0.05]), [lift])
         self.track.move(onset + length - 0.09, 0.26, np.array([0.0]), [lift])
         middle = (goal[:2] + still[:2]) / 2
-        self.track.move(onset + 0.6 * length, 0.9, middle + np.array([side * 0.015, 0.0]), [Body.HIPS_X, Body.HIPS_Z])
+        self.track.move(onset + 0.35 * length, 0.8, middle + np.array([side * 0.015, 0.0]), [Body.HIPS_X, Body.HIPS_Z])
         self._next["shift"] = max(self._next["shift"], onset + length + 1.0)
         self._side = side
 
     def _lean_over(self, now: float, foot: slice) -> None:
-        goal = self.track.target[foot][0] * 0.45 + self.track.target[Body.HIPS_X] * 0.55
+        goal = self.track.target[foot][0] * 0.36 + self.track.target[Body.HIPS_X] * 0.64
         self.track.move(now + 0.02, 0.5, np.array([goal]), [Body.HIPS_X])
 
     def on_accent(self, now: float, accent: Accent, manner: Manner) -> None:

@@ -76,8 +76,8 @@ def _face_parts() -> list[Part]:
         )
 
     eyebrows, _ = brows()
-    upper, lower = teeth(True, front - 0.0100, 0.0138), teeth(False, front - 0.0126, 0.0158)
-    lick = tongue(front - 0.0170, 0.0158)
+    upper, lower = teeth(True, front - 0.0100, 0.0138), teeth(False, front - 0.0126, 0.0148)
+    lick = tongue(front - 0.0170, 0.0152)
     parts = [
         part("leftEye", eyeball(1), "leftEye", 0.25),
         part("rightEye", eyeball(-1), "rightEye", 0.25),

@@ -226,7 +226,7 @@ def _dress(net: Net, solid: Solid, labels: dict[str, list[int]], first_edge: int
         mine = arm & (p[:, 0] * sign > 0)
         weights[mine] = limb_weights(p[mine], side)
     free = (np.abs(p[:, 0]) < 0.26) & (p[:, 1] > 1.17)
-    weights = net.diffuse(weights, 11, free)
+    weights = net.diffuse(weights, 18, free)
     colour = np.tile(srgb("5c8f9c"), (count, 1))
     colour[first_edge:] = srgb("4a7885")  # ribbed hem, collar and cuffs
     return make_part("sweater", net, net.shade(solid, 0.0), weights, colour, 0.9, posed=True)

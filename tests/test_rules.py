@@ -321,11 +321,15 @@ class TestPerformance:
     def test_intensity_scales_movement_down_to_idling(self):
         speech, wrists = pulses(20, rhythm(30)), []
         for intensity in (0.0, 0.5, 1.0, 1.5):
-            motion = RuleGesturer().generate(speech, intensity=intensity, emotion="neutral", seed=0)
-            hand = motion.positions()[:, humanoid().index["rightHand"]]
-            wrists.append(np.linalg.norm(np.diff(hand, axis=0), axis=1).mean() * 30)
+            speeds = []
+            for seed in range(4):
+                motion = RuleGesturer().generate(speech, intensity=intensity, emotion="neutral", seed=seed, parts=("body",))
+                hand = motion.positions()[:, humanoid().index["rightHand"]]
+                speeds.append(np.linalg.norm(np.diff(hand, axis=0), axis=1).mean() * 30)
+            wrists.append(np.mean(speeds))
         assert wrists == sorted(wrists)
-        assert wrists[0] < 0.06 < 0.15 < wrists[2]
+        assert wrists[0] < 0.06
+        assert wrists[1] < 0.8 * wrists[2]
 
     def test_the_southpaw_uses_the_left_hand_and_the_default_does_not(self):
         def left_share(style: str) -> float:

@@ -44,7 +44,7 @@ class Places:
         centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
         centre += _SPACE
         scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
-        spread = min(1.0, 0.55 + 0.45 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
+        spread = min(1.0, 0.3 + 0.7 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
         home = np.array([0.04, -0.62, 0.36])
         centre = home + (centre - home) * spread
         turn = self._random.gauss(0, 7) * free

@@ -129,7 +129,7 @@ class Planner:
             if self._random.random() < chance * 0.95 and self._perform(now, accent.time, accent.strength, name, manner, word):
                 self._last_word = word.start
                 return
-        willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength)
+        willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength) * (0.4 + 0.6 * min(self.intensity, 1.0))
         held = [
             s
             for s in self.hands

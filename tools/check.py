@@ -106,6 +106,7 @@ def main(arguments: list[str]) -> int:
     good = lint()
     if arguments == ["lint"]:
         return 0 if good else 1
+    os.environ["NO_MKDOCS_2_WARNING"] = "1"  # an advertisement of the theme's next version
     good &= step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
 
     print("\n── programs that the tests drive", flush=True)

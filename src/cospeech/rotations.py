@@ -29,7 +29,7 @@ def quat_identity(*shape: int, dtype: type = np.float64) -> Array:
     >>> quat_identity(2).tolist()
     [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]
     """
-    q = np.zeros((*shape, 4), dtype)
+    q: Array = np.zeros((*shape, 4), dtype)
     q[..., 3] = 1
     return q
 

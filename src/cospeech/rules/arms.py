@@ -18,7 +18,7 @@ from .hands import Channel
 __all__ = ["FINGERS", "ArmLengths", "arm_lengths", "finger_rotations", "reach", "solve_arm"]
 
 MOST_REACH = 0.985  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
-FOREARM_SHARE = 0.55  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
+FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
 FINGERS = ("Index", "Middle", "Ring", "Little")
 _SPREAD_SHARE = np.array([-1.0, -0.15, 0.65, 1.5])  # of the spread angle, index … little, about the hand's normal
 POLE = np.array([0.36, -0.45, -0.82])  # where an elbow points when left alone: out, down, back (ours, by eye)

@@ -25,8 +25,8 @@ SECTIONS = np.array(
         (1.50, 0.065, 0.065, -0.004),
     ]
 )
-HEAD_CENTRE = np.array([0.0, 0.085, 0.014])  # from the head joint
-HEAD_RADII = np.array([0.086, 0.130, 0.106])
+HEAD_CENTRE = np.array([0.0, 0.090, 0.006])  # from the head joint
+HEAD_RADII = np.array([0.088, 0.131, 0.119])
 THIGH_TOP = 0.085  # above the line hip joint – knee, metres; ours: the mannequin's thigh plus cloth
 _SOFT = 0.012  # metres over which a push fades in (ours)
 

@@ -19,7 +19,7 @@ from cospeech.render.camera import view_named
 from cospeech.render.film import Film
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
-STYLE, SEED = "natural", 9  # of ten seeds, one in which "hi", "yesterday", "tiny" and "huge" are plain to see
+STYLE, EMOTION, SEED = "natural", "happiness", 0
 SECONDS = 7.6  # of the example: the greeting, tiny and huge
 RATE = 12.5  # pictures per second
 WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
@@ -79,7 +79,7 @@ def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion) -> None:
 
 def main() -> None:
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
-    motion = cospeech.load("rules").generate(speech, style=STYLE, seed=SEED)
+    motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
     MEDIA.mkdir(exist_ok=True)
     moving_picture(speech, motion)
     motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))

@@ -50,6 +50,8 @@ class Form(NamedTuple):
     """Further accents may be beaten in place while the form is held."""
     score: float = 0.1
     """Semantic score: 0.1 for beats … 1 (after BEAT's annotation: class / 10)."""
+    anchored: bool = False
+    """At the own body: the same place whatever the style and the effort."""
 
 
 P = Pose
@@ -165,6 +167,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "one",
         False,
         0.7,
+        True,
     ),
     "you": Form(
         "open hand towards the listener",
@@ -361,6 +364,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "one",
         False,
         0.8,
+        True,
     ),
     "heart": Form(
         "both hands to the chest",
@@ -369,6 +373,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "both",
         False,
         0.8,
+        True,
     ),
     "wave": Form(
         "an open hand raised in greeting",

@@ -125,10 +125,10 @@ def generate_files(
     files = [Path(path) for path in outputs]
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
-    check_files(audio, files, [path for path in (transcript, avatar) if path], report)
+    names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
+    check_files(audio, names, [path for path in (transcript, avatar) if path], report)
     keywords = _writer_keywords(audio, avatar, special or {})
     gesturer = load_model(model)
-    names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
@@ -275,7 +275,8 @@ def check_avatar(avatar: File, suffixes: set[str]) -> None:
 
 def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
     if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
-        raise InputError(f"{name} {value:g} is out of range", f"{bounds[0]:g} … {bounds[1]:g}")
+        low, high, shown = (str(n) if isinstance(n, int) else f"{n:g}" for n in (*bounds, value))
+        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}")
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:

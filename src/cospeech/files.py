@@ -29,7 +29,7 @@ def _destination(path: str | PathLike[str]) -> Path:
     """
     shown = os.fsdecode(path)
     try:
-        mode = os.stat(path).st_mode
+        mode = Path(shown).stat().st_mode
     except FileNotFoundError:
         mode = stat.S_IFREG
     except (OSError, ValueError) as error:  # ValueError: it holds a null character

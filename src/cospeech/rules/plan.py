@@ -331,7 +331,7 @@ class Planner:
                 and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold))
             ):
                 self._retract(
-                    now, hand, state, "idle" if self._random.random() < 0.75 - 0.5 * self.style.hold else "rest", manner
+                    now, hand, state, "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest", manner
                 )
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", manner)

@@ -5,10 +5,11 @@ Light on purpose: every command imports what it needs when it runs, so that ``co
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -344,11 +345,23 @@ def _stop(signum: int, frame: object) -> NoReturn:
     raise SystemExit(128 + signum)
 
 
-def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+def _ready_streams() -> None:
+    """Standard streams that take whatever is said.
+
+    What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            null = open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8")  # noqa: SIM115, PTH123  # open to the end
+            setattr(sys, name, null)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+    _ready_streams()
     signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
     try:
         code = app(prog_name="cospeech", standalone_mode=False)
@@ -372,7 +385,8 @@ def _say(error: CospeechError, code: int) -> int:
         import traceback
 
         traceback.print_exc()
-    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    with suppress(OSError):  # nobody can be told, but the exit code
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return code
 
 

@@ -127,11 +127,11 @@ def generate_files(
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     check_files(audio, names, [path for path in (transcript, avatar) if path], report)
-    keywords = _writer_keywords(audio, avatar, special or {})
     gesturer = load_model(model)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
+        keywords = _writer_keywords(audio, avatar, special or {}, source.words)
         counts = set()
         for take in range(takes):
             staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
@@ -235,10 +235,12 @@ def _write_all(
 
 
 def _writer_keywords(
-    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]]
+    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]], words: tuple[Word, ...] | None
 ) -> dict[str, dict[str, object]]:
     """Suffix → what the writer of that format is given beside skeleton and fps."""
     keywords: dict[str, dict[str, object]] = {suffix: {"audio": audio} for suffix in LISTENS}
+    if words:
+        keywords[".png"]["words"] = list(words)
     if avatar is not None:
         keywords |= {suffix: {"avatar": avatar} for suffix in WEARS_AVATAR}
     for suffix, more in special.items():

@@ -362,7 +362,10 @@ def _ready_streams() -> None:
 def main() -> None:
     """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
     _ready_streams()
-    signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
+    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: what is half-written is removed; SIGHUP: the terminal was closed
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, _stop)
     try:
         code = app(prog_name="cospeech", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has caught it

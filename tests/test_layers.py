@@ -22,7 +22,7 @@ LAYERS = [
     {"render"},
     {"export", "metrics", "rules", "corpora"},
     {"models", "avatar"},
-    {"report"},
+    {"report", "how_to_open"},
     {"train", "evaluate", "runtime"},
     {"generate"},
     {"convert", "demo", "catalogue"},

@@ -18,25 +18,13 @@ from typer import Argument, Option
 
 from . import __version__
 from .errors import CospeechError, InputError, InternalError
+from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
 
 if TYPE_CHECKING:
     from .report import Report
 
-__all__ = ["HOW_TO_OPEN", "app", "main"]
-
-HOW_TO_OPEN = {
-    ".bvh": "Blender: File > Import > Motion Capture (.bvh), Scale 0.01, tick Update Scene FPS; or MotionBuilder, Maya, iClone",
-    ".glb": "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
-    ".vrma": "play it on any VRM avatar: three-vrm, UniVRM, VRM add-on for Blender",
-    ".csv": "Unreal: plugin Live Link Face Importer, then drop it into the Content Browser; Blender: Faceit",
-    ".json": "52 ARKit weights per frame, for your own program",
-    ".npz": "SMPL-X: numpy.load, or the SMPL-X add-on for Blender",
-    ".mp4": "any video player",
-    ".gif": "any web browser",
-    ".png": "any picture viewer: a strip of frames over the waveform",
-}
-"""Suffix → where such a file goes; printed after each run, checked against the table of formats."""
+__all__ = ["app", "main"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
@@ -103,6 +91,9 @@ Transcript = Annotated[
     Path | None,
     _option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
 ]
+Transcribe = Annotated[
+    bool, _option("--transcribe", help="Hear the words with faster-whisper (cospeech[asr]) instead of reading them.")
+]
 Seed = Annotated[
     int,
     _option(
@@ -154,6 +145,7 @@ def generate(
     emotion: Emotion = "auto",
     speaker: Speaker = None,
     transcript: Transcript = None,
+    transcribe: Transcribe = False,
     seed: Seed = 0,
     takes: Takes = 1,
     temperature: Temperature = 1.0,
@@ -177,9 +169,10 @@ def generate(
     outputs = output or [Path(audio.stem + suffix) for suffix in (".bvh", ".glb")]
     with _progress("generating", quiet) as progress:
         result = generate_files(
-            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript, seed=seed,
-            takes=takes, temperature=temperature, intensity=intensity, parts=[p.strip() for p in parts.split(",") if p.strip()],
-            skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
+            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
+            transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
+            parts=[p.strip() for p in parts.split(",") if p.strip()], skeleton=skeleton, fps=fps, avatar=avatar, report=report,
+            progress=progress,
         )  # fmt: skip
     if not quiet:
         _show_outputs(result)

@@ -17,6 +17,7 @@ from os import PathLike
 from pathlib import Path
 
 from . import __version__
+from .alignment import align_with_recogniser
 from .errors import InputError, nearest
 from .export import FORMATS, Writer, open_writer
 from .export import format_of as format_of_file
@@ -82,6 +83,7 @@ def generate_files(
     emotion: str = "auto",
     speaker: str | None = None,
     transcript: File | None = None,
+    transcribe: bool = False,
     seed: int = 0,
     takes: int = 1,
     temperature: float = 1.0,
@@ -104,6 +106,7 @@ def generate_files(
         emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
+        transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
         temperature: how far choices stray from the likeliest, 0 … 2.
@@ -120,8 +123,7 @@ def generate_files(
         InputError: something given cannot be used; nothing has been written.
     """
     began = time.perf_counter()
-    if style is not None and speaker is not None and style != speaker:
-        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
+    _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
@@ -131,15 +133,15 @@ def generate_files(
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
+        source.words = align_with_recogniser(audio) if transcribe else source.words
         keywords = _writer_keywords(audio, avatar, special or {}, source.words)
-        counts = set()
+        counts, each = set(), len(files)
         for take in range(takes):
-            staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
+            staged = [place(path) for path in names[take * each : (take + 1) * each]]
             performance = gesturer.session(seed=seed + take, **vars(options))
             moving = _told(_played(performance, source), progress, take, takes, source.expected_seconds)
             counts.add(_write_all(moving, staged, skeleton, options.fps, keywords))
-        seconds = source.seconds or 0.0
-        wanted = source.frames(options.fps)
+        seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
@@ -151,7 +153,7 @@ def generate_files(
             takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
             emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
-            style=style or speaker or next(iter(STYLES)),
+            style=options.style or next(iter(STYLES)),  # type: ignore[arg-type]
             outputs=[str(path) for path in names],
             version=__version__,
         )
@@ -246,6 +248,14 @@ def _writer_keywords(
     for suffix, more in special.items():
         keywords[suffix] = keywords.get(suffix, {}) | dict(more)
     return keywords
+
+
+def _check_rivals(style: str | None, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
+    """Two ways of saying one thing must not disagree."""
+    if transcribe and transcript is not None:
+        raise InputError("both a transcript and transcribe are given", "one of them says the words")
+    if style is not None and speaker is not None and style != speaker:
+        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:

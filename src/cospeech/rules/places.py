@@ -9,7 +9,8 @@ import numpy as np
 from ..rotations import Array
 from .arms import arm_lengths
 from .manners import Manner
-from .repertoire import FORMS, RESTS, Form
+from .repertoire import FORMS, Form
+from .rests import RESTS
 from .styles import Style
 
 __all__ = ["Places", "reach_time", "stroke_time"]

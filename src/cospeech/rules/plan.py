@@ -23,7 +23,8 @@ from .lexicon import form_for
 from .manners import Manner
 from .places import Places, reach_time, stroke_time
 from .posture import Posture
-from .repertoire import FORMS, LEXICAL_FORMS, RESTS, Form
+from .repertoire import FORMS, LEXICAL_FORMS, Form
+from .rests import RESTS
 from .styles import Style
 from .track import Track
 

@@ -461,7 +461,8 @@ def test_a_map_helps_and_wins(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no table"),
+        ("", "is empty"),
+        ("# nothing", "holds no table"),
         ("bones = 3", "holds no table"),
         ("[bones]\nleftHand = 3", "holds no table"),
         ("[bones\n", "not TOML"),

@@ -44,7 +44,7 @@ def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
     if not stat.S_ISREG(about.st_mode):
         raise InputError(f"cannot read {name!r}: it is a pipe or a device", "save it to a file first")
     if about.st_size == 0:
-        raise InputError(f"{name!r} is empty", "was the recording or the download stopped before it began?")
+        raise InputError(f"{name!r} is empty", "was it saved, recorded or downloaded to its end?")
     if not os.access(name, os.R_OK):
         raise InputError(f"cannot read {name!r}: Permission denied", "may you read it?")
     return Path(name).absolute()

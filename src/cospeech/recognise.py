@@ -13,10 +13,9 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from os import PathLike
-from pathlib import Path
 
-from .errors import InputError
-from .files import describe_os_error
+from .decoding import regular_file
+from .errors import CospeechError, InputError
 from .recognise_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
@@ -182,9 +181,9 @@ def load_map(path: str | PathLike[str]) -> dict[str, str]:
     """
     name = repr(str(path))
     try:
-        table = tomllib.loads(Path(path).read_text("utf-8")).get("bones")
-    except OSError as error:
-        raise InputError(f"cannot read {name}: {describe_os_error(error)}", "does the file exist?") from None
+        table = tomllib.loads(regular_file(path, "a bone map").read_text("utf-8")).get("bones")
+    except CospeechError:
+        raise
     except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
         raise InputError(f"{name} is not TOML: {str(error).splitlines()[0]}", "see `--map` in the docs") from None
     if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):

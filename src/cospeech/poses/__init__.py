@@ -1,7 +1,8 @@
 """Poses: a person's motion ↔ the vectors that a network sees, one module per representation, each there and back.
 
 Every representation has ``name``, ``dimensions``, ``names`` (one per dimension), ``fps`` (of the papers), ``source`` (which
-field of a `Clip` it encodes: "points" or "motion"), ``encode(source) -> (T, D)`` and ``decode(vectors, fps, …)`` back.
+field of a `Clip` it encodes: "points" or "motion"; for the latter also ``skeleton``, a name of
+`cospeech.skeletons.SKELETONS`), ``encode(source) -> (T, D)`` and ``decode(vectors, fps, …)`` back.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ POSES: dict[str, str] = {
     "expmap-full": "cospeech.poses.expmap:FULL",
     "euler": "cospeech.poses.euler:EULER",
     "rot6d": "cospeech.poses.rot6d:ROT6D",
+    "rot6d-smplx": "cospeech.poses.rot6d:SMPLX",
+    "rot6d-humanoid": "cospeech.poses.rot6d:HUMANOID",
 }
 """Name → "module:object"; ``prepare --pose`` takes these."""
 

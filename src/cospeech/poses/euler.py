@@ -47,6 +47,7 @@ class Euler:
     joints: tuple[str, ...] = JOINTS
     name: str = "euler"
     source: str = "motion"
+    skeleton: str = "beat"
     fps: float = 15.0  # Liu et al. 2022, section 5
 
     @property
@@ -63,7 +64,7 @@ class Euler:
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
         """On BEAT's skeleton where none is given; joints that the vectors lack keep the T-pose."""
         angles = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 3)
-        return build_motion(fps, skeleton or named_skeleton("beat"), self.joints, to_rotations(angles))
+        return build_motion(fps, skeleton or named_skeleton(self.skeleton), self.joints, to_rotations(angles))
 
 
 EULER = Euler()

@@ -3,7 +3,8 @@
 
 A rotation vector is axis × angle. Kept below π it would jump to the other side of the sphere where an arm turns further;
 encoding therefore lets the angle run on, up to 2π. The hips' nine numbers (after PyMO's ``pos_rot_deltas``): place in metres
-and turn in radians relative to a smoothed point that walks below them, then that point's step to its left and front and its turn.
+and turn in radians relative to a smoothed point that walks below them, then that point's step
+to its left and front and its turn.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..rotations import (
     quat_rotate,
     rotvec_to_quat,
 )
-from ..skeleton import Skeleton
+from ..skeleton import Skeleton, named_skeleton
 from ..skeletons.trinity import FULL_BODY, UPPER_BODY
 from .joints import build_motion, pick, size
 
@@ -93,6 +94,7 @@ class ExpMap:
     joints: tuple[str, ...]
     hips: bool
     source: str = "motion"
+    skeleton: str = "trinity"
     fps: float = 20.0  # Alexanderson et al. 2020, section 5
 
     @property
@@ -109,14 +111,19 @@ class ExpMap:
         return np.concatenate([joints, _encode_hips(source)], -1) if self.hips else joints
 
     def decode(
-        self, vectors: Array, fps: float, skeleton: Skeleton, start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self,
+        vectors: Array,
+        fps: float = fps,
+        skeleton: Skeleton | None = None,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Motion:
-        """On a skeleton that has the joints; the rest of it keeps the T-pose.
+        """On Trinity's skeleton where none is given; joints that the vectors lack keep the T-pose.
 
         Args:
             start: where the walking point begins: metres to the left and to the front, radians (`walk`'s first row).
         """
         vectors = size(vectors, self.dimensions, self.name)
+        skeleton = skeleton or named_skeleton(self.skeleton)
         count = 3 * len(self.joints)
         rotations = to_rotations(vectors[:, :count].reshape(len(vectors), -1, 3))
         if not self.hips:

@@ -13,7 +13,7 @@ from ..skeleton import Skeleton, named_skeleton
 from .euler import JOINTS
 from .joints import build_motion, pick, size
 
-__all__ = ["ROT6D", "Rot6D"]
+__all__ = ["HUMANOID", "ROT6D", "SMPLX", "Rot6D"]
 
 
 @dataclass(frozen=True)
@@ -22,11 +22,13 @@ class Rot6D:
 
     Args:
         joints: K names; those of BEAT's 47 where not given (282 numbers).
+        skeleton: whose they are.
     """
 
     joints: tuple[str, ...] = JOINTS
     name: str = "rot6d"
     source: str = "motion"
+    skeleton: str = "beat"
     fps: float = 15.0  # as `cospeech.poses.euler`, whose joints it has
 
     @property
@@ -41,10 +43,12 @@ class Rot6D:
         return quat_to_rot6d(pick(source, self.joints)).reshape(len(source), self.dimensions)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
-        """On BEAT's skeleton where none is given; joints that the vectors lack keep the T-pose."""
+        """On its own skeleton where none is given; joints that the vectors lack keep the T-pose."""
         columns = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 6)
         rotations = matrix_to_quat(rot6d_to_matrix(columns))
-        return build_motion(fps, skeleton or named_skeleton("beat"), self.joints, rotations)
+        return build_motion(fps, skeleton or named_skeleton(self.skeleton), self.joints, rotations)
 
 
 ROT6D = Rot6D()
+SMPLX = Rot6D(named_skeleton("smplx").names, "rot6d-smplx", skeleton="smplx", fps=30.0)
+HUMANOID = Rot6D(named_skeleton("humanoid").names, "rot6d-humanoid", skeleton="humanoid", fps=30.0)

@@ -1,7 +1,7 @@
 """Corpora: one module per data set, each reading it as it lies on disk.
 
-A reader is a function ``read(raw) -> Iterator[Clip | Dropped]``; where the layout can be written, ``write(clips, raw)`` writes the
-same layout byte for byte as the original's tools do.
+A reader is a function ``read(raw) -> Iterator[Clip | Dropped]``; where the layout can be written, ``write(clips, raw)`` writes
+the same layout byte for byte as the original's tools do.
 """
 
 from __future__ import annotations

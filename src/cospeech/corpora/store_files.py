@@ -72,8 +72,8 @@ def open_array(path: Path, dtype: str, shape: tuple[int, ...]) -> Array:
         InputError: missing, cut off, or of another type or shape than the index says.
     """
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, TypeError, SyntaxError, MemoryError) as error:
+        array = np.lib.format.open_memmap(path, "r")  # never unpickles
+    except (OSError, ValueError, EOFError, TypeError, SyntaxError, MemoryError, OverflowError) as error:
         raise InputError(f"cannot open {str(path)!r}: {error}"[:200], "prepare the store again") from None
     if not isinstance(array, np.memmap) or array.dtype.str != dtype or array.shape != shape or not array.flags.c_contiguous:
         raise InputError(f"{str(path)!r} is not {shape} of {dtype}, as the index says", "prepare the store again")

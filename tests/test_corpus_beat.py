@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
+import tracemalloc
 from dataclasses import replace
 from itertools import islice
 
@@ -267,6 +268,19 @@ def test_one_take_at_a_time(raw, tmp_path):
     assert next(items).name == "2_scott_0_1_1"
     (tmp_path / "2" / "2_scott_0_2_2.bvh").unlink()
     assert "2_scott_0_2_2" in next(items).reason
+
+
+def test_memory_does_not_grow_with_the_corpus(raw, tmp_path):
+    peaks = []
+    for count in (2, 6):
+        (tmp_path / "2").mkdir(exist_ok=True)
+        for k in range(1, count + 1):
+            (tmp_path / "2" / f"2_scott_0_{k}_{k}.bvh").write_bytes((raw / "2" / "2_scott_0_74_74.bvh").read_bytes())
+        tracemalloc.start()
+        assert sum(item.duration for item in beat.read(tmp_path)) == count
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
 
 
 def test_damaged_files_are_drops_or_sound(raw, tmp_path):

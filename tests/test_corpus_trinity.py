@@ -126,6 +126,19 @@ def test_transcripts_of_google(recording, text):
     assert times == pytest.approx([0.1, 0.4])
 
 
+def test_the_dirt_of_the_published_files(recording):
+    """Hips with an OFFSET of the studio's, End Sites in small letters."""
+    offset = "CHANNELS 6"
+    bvh = recording.bvh.replace(
+        "OFFSET 0.000000 0.000000 0.000000\n\t" + offset, "OFFSET -14.6414 90.2777 -84.916\n\t" + offset
+    )
+    assert bvh != recording.bvh
+    got = recording(Motion=bvh.replace("End Site", "End site"))
+    body = clip().motion.retarget("trinity").resample(60)
+    assert np.allclose(got.motion.root, body.root, atol=1e-7)
+    assert np.allclose(got.motion.skeleton.offsets, body.skeleton.offsets, atol=1e-6)
+
+
 def test_side_files_may_be_missing(recording):
     got = recording(Audio=None, Transcripts=None)
     assert got.speech is None

@@ -66,7 +66,7 @@ def _write_take(clip: Clip, motion: Motion, stem: Path) -> None:
     """All files of a take, or none."""
     body = (motion if motion.skeleton.kind == "beat" else motion.retarget("beat")).resample(_FPS)
     face = clip.face if clip.face is not None else motion.face
-    seconds = clip.speech.seconds if clip.speech is not None else motion.duration
+    seconds = float(clip.speech.duration) if clip.speech is not None else motion.duration
     texts: dict[str, str] = {}
     if face is not None:
         texts[".json"] = _face_text(_resampled(face, clip.face_fps or motion.fps))

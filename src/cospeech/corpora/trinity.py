@@ -108,7 +108,7 @@ def read_words(path: Path) -> list[Entry]:
 def _segment(segment: object, place: str) -> Iterator[Entry]:
     if not isinstance(segment, dict) or not isinstance(segment.get("alternatives", []), list):
         raise InputError(f"{place} has no alternatives", "is it damaged?")
-    best = next(iter(segment.get("alternatives", [])), {})
+    best: object = next(iter(segment.get("alternatives", [])), {})
     words = best.get("words", []) if isinstance(best, dict) else None
     if not isinstance(words, list):
         raise InputError(f"{place} has no list of words", "is it damaged?")

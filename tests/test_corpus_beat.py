@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
 import re
-import time
 import tracemalloc
 from dataclasses import replace
 from itertools import islice
@@ -310,8 +310,8 @@ def test_reading_is_at_least_twenty_times_as_fast_as_the_recording(tmp_path):
     beat.write([clip(frames=900, semantics=None)], tmp_path)
     best = np.inf
     for _ in range(3):
-        start = time.process_time()
+        start = sum(os.times()[:4])  # of the decoder of the sound too, which is a process of its own
         (item,) = islice(beat.read(tmp_path), 1)
-        best = min(best, time.process_time() - start)
+        best = min(best, sum(os.times()[:4]) - start)
     assert item.duration == 30
     assert best < 30 / 20

@@ -129,6 +129,18 @@ def test_side_files_may_be_missing(take):
     assert got.emotion == "anger"  # by the take's id, 74
 
 
+def test_words_without_sound_are_kept(take):
+    got = take(wav=None)
+    assert got.speech is None
+    assert [word.text for word in got.extra["words"]] == [word.text for word in WORDS]
+
+
+def test_hips_beyond_the_horizon_are_told(take):
+    lines = take.bvh.split("\n")
+    lines[431 + 7] = "30000 " + lines[431 + 7].split(" ", 1)[1]
+    assert "in frame 7 the hips are 300 m away" in take(bvh="\n".join(lines)).reason
+
+
 def test_a_take_needs_motion(take):
     item = take(bvh=None)
     assert isinstance(item, Dropped)
@@ -236,6 +248,8 @@ def test_names_are_given_by_emotion_and_split(tmp_path):
         beat.write([clips[2]] * 2, tmp_path)
     with pytest.raises(InputError, match="two clips"):
         beat.write([clips[5]] * 2, tmp_path)
+    with pytest.raises(InputError, match="no emotion 'bored'"):
+        beat.write([clip("f", emotion="bored", **short)], tmp_path)
     with pytest.raises(InputError, match="no motion"):
         beat.write([replace(clips[0], motion=None)], tmp_path)
 

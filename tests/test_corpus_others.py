@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 
 import numpy as np
@@ -84,7 +85,7 @@ def test_beat2(beat2_raw):
     assert np.allclose(one.extra["expressions"][7], np.linspace(0, 1, 100), atol=1e-6)
     assert (two.emotion, two.split, two.extra["additional"], two.speech, two.semantics) == ("anger", None, True, None, None)
     assert isinstance(gone, Dropped)
-    assert gone.reason.startswith("3_solomon_0_1_1.npz is not there")
+    assert gone.reason.startswith("'3_solomon_0_1_1.npz' is not there")
     again = [item.name for item in beat2.read(beat2_raw / "beat_english_v2.0.0")]
     assert again == [one.name, two.name, gone.name]
 
@@ -186,7 +187,7 @@ def test_zeroeggs_gaps_and_other_files(tmp_path):
     _, reasons = sort_out(zeroeggs.read(tmp_path), ["walk", "002_Sad_0_x_1_0", "003_Old_0_x_1_0"])
     assert "not the name of a take" in reasons["walk"]
     assert "30 frames per second" in reasons["002_Sad_0_x_1_0"]
-    assert "003_Old_0_x_1_0.bvh is not there" in reasons["003_Old_0_x_1_0"]
+    assert "'003_Old_0_x_1_0.bvh' is not there" in reasons["003_Old_0_x_1_0"]
 
 
 @pytest.mark.parametrize("text", ["", "a,b\n", "anim_bvh,validation\n001_Neutral_0.bvh,perhaps\n", "anim_bvh,validation\nx\n"])
@@ -287,6 +288,22 @@ def test_folder_damaged_files_are_drops_or_sound(tmp_path):
     assert len(reasons) > 60
     assert all(name.removeprefix("who/") in reason for name, reason in reasons.items())
     assert len(clips) > 5
+
+
+def test_a_sub_folder_that_cannot_be_listed_is_told(tmp_path, monkeypatch):
+    for name in ("a", "b"):
+        sound(tmp_path / name / "x.wav")
+    listed = os.scandir
+    locked = PermissionError(13, "Permission denied", str(tmp_path / "b"))
+
+    def scandir(place):
+        if str(place).endswith("b"):
+            raise locked
+        return listed(place)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    _, reasons = sort_out(folder.read(tmp_path), ["a/x", "b"])
+    assert reasons == {"b": "cannot list it: Permission denied"}
 
 
 @pytest.mark.parametrize("kind", UNUSABLE)

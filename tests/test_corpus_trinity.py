@@ -140,8 +140,9 @@ def test_the_dirt_of_the_published_files(recording):
 
 
 def test_side_files_may_be_missing(recording):
-    got = recording(Audio=None, Transcripts=None)
+    got = recording(Audio=None)
     assert got.speech is None
+    assert got.extra["words"] == WORDS
     assert len(got.motion) == 60
 
 
@@ -166,7 +167,7 @@ def test_side_files_may_be_missing(recording):
         ("Transcripts", '[{"alternatives": [{"words": 5}]}]', "segment 0 has no list of words"),
         ("Transcripts", "[NaN]", "holds NaN"),
         ("Transcripts", "[" * 5000, "Recording_001.json"),
-        ("Motion", None, "Recording_001.bvh is not there"),
+        ("Motion", None, "'Recording_001.bvh' is not there"),
         ("Motion", "HIERARCHY\n", "Recording_001.bvh"),
         ("Audio", b"RIFF", "Recording_001.wav"),
     ],
@@ -199,7 +200,7 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
     rng = np.random.default_rng(4)
     whole = {p.parent.name: p.read_bytes() for p in raw.glob("*/*")}
     lines = whole["Motion"].split(b"\n")
-    whole["Motion"] = b"\n".join(lines[: lines.index(b"Frame Time: 0.016667") + 4]) + b"\n"
+    short = b"\n".join(lines[: lines.index(b"Frame Time: 0.016667") + 4]) + b"\n"
     names = []
     for folder, count in {"Motion": 110, "Transcripts": 90, "Audio": 12}.items():
         for _ in range(count):
@@ -208,7 +209,8 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
             for place, suffix in (("Motion", "bvh"), ("Audio", "wav"), ("Transcripts", "json")):
                 (tmp_path / place).mkdir(exist_ok=True)
                 if place in ("Motion", folder):
-                    data = damaged(whole[place], rng) if place == folder else whole[place]
+                    data = short if folder == place == "Motion" else whole[place]
+                        data = damaged(data, rng) if place == folder else data
                     (tmp_path / place / f"{name}.{suffix}").write_bytes(data)
     assert len(names) >= 200
     clips, reasons = sort_out(trinity.read(tmp_path), names)

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import describe_os_error
 from ..motion import Motion
 from .annotations import read_emotions, read_semantics, take_of
 from .beat_writer import write
 from .clip import Clip, Dropped
-from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
+from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder, words_alone
 
 __all__ = ["FACE_FPS", "FPS", "MISSING", "load_take", "read", "write"]
 
@@ -60,7 +61,12 @@ def _speakers(root: Path) -> list[Path]:
 def _read(folders: list[Path]) -> Iterator[Clip | Dropped]:
     for folder in folders:
         takes: dict[str, dict[str, Path]] = {}
-        for path in sorted(folder.iterdir()):
+        try:
+            paths = sorted(folder.iterdir())
+        except OSError as error:
+            yield Dropped(folder.name, f"cannot list {str(folder)!r}: {describe_os_error(error)}")
+            continue
+        for path in paths:
             if path.suffix.lower() in _SUFFIXES and not path.name.startswith("._"):
                 takes.setdefault(path.stem, {})[path.suffix.lower()] = path
         for name in MISSING.get(int(folder.name), ()):
@@ -77,12 +83,13 @@ def load_take(name: str, files: dict[str, Path]) -> Clip:
     """
     take = take_of(name)
     if ".bvh" not in files:
-        raise InputError(f"{name}.bvh is not there", "a take needs motion")
+        raise InputError(f"'{name}.bvh' is not there", "a take needs motion")
     emotions = read_emotions(files[".csv"]) if ".csv" in files else None
     semantics = read_semantics(files[".txt"]) if ".txt" in files else None
     face = _load_face(files[".json"]) if ".json" in files else None
     motion = _on_floor(load_motion(files[".bvh"], kind="beat", fps=FPS, units="cm", up="y"))
     speech = load_sound(files.get(".wav"), files.get(".textgrid"))
+    alone = words_alone(files.get(".wav"), files.get(".textgrid"), motion)
     check_lengths(name, motion, speech)
     return Clip(
         name=name,
@@ -95,7 +102,7 @@ def load_take(name: str, files: dict[str, Path]) -> Clip:
         emotion=max(emotions, key=lambda row: row[2] - row[1])[0] if emotions else take.emotion,
         semantics=semantics,
         split=take.split,
-        extra={"speaker_number": take.number} | ({"emotions": emotions} if emotions else {}),
+        extra={"speaker_number": take.number} | ({"emotions": emotions} if emotions else {}) | alone,
     )
 
 

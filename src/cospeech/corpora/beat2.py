@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..rotations import Array
 from .annotations import read_semantics, take_of
 from .clip import Clip, Dropped
-from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_text, usable_folder
+from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_text, usable_folder, words_alone
 
 __all__ = ["FPS", "read", "read_split"]
 
@@ -76,11 +76,12 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
 
     def one(name: str) -> Clip:
         if name not in motions:
-            raise InputError(f"{name}.npz is not there", "a take needs motion")
+            raise InputError(f"'{name}.npz' is not there", "a take needs motion")
         take = take_of(name)
         annotated = read_semantics(semantics[name]) if name in semantics else None
         motion = load_motion(motions[name], fps=FPS)
         extra = _shape_and_expressions(motions[name], len(motion))
+        alone = words_alone(sounds.get(name), words.get(name), motion)
         speech = load_sound(sounds.get(name), words.get(name))
         check_lengths(name, motion, speech)
         kind = split.get(name)
@@ -93,7 +94,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
             emotion=take.emotion,
             semantics=annotated,
             split=None if kind is None else _SPLITS[kind],
-            extra={"speaker_number": take.number, **extra, **({"additional": True} if kind == "additional" else {})},
+            extra={"speaker_number": take.number, **extra, **alone, **({"additional": True} if kind == "additional" else {})},
         )
 
     return read_each(sorted({*motions, *(split if motions else ())}), one)

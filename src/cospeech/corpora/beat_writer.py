@@ -139,7 +139,9 @@ class _Names:
             order = (*FOUR_SPEAKERS, *(n for n in range(1, 1000) if n not in FOUR_SPEAKERS))
             self.numbers[speaker] = next(n for n in order if n not in taken)
         number, emotion = self.numbers[speaker], clip.emotion or "neutral"
-        wanted = SPLIT["train"] if clip.split is None else SPLIT[clip.split]
+        if emotion not in _FIRST:
+            raise InputError(f"BEAT has no emotion {emotion!r}", f"known: {', '.join(EMOTIONS)}")
+        wanted = SPLIT[clip.split or "train"]
         for k in range(_FIRST[emotion], _LAST[emotion] + 1):
             if (number, 0, k) not in self.used and (number not in FOUR_SPEAKERS or (0, k) in wanted):
                 return Take(number, speaker, 0, k, k)

@@ -12,6 +12,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import describe_os_error
 from .clip import Clip, Dropped
 from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
 
@@ -33,14 +34,17 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
         InputError: no such folder, or no sound file in it.
     """
     root = usable_folder(raw, "a corpus")
-    if next(_groups(root), None) is None:
+    if next(_groups(root, []), None) is None:
         raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
     return _read(root)
 
 
-def _groups(root: Path) -> Iterator[tuple[str, dict[str, Path]]]:
-    """Name → its files by suffix, for every sound, folder by folder; links to folders are not followed."""
-    for place, folders, names in os.walk(root):
+def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, Path]]]:
+    """Name → its files by suffix, for every sound, folder by folder; links to folders are not followed.
+
+    Folders that cannot be listed are added to ``failed``.
+    """
+    for place, folders, names in os.walk(root, onerror=failed.append):
         folders.sort()
         groups: dict[str, dict[str, Path]] = {}
         for name in sorted(names):
@@ -53,13 +57,16 @@ def _groups(root: Path) -> Iterator[tuple[str, dict[str, Path]]]:
 
 
 def _read(root: Path) -> Iterator[Clip | Dropped]:
-    for name, files in _groups(root):
+    failed: list[OSError] = []
+    for name, files in _groups(root, failed):
         first, *others = (files[suffix] for suffix in SOUND if suffix in files)
         for other in others:
             yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
         yield from read_each([name], lambda name, f=files, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
+    for error in failed:
+        yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
 
 
 def _clip(name: str, speaker: str, sound: Path, files: dict[str, Path]) -> Clip:

@@ -123,10 +123,12 @@ def _filled(words: Sequence[Word], seconds: float) -> list[Word]:
     """The words with empty intervals between them."""
     rows, at = [], 0.0
     for word in words:
-        if word.start > at + 1e-6:  # 1e-6: the precision of the times
-            rows.append(Word("", at, word.start))
-        rows.append(word)
-        at = word.end
+        start = max(word.start, at)  # intervals of a tier may not overlap
+        if start > at + 1e-6:  # 1e-6: the precision of the times
+            rows.append(Word("", at, start))
+        if word.end > start:
+            rows.append(Word(" ".join(word.text.split()), start, word.end))
+            at = word.end
     if seconds > at + 1e-6 or not rows:
         rows.append(Word("", at, seconds))
     return rows

@@ -6,16 +6,29 @@ from collections.abc import Callable, Iterable, Iterator
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import CospeechError, InputError
 from ..files import describe_os_error
 from ..motion import Motion
 from ..speech import Speech
 from .clip import Clip, Dropped
 
-__all__ = ["check_lengths", "files_of", "load_motion", "load_sound", "number", "read_each", "read_text", "usable_folder"]
+__all__ = [
+    "check_lengths",
+    "files_of",
+    "load_motion",
+    "load_sound",
+    "number",
+    "read_each",
+    "read_text",
+    "usable_folder",
+    "words_alone",
+]
 
 _LARGEST = 16 << 20  # bytes; ours: annotations of an hour are some hundred kB
 _APART = 2.0  # ours: motion and speech of one take differ by seconds, never by this factor
+_FAR = 100.0  # metres; ours: farther than any studio for motion capture is wide
 _MARGIN = 5.0  # seconds; ours: of which short takes may differ anyway
 
 
@@ -41,10 +54,16 @@ def files_of(folder: Path, suffix: str) -> dict[str, Path]:
     """Stem → path of the files of one suffix (any case) in a folder, sorted; empty where there is no such folder.
 
     macOS' shadow files (``._name``) are left out.
+
+    Raises:
+        InputError: the folder cannot be listed.
     """
     if not folder.is_dir():
         return {}
-    found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() == suffix.lower())
+    try:
+        found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() == suffix.lower())
+    except OSError as error:
+        raise InputError(f"cannot list {str(folder)!r}: {describe_os_error(error)}", "may you read it?") from None
     return {path.stem: path for path in found if not path.name.startswith("._")}
 
 
@@ -102,12 +121,25 @@ def load_motion(path: Path, *, kind: str | None = None, fps: float | None = None
         raise InputError(f"{path.name!r} has {len(motion.skeleton)} joints that are not {kind}'s", "is it of another corpus?")
     if fps is not None and abs(motion.fps - fps) > 0.01 * fps:
         raise InputError(f"{path.name!r} runs at {motion.fps:g} frames per second where the corpus has {fps:g}")
+    far = np.abs(motion.root).max(1) if len(motion) else np.zeros(0)
+    if far.max(initial=0) > _FAR:
+        frame = int(np.argmax(far > _FAR))
+        raise InputError(f"{path.name!r}: in frame {frame} the hips are {far[frame]:.0f} m away", "is it damaged?")
     return motion
 
 
 def load_sound(sound: Path | None, transcript: Path | None) -> Speech | None:
     """The speech with its words, each where there is a file for it; None without a sound."""
     return None if sound is None else Speech.load(sound, transcript=transcript)
+
+
+def words_alone(sound: Path | None, transcript: Path | None, motion: Motion) -> dict[str, object]:
+    """``{"words": …}`` for `Clip.extra` where there are words but no sound to hold them; else nothing."""
+    if sound is not None or transcript is None:
+        return {}
+    from ..transcripts import load_words
+
+    return {"words": load_words(transcript, speech_seconds=motion.duration)}
 
 
 def check_lengths(name: str, motion: Motion | None, speech: Speech | None) -> None:

@@ -62,7 +62,7 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
 
     def one(name: str) -> Clip:
         if name not in motions:
-            raise InputError(f"{name}.bvh is not there", "a recording needs motion")
+            raise InputError(f"{f'{name}.bvh'!r} is not there", "a recording needs motion")
         entries = read_words(words[name]) if name in words else None
         motion = load_motion(motions[name], fps=FPS, units="cm", up="y")
         missing = sorted({*UPPER_BODY, *FULL_BODY} - set(motion.skeleton.names))
@@ -73,8 +73,9 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
             said = settle(entries, speech.seconds, words[name].name)
             speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
         check_lengths(name, motion, speech)
+        alone = {"words": settle(entries, motion.duration, words[name].name)} if speech is None and entries is not None else {}
         split = "test" if test or name in TEST else "train"
-        return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split)
+        return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=alone)
 
     return read_each(sorted({*motions, *sounds, *words}), one)
 

@@ -16,7 +16,7 @@ from .layout import on_rate, write_bvh
 __all__ = ["TEST", "write"]
 
 TEST = ("Recording_008",)
-"""Held out by MoGlow, Gesticulator's follow-ups and the stylised flow."""
+"""Held out by MoGlow's code and by the stylised flow (its section 4)."""
 
 _FPS, _RATE = 60.0, 44_100
 

@@ -52,7 +52,7 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
         if match is None:
             raise InputError(f"{name!r} is not the name of a take", "such as 003_Neutral_2_x_1_0")
         if name not in motions:
-            raise InputError(f"{name}.bvh is not there", "a take needs motion")
+            raise InputError(f"'{name}.bvh' is not there", "a take needs motion")
         mirrored = bool(match[3] or match[5])
         sound = sounds.get(name) or sounds.get(match[1] + match[4])
         motion = load_motion(motions[name], fps=FPS, units="cm", up="y")

@@ -210,7 +210,7 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
                 (tmp_path / place).mkdir(exist_ok=True)
                 if place in ("Motion", folder):
                     data = short if folder == place == "Motion" else whole[place]
-                        data = damaged(data, rng) if place == folder else data
+                    data = damaged(data, rng) if place == folder else data
                     (tmp_path / place / f"{name}.{suffix}").write_bytes(data)
     assert len(names) >= 200
     clips, reasons = sort_out(trinity.read(tmp_path), names)

@@ -69,13 +69,16 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
         if missing:
             raise InputError(f"{motions[name].name!r} has no joint {missing[0]!r}", "is it of another corpus?")
         speech = load_sound(sounds.get(name), None)
-        if speech is not None and entries is not None:
-            said = settle(entries, speech.seconds, words[name].name)
-            speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
+        extra: dict[str, object] = {}
+        if entries is not None:
+            said = settle(entries, motion.duration if speech is None else speech.seconds, words[name].name)
+            if speech is None:
+                extra["words"] = said
+            else:
+                speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
         check_lengths(name, motion, speech)
-        alone = {"words": settle(entries, motion.duration, words[name].name)} if speech is None and entries is not None else {}
         split = "test" if test or name in TEST else "train"
-        return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=alone)
+        return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=extra)
 
     return read_each(sorted({*motions, *sounds, *words}), one)
 

@@ -170,13 +170,23 @@ def test_key_points_are_evaluated_too():
     assert truth["beat_align"] is not None
 
 
+def test_key_points_of_pats_are_scaled_to_the_shoulder():
+    values = pats()[0].points.values * 3 + 500
+    values[5, 1] = values[5, 0]  # a failed detection
+    sample = sample_of(replace(pats()[0], points=Points(FPS, values, "pats")))
+    length = np.linalg.norm(sample.points[:, 1], axis=-1)
+    np.testing.assert_allclose(np.delete(length, 5), 167)
+    assert length[5] == 0
+    assert not sample.points[:, 0].any()
+
+
 def test_the_track_of_key_points_is_at_thirty_frames():
     values = np.random.default_rng(0).normal(size=(30, 10, 3))
     track = track_of(Points(15.0, values, "ted"))
     assert track.fps == 30
     assert len(track.hips) == 60
-    np.testing.assert_allclose(track.wrists[0], values[0, [9, 6]])
-    np.testing.assert_allclose(track.wrists[1], values[:2, [9, 6]].mean(0))
+    np.testing.assert_allclose(track.wrists[0], values[0, [6, 9]])
+    np.testing.assert_allclose(track.wrists[1], values[:2, [6, 9]].mean(0))
     assert track_of(Points(15.0, np.zeros((4, 52, 2)), "pats")).shoulders.shape == (8, 2, 3)
     with pytest.raises(InputError, match="layout"):
         track_of(Points(15.0, values, "tedd"))

@@ -36,8 +36,9 @@ SUFFIXES = (".bvh", ".npz")
 PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
 TRACK_FPS = 30.0  # frames per second of movement statistics
 FEATURES, WINDOW, HOP = 32, 34, 10  # ours, as many as TED's network; frames of TED's and BEAT's FGD; BEAT's stride
-ARMS = {"ted": (0, (7, 4), (8, 5), (9, 6)), "pats": (0, (4, 1), (5, 2), (6, 3))}
-"""Key points: layout → root, and left and right shoulder, elbow, wrist (TED: Yoon 2020; PATS: skeleton.py)."""
+ARMS = {"ted": (0, (4, 7), (5, 8), (6, 9)), "pats": (0, (4, 1), (5, 2), (6, 3))}
+"""Key points: layout → root, and left and right shoulder, elbow, wrist (`cospeech.skeletons.ted` and `pats`)."""
+SHOULDER, RIGHT_SHOULDER = 167.0, 1  # pixels, key point: PATS' ``pose/normalize``, in which the published centres are
 
 Motions = Mapping[str, Motion | Clip | Sequence[Motion | Clip]] | Sequence[Motion | Clip] | str | PathLike[str]
 
@@ -71,6 +72,16 @@ def track_of(points: Points) -> Track:
     root, *arms = ARMS[points.layout]
     shoulders, elbows, wrists = (values[:, list(pair)] for pair in arms)
     return Track(TRACK_FPS, values[:, root], shoulders, elbows, wrists)
+
+
+def _normalised(values: Array) -> Array:
+    """PATS' key points from the neck, every frame scaled so that the right shoulder is 167 px away."""
+    values = np.asarray(values - values[:, :1], np.float64)
+    length = np.linalg.norm(values[:, RIGHT_SHOULDER], axis=-1)
+    seen = length > 1e-6
+    if not seen.any():
+        return values
+    return values * (SHOULDER / np.where(seen, length, np.median(length[seen])))[:, None, None]
 
 
 def _semantics(stretches: Sequence[Semantic] | None, frames: int, fps: float) -> Array | None:
@@ -109,7 +120,8 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0) -> Sampl
         )  # fmt: skip
     if clip.points is not None and len(clip.points):
         points = clip.points
-        known = {"positions" if points.values.shape[2] == 3 else "points": points.values}
+        values = _normalised(points.values) if points.layout == "pats" else points.values
+        known = {"positions" if values.shape[2] == 3 else "points": values}
         track = track_of(points) if points.layout in ARMS else None
         semantics = _semantics(clip.semantics, len(points), points.fps)
         return Sample(fps=points.fps, track=track, semantics=semantics, **(common | known))

@@ -104,6 +104,8 @@ def beat_align_gfge(generated: Sequence[Sample], reference: Sequence[Sample], to
 @metric("speech", "track", better="higher", hears=True)
 def beat_align_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """HA2G's beat consistency (σ = .1 s): mean over *audio* beats, motion beats where arm angles pause; rewards jitter."""
+    if min(len(s.track.hips) for s in (*reference, *generated) if s.track is not None) < 4:
+        raise InputError("a clip of fewer than 4 frames", "minima need neighbours")
     norm = np.concatenate([angle_changes(s.track)[1:] for s in (reference or generated) if s.track is not None]).mean(0)
     norm = np.where(norm > 0, norm, 1.0)
     total, weight = [], []
@@ -125,6 +127,8 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
     values = []
     for sample in generated:
         assert sample.rotations is not None
+        if not sample.rotations.shape[1]:
+            raise InputError(f"{sample.name!r} has no joints")
         samples, rate = _speech(sample)
         samples = samples[round(BEAT_FROM * rate) : round(BEAT_TO * rate)]
         frames = slice(round(BEAT_FROM * sample.fps), round(BEAT_TO * sample.fps))

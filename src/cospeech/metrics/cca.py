@@ -47,6 +47,8 @@ def canonical(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 def _poses(generated: Sequence[Sample], reference: Sequence[Sample]) -> list[tuple[Array, Array]]:
     pairs = paired_samples(generated, reference, "positions")
+    if min(made.shape[1] for _, _, made, _ in pairs) < 2:
+        raise InputError("CCA of a root alone", "a root and at least one more joint")
     flat = [[(x - x[:, :1])[:, 1:].reshape(len(x), -1) for x in (made, true)] for _, _, made, true in pairs]
     return [(made, true) for made, true in flat]
 

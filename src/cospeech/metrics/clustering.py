@@ -81,11 +81,14 @@ def _labelled(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
 
 
 def _pictured(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
-    from scipy.cluster.vq import kmeans2
+    from scipy.cluster.vq import ClusterError, kmeans2
 
     assert tools.embedding is not None
     points = np.asarray(tools.embedding(_labelled(generated, tools)[0]), np.float64)
-    labels = kmeans2(points, GROUPS, minit="++", rng=np.random.default_rng(tools.seed))[1]
+    try:
+        labels = kmeans2(points, GROUPS, minit="++", missing="raise", rng=np.random.default_rng(tools.seed))[1]
+    except ClusterError:
+        raise InputError(f"k-means finds no {GROUPS} groups in {len(points)} points") from None
     return points, labels
 
 

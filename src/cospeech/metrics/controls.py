@@ -35,7 +35,7 @@ __all__ = [
 
 CONTROLS = ("ground truth", "frozen pose", "white noise", "shuffled speech", "another clip")
 JITTER = 1e-6  # rad, m, px: what is on a body that "does not move" after a network or a file format
-WRONG, UNSURE = "not worse than", "within the interval of"
+WRONG, UNSURE = "not worse than", "too near to tell from"
 CLOSE = 1e-9  # ours: values that differ by less of their size are equal
 
 Clip = Any

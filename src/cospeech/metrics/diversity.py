@@ -44,7 +44,7 @@ def mean_pair_distance(windows: Array) -> float:
 def _windows(sample: Sample) -> Array:
     poses = pose_vectors(sample)
     count = len(poses) // FRAMES
-    return poses[: count * FRAMES].reshape(count, -1)
+    return poses[: count * FRAMES].reshape(count, FRAMES * poses.shape[1])
 
 
 @metric("positions|points", better="reference", unit="mm (px)")

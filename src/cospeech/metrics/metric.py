@@ -8,8 +8,9 @@ cluster centres). ``metric.about`` says which fields it needs, whether it pairs,
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import update_wrapper
 
 import numpy as np
@@ -47,7 +48,11 @@ class Metric:
         self.function, self.about = function, about
 
     def __call__(self, generated: Sequence[Sample], reference: Sequence[Sample] = (), tools: Tools | None = None) -> Score:
-        """Raises InputError where something that the metric needs is not there."""
+        """A finite score.
+
+        Raises:
+            InputError: something that the metric needs is not there, or what comes out is not a number.
+        """
         tools = Tools() if tools is None else tools
         name = getattr(self, "__name__", "metric")
         if not generated or (self.about.paired and not reference):
@@ -61,7 +66,16 @@ class Metric:
             lacking = [s.name for s in (*generated, *reference) if all(getattr(s, field) is None for field in either)]
             if lacking:
                 raise InputError(f"{name} needs {' or '.join(either)}, and {lacking[0]!r} has none")
-        return self.function(generated, reference, tools)
+        empty = next((s.name for s in (*generated, *reference) if not len(s)), None)
+        if empty is not None:
+            raise InputError(f"{empty!r} has no frames")
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
+            score = self.function(generated, reference, tools)
+        if not np.isfinite(score.value):
+            raise InputError(f"{name} comes out as {score.value} for these clips", "they hardly move, or are too few")
+        ends = score.interval
+        return score if ends is None or np.isfinite(ends).all() else replace(score, interval=None)
 
 
 def metric(

@@ -72,7 +72,7 @@ class Sample:
         for value in (self.positions, self.points, self.rotations, self.semantics):
             if value is not None:
                 return len(value)
-        return 0
+        return 0 if self.track is None else len(self.track.hips)
 
 
 def pose_vectors(sample: Sample) -> Array:
@@ -84,6 +84,8 @@ def pose_vectors(sample: Sample) -> Array:
     values = sample.positions if sample.positions is not None else sample.points
     if values is None:
         raise InputError(f"{sample.name!r} has neither positions nor key points")
+    if values.shape[1] < 2:
+        raise InputError(f"{sample.name!r} has {values.shape[1]} joints", "a root and at least one more")
     return np.asarray(values[:, 1:] - values[:, :1], np.float64).reshape(len(values), -1)
 
 

@@ -65,10 +65,10 @@ class PrepareReport:
     def summary(self) -> str:
         """One line."""
         whole = sum("start" not in row for row in self.dropped)
-        parts = [f"{self.seconds / 60:.1f} min of {self.clips} clips and {len(self.speakers)} speakers"]
-        parts += [f"{self.augmented} clips by augmentation"] if self.augmented else []
-        parts += [f"{whole} {'clip' if whole == 1 else 'clips'} dropped"] if whole else []
-        parts += [f"{sum(self.reasons.values()):.1f} s filtered"] if self.reasons else []
+        parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
+        parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
+        parts += [f"dropped: {whole}"] if whole else []
+        parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
         return ", ".join(parts)
 
 

@@ -82,8 +82,8 @@ class SynthesisReport:
     def summary(self) -> str:
         """One line."""
         return (
-            f"{self.seconds / 60:.1f} min in {self.takes} takes of {self.speeches} speeches, {len(self.speakers)} speakers, "
-            f"{len(self.emotions)} emotions, in the layout of {self.layout}; synthetic"
+            f"{self.seconds / 60:.1f} min; takes: {self.takes}, speeches: {self.speeches}, speakers: {len(self.speakers)}, "
+            f"emotions: {len(self.emotions)}; layout of {self.layout}, synthetic"
         )
 
 

@@ -15,9 +15,10 @@ import soundfile
 
 import cospeech
 from cospeech.catalogue import CATALOGUES
-from cospeech.cli import HOW_TO_OPEN, main
+from cospeech.cli import main
 from cospeech.demo import EXAMPLE
 from cospeech.export import FORMATS
+from cospeech.how_to_open import HOW_TO_OPEN
 from cospeech.models import MODELS
 
 SECONDS, RATE = 1.51, 16_000

@@ -24,7 +24,7 @@ LAYERS = [
     {"corpora"},
     {"poses"},
     {"models", "avatar"},
-    {"report"},
+    {"report", "how_to_open"},
     {"prepare", "synthesise"},
     {"train", "evaluate", "runtime"},
     {"generate"},

@@ -20,7 +20,8 @@ from cospeech.rules.manners import MANNERS, blend_manners
 from cospeech.rules.noise import hashed_normal, hashed_uniform, smooth_noise
 from cospeech.rules.plan import LEAD
 from cospeech.rules.posture import Posture
-from cospeech.rules.repertoire import FORMS, LEXICAL_FORMS, RESTS
+from cospeech.rules.repertoire import FORMS, LEXICAL_FORMS
+from cospeech.rules.rests import RESTS
 from cospeech.rules.styles import mix_styles
 from cospeech.rules.track import Track, minimum_jerk
 from cospeech.rules.volume import push_from_head, push_from_torso

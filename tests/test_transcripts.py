@@ -363,3 +363,44 @@ def test_a_recogniser_is_a_function(monkeypatch):
     monkeypatch.setitem(sys.modules, "faster_whisper", None)
     with pytest.raises(InputError, match=r"pip install 'cospeech\[asr\]'"):
         align_with_recogniser("a.wav")
+
+
+def test_transcribe_takes_the_words_of_the_recogniser(tmp_path, monkeypatch):
+    """A stand-in for faster-whisper: the real one fetches weights from a hub."""
+    import sys
+    from types import ModuleType, SimpleNamespace
+
+    from cospeech.generate import generate_files
+    from cospeech.speech import example
+
+    class WhisperModel:
+        def __init__(self, name: str, **options: object) -> None: ...
+
+        def transcribe(self, path: str, *, word_timestamps: bool):
+            assert word_timestamps
+            words = [SimpleNamespace(word=" Huge!", start=0.3, end=0.8), SimpleNamespace(word=" no", start=1.0, end=1.2)]
+            return [SimpleNamespace(words=words)], None
+
+    fake = ModuleType("faster_whisper")
+    fake.WhisperModel = WhisperModel
+    monkeypatch.setitem(sys.modules, "faster_whisper", fake)
+    plain, heard = (tmp_path / name for name in ("plain.json", "heard.json"))
+    generate_files(example()[0], [plain])
+    generate_files(example()[0], [heard], transcribe=True)
+    assert plain.read_bytes() != heard.read_bytes()
+
+    def offline(self, path, *, word_timestamps):
+        raise OSError("cannot reach the hub\nmore")
+
+    monkeypatch.setattr(WhisperModel, "transcribe", offline)
+    with pytest.raises(InputError, match="cannot reach the hub"):
+        generate_files(example()[0], [heard], transcribe=True)
+
+
+def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
+    from cospeech.generate import generate_files
+    from cospeech.speech import example
+
+    with pytest.raises(InputError, match=r"cospeech\[asr\]"):
+        generate_files(example()[0], [tmp_path / "x.json"], transcribe=True)
+    assert not list(tmp_path.iterdir())

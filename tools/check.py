@@ -56,8 +56,8 @@ def digest(source: Path) -> str:
 
 def blender() -> tuple[str | None, str]:
     """The Python of an environment with bpy, or None and the reason; installs it on the first run."""
-    if sys.version_info[:2] not in BLENDER_PYTHONS or sys.platform != "linux":
-        return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]} on {sys.platform}"
+    if sys.version_info[:2] not in BLENDER_PYTHONS:
+        return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
     python, wanted = BLENDER / "bin" / "python", ROOT / "requirements" / "blender.txt"
     if not stamped(BLENDER, wanted):
         print("   installing bpy (some 370 MB)", flush=True)

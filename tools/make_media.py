@@ -1,24 +1,88 @@
-"""`make media`: the pictures of README and docs, made from the example speech by the program itself."""
+"""Draws the pictures of the README and the docs from the example speech: `make media`.
+
+talk.gif shows the body, the face in close-up, and the speech with a moving marker and the words as they are said;
+strip.png is what ``-o talk.png`` gives.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 import cospeech
 from cospeech.demo import EXAMPLE, EXAMPLE_WORDS
+from cospeech.render.artist import Look
+from cospeech.render.camera import view_named
+from cospeech.render.film import Film
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
-SECONDS = (0.0, 9.2)  # of the example: two sentences, of greeting, and of small and huge
-STYLE, SEED = "lively", 0
+STYLE, EMOTION, SEED = "natural", "happiness", 0
+SECONDS = 7.6  # of the example: the greeting, tiny and huge
+RATE = 12.5  # pictures per second
+WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
+BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214, 84, 60)
+
+
+def pictures(motion: cospeech.Motion, camera: str, width: int, height: int) -> Iterator[Image.Image]:
+    """The motion as seen by one camera, at `RATE`."""
+    with Film(Look(width, height, view_named(camera), BACKDROP), motion.fps, RATE) as film:
+        for batch in (*film.push(motion), *film.flush()):
+            yield from map(Image.fromarray, batch)
+
+
+def sound(speech: cospeech.Speech, at: float, width: int, height: int) -> Image.Image:
+    """The waveform with a marker at ``at`` seconds, and the words around it."""
+    image = Image.new("RGB", (width, height), (244, 246, 249))
+    draw = ImageDraw.Draw(image)
+    samples = np.abs(speech.samples[: int(SECONDS * speech.rate)])
+    columns = np.array_split(samples, width - 24)
+    middle, half = 44, 30
+    for x, column in enumerate(columns):
+        reach = max(1, round(half * min(1.0, float(column.max()) / 0.6)))
+        said = x < at / SECONDS * (width - 24)
+        draw.line((x + 12, middle - reach, x + 12, middle + reach), fill=INK if said else PALE)
+    x = 12 + at / SECONDS * (width - 24)
+    draw.line((x, middle - half - 6, x, middle + half + 6), fill=MARK, width=2)
+    font = ImageFont.load_default(19)
+    words = speech.words or ()
+    now = next((k for k, word in enumerate(words) if word.start - 0.05 <= at < word.end + 0.25), None)
+    if now is not None:
+        draw.text((width / 2, height - 34), words[now].text, fill=MARK, font=font, anchor="mm")
+        before = words[now - 1].text if now else ""
+        after = words[now + 1].text if now + 1 < len(words) else ""
+        room = font.getlength(words[now].text) / 2 + 12
+        draw.text((width / 2 - room, height - 34), before, fill=PALE, font=font, anchor="rm")
+        draw.text((width / 2 + room, height - 34), after, fill=PALE, font=font, anchor="lm")
+    return image
+
+
+def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion) -> None:
+    """Compose and write talk.gif."""
+    part = motion[: round(SECONDS * motion.fps)]
+    frames = []
+    for k, (body, face) in enumerate(zip(pictures(part, "body", WIDE, HIGH), pictures(part, "face", FACE, FACE), strict=True)):
+        frame = Image.new("RGB", (WIDE + FACE, HIGH))
+        frame.paste(body, (0, 0))
+        frame.paste(face, (WIDE, 0))
+        frame.paste(sound(speech, k / RATE, FACE, HIGH - FACE), (WIDE, FACE))
+        frames.append(frame)
+    some = Image.new("RGB", (frames[0].width, frames[0].height * 6))
+    for k, frame in enumerate(frames[:: max(1, len(frames) // 6)][:6]):
+        some.paste(frame, (0, k * frame.height))
+    palette = some.quantize(255, method=Image.Quantize.MEDIANCUT, kmeans=1)
+    flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    flat[0].save(MEDIA / "talk.gif", save_all=True, append_images=flat[1:], duration=round(1000 / RATE), loop=0, disposal=1)
 
 
 def main() -> None:
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
-    motion = cospeech.load("rules").generate(speech, style=STYLE, seed=SEED)
-    first, last = (round(t * motion.fps) for t in SECONDS)
+    motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
     MEDIA.mkdir(exist_ok=True)
-    motion[first:last].save(MEDIA / "talk.gif", size=(420, 420), rate=12.5)
-    motion.save(MEDIA / "strip.png", audio=EXAMPLE)
+    moving_picture(speech, motion)
+    motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
 

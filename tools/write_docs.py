@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cospeech.catalogue import catalogue
-from cospeech.cli import HOW_TO_OPEN
+from cospeech.how_to_open import HOW_TO_OPEN
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = ("generate", "convert", "render", "list", "demo", "bench")

@@ -21,7 +21,7 @@ from .features.prosody import Features, ProsodyStream, analyse, find_pauses
 from .speech import RATE, Speech, SpeechSource, Word, open_speech
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from os import PathLike
 
 __all__ = ["align", "align_with_recogniser", "count_syllables", "spread", "tokenise"]
 
@@ -228,7 +228,9 @@ def _words(tokens: Sequence[str], bounds: NDArray[np.intp], times: Floats, step:
         yield Word(bare(token), start, end)
 
 
-def align_with_recogniser(path: str | Path, recognise: Callable[[str], Iterable[Word]] | None = None) -> tuple[Word, ...]:
+def align_with_recogniser(
+    path: str | PathLike[str], recognise: Callable[[str], Iterable[Word]] | None = None
+) -> tuple[Word, ...]:
     """Words and times as a recogniser hears them: ``recognise(path)``, faster-whisper's smallest model where not given.
 
     Raises:
@@ -242,7 +244,13 @@ def _faster_whisper(path: str) -> Iterable[Word]:
         from faster_whisper import WhisperModel
     except ImportError:
         raise InputError("word times from a recogniser need faster-whisper", "pip install 'cospeech[asr]'") from None
-    segments, _ = WhisperModel("tiny", device="cpu", compute_type="int8").transcribe(path, word_timestamps=True)
-    for segment in segments:
-        for word in segment.words or ():
-            yield Word(bare(word.word), float(word.start), float(word.end))
+    try:
+        segments, _ = WhisperModel("tiny", device="cpu", compute_type="int8").transcribe(path, word_timestamps=True)
+        for segment in segments:
+            for word in segment.words or ():
+                yield Word(bare(word.word), float(word.start), float(word.end))
+    except (OSError, ValueError, RuntimeError) as error:  # its weights are fetched from a hub on first use
+        reason = str(error).partition("\n")[0][:120]
+        raise InputError(
+            f"faster-whisper gave up: {reason}", "is there a network, or are its weights on this machine?"
+        ) from None

@@ -5,10 +5,11 @@ Light on purpose: every command imports what it needs when it runs, so that ``co
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -17,25 +18,13 @@ from typer import Argument, Option
 
 from . import __version__
 from .errors import CospeechError, InputError, InternalError
+from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
 
 if TYPE_CHECKING:
     from .report import Report
 
-__all__ = ["HOW_TO_OPEN", "app", "main"]
-
-HOW_TO_OPEN = {
-    ".bvh": "Blender: File > Import > Motion Capture (.bvh), Scale 0.01, tick Update Scene FPS; or MotionBuilder, Maya, iClone",
-    ".glb": "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
-    ".vrma": "play it on any VRM avatar: three-vrm, UniVRM, VRM add-on for Blender",
-    ".csv": "Unreal: plugin Live Link Face Importer, then drop it into the Content Browser; Blender: Faceit",
-    ".json": "52 ARKit weights per frame, for your own program",
-    ".npz": "SMPL-X: numpy.load, or the SMPL-X add-on for Blender",
-    ".mp4": "any video player",
-    ".gif": "any web browser",
-    ".png": "any picture viewer: a strip of frames over the waveform",
-}
-"""Suffix → where such a file goes; printed after each run, checked against the table of formats."""
+__all__ = ["app", "main"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
@@ -102,6 +91,9 @@ Transcript = Annotated[
     Path | None,
     _option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
 ]
+Transcribe = Annotated[
+    bool, _option("--transcribe", help="Hear the words with faster-whisper (cospeech[asr]) instead of reading them.")
+]
 Seed = Annotated[
     int,
     _option(
@@ -153,6 +145,7 @@ def generate(
     emotion: Emotion = "auto",
     speaker: Speaker = None,
     transcript: Transcript = None,
+    transcribe: Transcribe = False,
     seed: Seed = 0,
     takes: Takes = 1,
     temperature: Temperature = 1.0,
@@ -176,9 +169,10 @@ def generate(
     outputs = output or [Path(audio.stem + suffix) for suffix in (".bvh", ".glb")]
     with _progress("generating", quiet) as progress:
         result = generate_files(
-            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript, seed=seed,
-            takes=takes, temperature=temperature, intensity=intensity, parts=[p.strip() for p in parts.split(",") if p.strip()],
-            skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
+            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
+            transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
+            parts=[p.strip() for p in parts.split(",") if p.strip()], skeleton=skeleton, fps=fps, avatar=avatar, report=report,
+            progress=progress,
         )  # fmt: skip
     if not quiet:
         _show_outputs(result)
@@ -344,12 +338,27 @@ def _stop(signum: int, frame: object) -> NoReturn:
     raise SystemExit(128 + signum)
 
 
-def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+def _ready_streams() -> None:
+    """Standard streams that take whatever is said.
+
+    What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            null = open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8")  # noqa: SIM115, PTH123  # open to the end
+            setattr(sys, name, null)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
-    signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: what is half-written is removed
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+    _ready_streams()
+    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: what is half-written is removed; SIGHUP: the terminal was closed
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, _stop)
     try:
         code = app(prog_name="cospeech", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has caught it
@@ -372,7 +381,8 @@ def _say(error: CospeechError, code: int) -> int:
         import traceback
 
         traceback.print_exc()
-    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    with suppress(OSError):  # nobody can be told, but the exit code
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return code
 
 

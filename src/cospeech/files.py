@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,22 +21,43 @@ def describe_os_error(error: OSError) -> str:
     return error.strerror or type(error).__name__
 
 
+def _destination(path: str | PathLike[str]) -> Path:
+    """Where a file to be written really lies: at the end of links, which stay links.
+
+    Raises:
+        InputError: a folder, a pipe or a device has that name, or no file can have it.
+    """
+    shown = os.fsdecode(path)
+    try:
+        mode = Path(shown).stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
+    except (OSError, ValueError) as error:  # ValueError: it holds a null character
+        reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
+        raise InputError(f"cannot write {shown!r}: {reason}", "is the name right?") from None
+    if stat.S_ISDIR(mode):
+        raise InputError(f"cannot write {shown!r}: it is a folder", "name a file")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"cannot write {shown!r}: it is a pipe or a device", "name a file")
+    return Path(os.path.realpath(shown))
+
+
 @contextmanager
 def atomic(path: str | PathLike[str]) -> Iterator[Path]:
     """Yield the path of an empty temporary file beside ``path``; it takes the name of ``path`` if the block succeeds.
 
-    On any exception, Ctrl-C included, the temporary file is removed and ``path`` stays as it was.
+    On any exception, Ctrl-C included, the temporary file is removed and ``path`` stays as it was. Where ``path`` is a link,
+    the file that it points to is written.
 
     Raises:
-        InputError: the folder does not exist or cannot be written.
+        InputError: the folder does not exist or cannot be written, or no file can be written there.
     """
-    target = Path(path)
+    target = _destination(path)
     try:
-        if target.is_dir():
-            raise InputError(f"cannot write {str(target)!r}: it is a folder", "name a file")
-        handle, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", suffix=target.suffix[-20:], dir=target.parent or ".")
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", suffix=Path(path).suffix[-20:], dir=target.parent)
     except OSError as error:
-        raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}", "does the folder exist?") from None
+        problem = f"cannot write {os.fsdecode(path)!r}: {describe_os_error(error)}"
+        raise InputError(problem, "does the folder exist?") from None
     os.close(handle)
     temporary = Path(name)
     try:
@@ -55,27 +77,32 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
     """Yield a function from a target to where it is written meanwhile; all targets appear when the block succeeds.
 
     Files wait in a folder beside their target, so that the last step is a rename on one file system.
+
+    Raises:
+        InputError: a folder does not exist or cannot be written, or no file can be written there.
     """
     folders: dict[Path, Path] = {}
+    destinations: dict[Path, Path] = {}
     staged: dict[Path, Path] = {}
 
     def place(target: Path) -> Path:
-        staged[target] = folders[target.parent] / target.name
+        name = f"{len(staged)}{target.suffix[-20:]}"  # not the target's: two links may have the same
+        staged[target] = folders[destinations[target].parent] / name
         return staged[target]
 
     try:
         for target in targets:
-            if target.is_dir():
-                raise InputError(f"cannot write {str(target)!r}: it is a folder", "name a file")
-            if target.parent not in folders:
+            destination = destinations[target] = _destination(target)
+            if destination.parent not in folders:
                 try:
-                    folders[target.parent] = Path(tempfile.mkdtemp(prefix=".cospeech-", dir=target.parent))
+                    made = tempfile.mkdtemp(prefix=".cospeech-", dir=destination.parent)
                 except OSError as error:
                     problem = f"cannot write {str(target)!r}: {describe_os_error(error)}"
                     raise InputError(problem, "does the folder exist?") from None
+                folders[destination.parent] = Path(made)
         yield place
         for target, path in staged.items():
-            path.replace(target)
+            path.replace(destinations[target])
     finally:
         for folder in folders.values():
             shutil.rmtree(folder, ignore_errors=True)

@@ -17,6 +17,7 @@ from os import PathLike
 from pathlib import Path
 
 from . import __version__
+from .alignment import align_with_recogniser
 from .errors import InputError, nearest
 from .export import FORMATS, Writer, open_writer
 from .export import format_of as format_of_file
@@ -82,6 +83,7 @@ def generate_files(
     emotion: str = "auto",
     speaker: str | None = None,
     transcript: File | None = None,
+    transcribe: bool = False,
     seed: int = 0,
     takes: int = 1,
     temperature: float = 1.0,
@@ -104,6 +106,7 @@ def generate_files(
         emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
+        transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
         temperature: how far choices stray from the likeliest, 0 … 2.
@@ -120,26 +123,25 @@ def generate_files(
         InputError: something given cannot be used; nothing has been written.
     """
     began = time.perf_counter()
-    if style is not None and speaker is not None and style != speaker:
-        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
+    _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
-    check_files(audio, files, [path for path in (transcript, avatar) if path], report)
-    keywords = _writer_keywords(audio, avatar, special or {})
-    gesturer = load_model(model)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
+    check_files(audio, names, [path for path in (transcript, avatar) if path], report)
+    gesturer = load_model(model)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
-        counts = set()
+        source.words = align_with_recogniser(audio) if transcribe else source.words
+        keywords = _writer_keywords(audio, avatar, special or {}, source.words)
+        counts, each = set(), len(files)
         for take in range(takes):
-            staged = [place(path) for path in names[take * len(files) : (take + 1) * len(files)]]
+            staged = [place(path) for path in names[take * each : (take + 1) * each]]
             performance = gesturer.session(seed=seed + take, **vars(options))
             moving = _told(_played(performance, source), progress, take, takes, source.expected_seconds)
             counts.add(_write_all(moving, staged, skeleton, options.fps, keywords))
-        seconds = source.seconds or 0.0
-        wanted = source.frames(options.fps)
+        seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
@@ -151,7 +153,7 @@ def generate_files(
             takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
             emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
-            style=style or speaker or next(iter(STYLES)),
+            style=options.style or next(iter(STYLES)),  # type: ignore[arg-type]
             outputs=[str(path) for path in names],
             version=__version__,
         )
@@ -235,15 +237,25 @@ def _write_all(
 
 
 def _writer_keywords(
-    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]]
+    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]], words: tuple[Word, ...] | None
 ) -> dict[str, dict[str, object]]:
     """Suffix → what the writer of that format is given beside skeleton and fps."""
     keywords: dict[str, dict[str, object]] = {suffix: {"audio": audio} for suffix in LISTENS}
+    if words:
+        keywords[".png"]["words"] = list(words)
     if avatar is not None:
         keywords |= {suffix: {"avatar": avatar} for suffix in WEARS_AVATAR}
     for suffix, more in special.items():
         keywords[suffix] = keywords.get(suffix, {}) | dict(more)
     return keywords
+
+
+def _check_rivals(style: str | None, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
+    """Two ways of saying one thing must not disagree."""
+    if transcribe and transcript is not None:
+        raise InputError("both a transcript and transcribe are given", "one of them says the words")
+    if style is not None and speaker is not None and style != speaker:
+        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:
@@ -275,7 +287,8 @@ def check_avatar(avatar: File, suffixes: set[str]) -> None:
 
 def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
     if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
-        raise InputError(f"{name} {value:g} is out of range", f"{bounds[0]:g} … {bounds[1]:g}")
+        low, high, shown = (str(n) if isinstance(n, int) else f"{n:g}" for n in (*bounds, value))
+        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}")
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:

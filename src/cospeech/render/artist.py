@@ -85,11 +85,12 @@ class Helper:
     def __init__(self, look: Look) -> None:
         self._shape = (look.height, look.width, 3)
         path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+        # -P: a numpy.py in the folder we work in is none of ours;
         # one thread each, as there is one helper per core; and memory of big arrays is kept instead of given back to the
         # system (glibc), which saves a sixth of the time
         settings = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": "500000000", "MALLOC_MMAP_THRESHOLD_": "500000000"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cospeech.render.artist", json.dumps(asdict(look))],
+            [sys.executable, "-P", "-m", "cospeech.render.artist", json.dumps(asdict(look))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, **settings, "PYTHONPATH": path},
@@ -109,7 +110,11 @@ class Helper:
                 return pictures
         except (OSError, ValueError):
             pass
-        raise InternalError(f"a process that draws pictures ended early (code {self._process.poll()})", "is memory short?")
+        try:
+            code = self._process.wait(1)  # its pipes close a moment before it is gone
+        except subprocess.TimeoutExpired:
+            code = None
+        raise InternalError(f"a process that draws pictures ended early (code {code})", "is memory short?")
 
     def close(self) -> None:
         """End the process, at work or not."""
@@ -145,4 +150,7 @@ def _serve(look: Look) -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
     _look = json.loads(sys.argv[1])
-    _serve(Look(_look["width"], _look["height"], View(**_look["view"]), tuple(_look["background"])))
+    try:
+        _serve(Look(_look["width"], _look["height"], View(**_look["view"]), tuple(_look["background"])))
+    except BrokenPipeError:  # the parent is gone: nobody to tell, nobody to flush for
+        os._exit(1)

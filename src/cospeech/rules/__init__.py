@@ -23,7 +23,7 @@ _PARTS = ("face", "body", "hands")
 
 
 class RuleGesturer:
-    """Speech → motion by rule.
+    """The rule-based gesturer: face, body and hands from speech, without training.
 
     >>> import numpy as np
     >>> motion = RuleGesturer().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)

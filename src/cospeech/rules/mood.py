@@ -16,6 +16,7 @@ from .manners import EMOTIONS
 __all__ = ["SPAN", "Mood", "voice_cues"]
 
 SPAN = 6.0  # seconds of speech that a guess rests on
+_DOUBT = 0.08  # a guess below this colours nothing (ours)
 _INERTIA = 0.85  # per look, twice a second: moods change over some three seconds
 
 
@@ -45,7 +46,7 @@ _WEIGHTS = np.array(  # rows: emotions; columns: bias, pitch movement, effort, a
         [1.6, 0.0, 0.0, 0.0, 0.0],  # neutral
         [-0.3, 1.1, 0.2, 0.3, 0.1],  # happiness
         [-0.4, 0.1, 0.6, 0.5, 0.4],  # anger
-        [-0.3, -1.4, -0.2, -0.3, -0.1],  # sadness
+        [-1.8, -0.6, -0.4, -0.9, -0.4],  # sadness: flat *and* slow *and* soft; synthetic voices are flat without being sad
         [-2.0, -0.6, 0.0, -0.3, 0.0],  # contempt
         [-1.6, 1.0, 0.3, 0.1, 0.2],  # surprise
         [-1.8, 0.2, 0.3, 0.6, 0.2],  # fear
@@ -74,7 +75,8 @@ class Mood:
         if cues is not None:
             logits = _WEIGHTS @ np.concatenate([[1.0], np.clip(cues, -2.5, 2.5)])
             guess = np.exp(logits - logits.max())
-            guess /= guess.sum()
+            guess = np.maximum(guess / guess.sum() - _DOUBT, 0.0)
+            guess[0] += 1.0 - guess.sum()
             self.probabilities = _INERTIA * self.probabilities + (1 - _INERTIA) * guess
         self.total += self.probabilities
         self._ticks += 1

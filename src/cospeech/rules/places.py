@@ -9,7 +9,8 @@ import numpy as np
 from ..rotations import Array
 from .arms import arm_lengths
 from .manners import Manner
-from .repertoire import FORMS, RESTS, Form
+from .repertoire import FORMS, Form
+from .rests import RESTS
 from .styles import Style
 
 __all__ = ["Places", "reach_time", "stroke_time"]
@@ -37,6 +38,8 @@ class Places:
         """Poses of a form where this speaker, in this mood, would put them this time."""
         style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
         table = [p.values() for p in form.poses]
+        if form.anchored:
+            return [self._shaped(t, 0.0, effort, manner, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
         shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
@@ -48,21 +51,26 @@ class Places:
         home = np.array([0.04, -0.62, 0.36])
         centre = home + (centre - home) * spread
         turn = self._random.gauss(0, 7) * free
-        tension = float(np.clip(style.tension + manner.tension, 0, 1))
         out = []
         for t in table:
-            pose = t.copy()
+            pose = self._shaped(t, turn, effort, manner, free)
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[:3] = np.clip(pose[:3], *_BOX)
             in_front = 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))  # raised hands stay in front of the shoulder
             pose[2] = max(pose[2], in_front)
-            pose[4] += turn
-            pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
-            pose[7:19] = self._shape(pose[7:19], tension, free)
-            pose[3] += self._random.gauss(0, 4) * free
-            pose[19] += manner.shrug
             out.append(pose)
         return out
+
+    def _shaped(self, table: Array, turn: float, effort: float, manner: Manner, free: float) -> Array:
+        """A pose where the table has it, turned and shaped by this speaker's hand."""
+        tension = float(np.clip(self.style.tension + manner.tension, 0, 1))
+        pose = table.copy()
+        pose[4] += turn
+        pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
+        pose[7:19] = self._shape(pose[7:19], tension, free)
+        pose[3] += self._random.gauss(0, 4) * free
+        pose[19] += manner.shrug
+        return pose
 
     def _shape(self, shape: Array, tension: float, free: float) -> Array:
         """Finger angles loosened or stiffened, and never twice the same."""

@@ -23,7 +23,8 @@ from .lexicon import form_for
 from .manners import Manner
 from .places import Places, reach_time, stroke_time
 from .posture import Posture
-from .repertoire import FORMS, LEXICAL_FORMS, RESTS, Form
+from .repertoire import FORMS, LEXICAL_FORMS, Form
+from .rests import RESTS
 from .styles import Style
 from .track import Track
 
@@ -123,12 +124,17 @@ class Planner:
     def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], manner: Manner) -> None:
         if self.intensity <= 0:
             return
-        word = next((w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)), None)
+        near = [w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)]
+        word = max(near, key=lambda w: (form_for(w.text) or ("", 0.0))[1], default=None)
+        soon = self._strong_word_soon(accent.time, words)
         if word is not None and word.start > self._last_word:
             name, chance = form_for(word.text) or ("", 0.0)
-            if self._random.random() < chance * 0.95 and self._perform(now, accent.time, accent.strength, name, manner, word):
+            chance *= 0.0 if soon and chance < 0.5 else 0.95
+            if self._random.random() < chance and self._perform(now, accent.time, accent.strength, name, manner, word):
                 self._last_word = word.start
                 return
+        if soon:
+            return
         willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength) * (0.4 + 0.6 * min(self.intensity, 1.0))
         held = [
             s
@@ -145,6 +151,14 @@ class Planner:
             return
         if not self._perform(now, accent.time, accent.strength, self._choose_form(manner), manner, None) and held:
             self._beat(now, accent, held, manner, 0.9)
+
+    def _strong_word_soon(self, at: float, words: Sequence[Word]) -> bool:
+        """Whether a word with a gesture of its own comes so soon that hands had better be free for it."""
+        for word in words:
+            found = form_for(word.text) if self._last_word < word.start and at + 0.12 < word.start < at + 0.62 else None
+            if found and found[1] >= 0.5 and LEXICAL_FORMS[found[0]].score >= 0.8:
+                return True
+        return False
 
     def _silent_words(self, now: float, words: Sequence[Word], manner: Manner) -> None:
         """Words with a strong gesture of their own get it even without an accent."""
@@ -200,8 +214,8 @@ class Planner:
             self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
-            if other.place == "up" and start > other.busy and self._random.random() < 0.8:
-                self._retract(start + self._random.uniform(0.0, 0.25), hand, other, "rest", manner)
+            if other.place == "up" and onset > other.busy and self._random.random() < 0.8:
+                self._retract(max(start, other.busy) + self._random.uniform(0.0, 0.25), hand, other, "rest", manner)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
         self.posture.on_stroke(start, onset, stroke, poses, hands, manner)
@@ -318,7 +332,7 @@ class Planner:
                 and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold))
             ):
                 self._retract(
-                    now, hand, state, "idle" if self._random.random() < 0.75 - 0.5 * self.style.hold else "rest", manner
+                    now, hand, state, "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest", manner
                 )
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", manner)

@@ -92,7 +92,7 @@ class Posture:
         goal = (
             -manner.chin + self._gauss(4.3 * head),
             manner.tilt + self._gauss(5.2 * head),
-            manner.turn * 0.5 + self._gauss(7.0 * head) + 0.45 * self._gaze_yaw(),
+            manner.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])

@@ -14,7 +14,7 @@ import numpy as np
 from ..rotations import Array
 from .hands import HAND_SHAPES
 
-__all__ = ["FORMS", "LEXICAL_FORMS", "RESTS", "Form", "Pose"]
+__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "Pose"]
 
 
 class Pose(NamedTuple):
@@ -50,6 +50,8 @@ class Form(NamedTuple):
     """Further accents may be beaten in place while the form is held."""
     score: float = 0.1
     """Semantic score: 0.1 for beats … 1 (after BEAT's annotation: class / 10)."""
+    anchored: bool = False
+    """At the own body: the same place whatever the style and the effort."""
 
 
 P = Pose
@@ -165,6 +167,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "one",
         False,
         0.7,
+        True,
     ),
     "you": Form(
         "open hand towards the listener",
@@ -361,6 +364,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "one",
         False,
         0.8,
+        True,
     ),
     "heart": Form(
         "both hands to the chest",
@@ -369,6 +373,7 @@ LEXICAL_FORMS: dict[str, Form] = {
         "both",
         False,
         0.8,
+        True,
     ),
     "wave": Form(
         "an open hand raised in greeting",
@@ -385,12 +390,3 @@ LEXICAL_FORMS: dict[str, Form] = {
     ),
 }
 """Forms that words call for (`lexicon`)."""
-
-RESTS: dict[str, tuple[Pose, Pose]] = {
-    "hang": (P(0.13, -0.955, 0.10, 18, 4, 4, "relaxed"), P(0.13, -0.95, 0.12, 20, 6, 3, "relaxed")),
-    "low": (P(0.11, -0.86, 0.26, 30, 6, 2, "relaxed"), P(0.12, -0.87, 0.24, 28, 8, 0, "relaxed")),
-    "folded": (P(-0.20, -0.70, 0.44, 42, 8, 0, "soft_open"), P(-0.17, -0.64, 0.50, 48, 10, 0, "loose_fist")),
-    "steeple": (P(-0.15, -0.56, 0.48, 6, -6, 0, "flat"), P(-0.15, -0.56, 0.48, 6, -6, 0, "flat")),
-    "lap": (P(-0.06, -0.72, 0.62, 64, 4, 0, "relaxed"), P(-0.08, -0.71, 0.64, 60, 6, 2, "relaxed")),
-}
-"""Resting places, left and right hand each in its own gesture space."""

@@ -49,7 +49,7 @@ class Style:
     """How much the head moves."""
     sway: float = 1.0
     """Weight shifts and slow sway."""
-    steps: float = 5.0
+    steps: float = 7.0
     """Small steps per minute while standing."""
     seated: bool = False
     turn: float = 0.0
@@ -116,14 +116,14 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "calm": Style(
             "few, small, slow gestures close to the body; long rests",
             rate=0.62,
-            amplitude=0.9,
+            amplitude=0.95,
             height=-0.03,
             breadth=0.0,
             tempo=0.9,
             hold=0.45,
             both=0.55,
-            torso=0.75,
-            head=0.9,
+            torso=0.9,
+            head=1.0,
             sway=0.8,
             steps=5,
             expressiveness=0.75,

@@ -1,0 +1,16 @@
+"""Where hands rest between gestures and in pauses; ours, in the units of `repertoire`."""
+
+from __future__ import annotations
+
+from .repertoire import Pose as P
+
+__all__ = ["RESTS"]
+
+RESTS: dict[str, tuple[P, P]] = {
+    "hang": (P(0.13, -0.955, 0.10, 18, 4, 4, "relaxed"), P(0.13, -0.95, 0.12, 20, 6, 3, "relaxed")),
+    "low": (P(0.12, -0.90, 0.20, 28, 6, 2, "relaxed"), P(0.12, -0.90, 0.19, 26, 8, 0, "relaxed")),
+    "folded": (P(-0.20, -0.70, 0.44, 42, 8, 0, "soft_open"), P(-0.17, -0.64, 0.50, 48, 10, 0, "loose_fist")),
+    "steeple": (P(-0.15, -0.56, 0.48, 6, -6, 0, "flat"), P(-0.15, -0.56, 0.48, 6, -6, 0, "flat")),
+    "lap": (P(-0.06, -0.72, 0.62, 64, 4, 0, "relaxed"), P(-0.08, -0.71, 0.64, 60, 6, 2, "relaxed")),
+}
+"""Resting places, left and right hand each in its own gesture space."""

@@ -278,3 +278,19 @@ def test_every_corpus_has_a_default_pose():
 
     assert set(DEFAULT_POSES) == set(CORPORA)
     assert all(find_pose(name) for name in DEFAULT_POSES.values())
+
+
+def test_pats_brings_its_own_spectra_and_words():
+    values = np.random.default_rng(0).normal(size=(30, 52, 2)) * 50
+    ready = np.repeat(np.arange(206.0)[:, None], 64, 1)
+    extra = {"audio/log_mel_400": ready, "words": (Word("Yes", 0.5, 0.8),), "video_fn": "x"}
+    clip = Clip("1", "oliver", "pats", points=Points(15.0, values, "pats"), extra=extra)
+    arrays = encode(clip, Plan("pats", "keypoints2d", 15.0))
+    assert arrays["audio"].shape == (30, len(pieces.audio_names("pats")))
+    np.testing.assert_array_equal(arrays["audio"][:, 0], (np.arange(30) / 15 * 103).astype(int))
+    assert arrays["word"][7:13].tolist() == [0, 1, 1, 1, 1, 0]
+    assert set(pieces.needed(clip)) == {"audio/log_mel_400", "words"}
+    with pytest.raises(InputError, match="ready-made"):
+        faster(clip, 1.1)
+    lacking = replace(clip, extra={})
+    assert set(encode(lacking, Plan("pats", "keypoints2d", 15.0))) == {"pose"}

@@ -83,6 +83,7 @@ def mirrored_points(points: Points) -> Points:
 def faster(clip: Clip, factor: float) -> Clip:
     """Everything played ``factor`` times as fast, the voice like a tape: its pitch rises with it."""
     _check(factor, "times as fast")
+    _check_sound(clip)
     motion, points, speech = clip.motion, clip.points, clip.speech
     if speech is not None:
         words = None if speech.words is None else tuple(Word(w.text, w.start / factor, w.end / factor) for w in speech.words)
@@ -107,6 +108,7 @@ def shifted(clip: Clip, semitones: float) -> Clip:
     """The voice higher (or lower) by so many semitones, at the same speed; nothing else changes."""
     factor = 2 ** (semitones / 12)
     _check(factor, f"higher ({semitones:g} semitones)")
+    _check_sound(clip)
     if clip.speech is None:
         raise InputError(f"{clip.name!r} has no speech to shift", "leave pitches out")
     longer = _stretched(clip.speech.samples.astype(np.float64), factor)
@@ -119,6 +121,12 @@ def shifted(clip: Clip, semitones: float) -> Clip:
 def _check(factor: float, what: str) -> None:
     if not (np.isfinite(factor) and 0.5 <= factor <= 2):
         raise InputError(f"{factor:g} times {what}", "0.5 … 2")
+
+
+def _check_sound(clip: Clip) -> None:
+    """Spectra that come with the data (PATS) cannot be changed with the voice."""
+    if any(name.startswith("audio/") for name in clip.extra):
+        raise InputError(f"{clip.name!r} has ready-made spectra, which cannot be played faster or higher", "leave it out")
 
 
 def _resampled(samples: Array, rate: float, to: int) -> Array:

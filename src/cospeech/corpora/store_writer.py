@@ -84,18 +84,17 @@ def write_store(
         folder.mkdir(parents=True, exist_ok=True)
         with all_or_none([*(folder / f"{name}.npy" for name in shapes), folder / "index.json"]) as place:
             paths = {name: place(folder / f"{name}.npy") for name in shapes}
-            arrays = {
+            arrays: dict[str, Array] = {
                 name: np.lib.format.open_memmap(paths[name], "w+", ARRAYS[name], shapes[name], version=(1, 0))
                 for name in present
             }
             entries, moments = _fill(
                 arrays, pieces, speakers, words, {n: _Moments(1 + len(speakers), len(names[n])) for n in counted}
             )
-            for array in arrays.values():
-                array.flush()
-            for name, moment in moments.items():
+            arrays.clear()  # unmaps them, so that they can be moved everywhere
+            for numbered, moment in moments.items():
                 for what, values in zip(STATISTICS, moment.results(), strict=True):
-                    np.save(paths[f"{name}_{what}"], values, allow_pickle=False)
+                    np.save(paths[f"{numbered}_{what}"], values, allow_pickle=False)
             index = {
                 "format": FORMAT, "corpus": corpus, "pose": pose, "fps": fps, "speakers": speakers, "words": words,
                 "names": {name: names[name] for name in present if name in names}, "arrays": shapes,

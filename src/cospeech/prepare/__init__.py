@@ -28,7 +28,7 @@ from ..files import atomic, describe_os_error
 from ..poses import find_pose
 from ..skeletons.arkit import ARKIT
 from .filters import FILTERS
-from .pieces import AUDIO_NAMES, Plan, make_part, read_part, split_of
+from .pieces import Plan, audio_names, make_part, needed, read_part, split_of
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -177,7 +177,7 @@ def _tasks(
             dropped.append({"name": item.name, "reason": "a clip of this name was read already"})
             continue
         names.add(item.name)
-        clip = replace(item, split=split_of(item), extra={})
+        clip = replace(item, split=split_of(item), extra=needed(item))
         yield clip, parts / f"{number:07d}.npz", False
         number += 1
         for change in changes if clip.split == "train" else ():
@@ -276,7 +276,7 @@ def _assemble(
     if not pieces:
         first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
         raise InputError(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
-    names = {"pose": find_pose(plan.pose).names, "audio": AUDIO_NAMES, "face": ARKIT}
+    names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     write_store(target, pieces, corpus=plan.corpus, pose=plan.pose, fps=plan.fps, names=names)
     splits: dict[str, float] = {}
     speakers: dict[str, float] = {}

@@ -23,10 +23,23 @@ from ..rules import EMOTIONS
 from ..speech import Speech, Word
 from .filters import FILTERS, keep
 
-__all__ = ["AUDIO_NAMES", "Plan", "audio_features", "encode", "make_part", "read_part", "resample_points", "split_of"]
+__all__ = [
+    "AUDIO_NAMES",
+    "Plan",
+    "audio_features",
+    "audio_names",
+    "encode",
+    "make_part",
+    "needed",
+    "read_part",
+    "resample_points",
+    "split_of",
+]
 
 AUDIO_NAMES = (*(f"mel{k}" for k in range(80)), "energy", "pitch", "voicing", "onset")
 """Columns of the audio features: `cospeech.features.analyse` at the rate of the poses."""
+_READY = {"pats": ("audio/log_mel_400", tuple(f"log_mel_400.{k}" for k in range(64)))}
+"""Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +57,17 @@ class Plan:
     pose: str
     fps: float
     filters: bool = True
+
+
+def audio_names(corpus: str) -> tuple[str, ...]:
+    """Columns of ``audio`` in a store of that corpus: ours, or those of the spectra that come with it."""
+    return _READY[corpus][1] if corpus in _READY else AUDIO_NAMES
+
+
+def needed(clip: Clip) -> dict[str, object]:
+    """What of a clip's ``extra`` goes into a store: ready-made spectra, and words without sound."""
+    names = ("words", *(name for name, _ in _READY.values()))
+    return {name: clip.extra[name] for name in names if name in clip.extra}
 
 
 def split_of(clip: Clip) -> str:
@@ -74,16 +98,34 @@ def encode(clip: Clip, plan: Plan) -> dict[str, Array]:
     face, rate = (clip.face, clip.face_fps) if clip.face is not None else _face(clip.motion)
     if face is not None and rate:
         out["face"] = _sampled(face, rate, frames, plan.fps).astype(np.float32)
-    if speech is not None:
-        out["audio"] = audio_features(speech, frames, plan.fps)
+    audio = _audio(clip, frames, plan)
+    if audio is not None:
+        out["audio"] = audio
     if clip.semantics is not None:
         out["semantic"] = _scores(clip.semantics, frames, plan.fps)
     if clip.emotion is not None:
         known = EMOTIONS.index(clip.emotion) if clip.emotion in EMOTIONS else -1
         out["emotion"] = np.full(frames, known, np.int8)
-    if speech is not None and speech.words is not None:
-        out["word"] = _word_numbers(speech.words, frames, plan.fps)
+    words = _words(clip)
+    if words is not None:
+        out["word"] = _word_numbers(words, frames, plan.fps)
     return out
+
+
+def _words(clip: Clip) -> tuple[Word, ...] | None:
+    words = clip.extra.get("words") if clip.speech is None else clip.speech.words
+    return tuple(words) if isinstance(words, (list, tuple)) else None
+
+
+def _audio(clip: Clip, frames: int, plan: Plan) -> Array | None:
+    """Features of the sound, or the spectra that come with the corpus, every so many of them as it has per frame."""
+    if plan.corpus not in _READY:
+        return None if clip.speech is None else audio_features(clip.speech, frames, plan.fps)
+    ready = clip.extra.get(_READY[plan.corpus][0])
+    if not isinstance(ready, np.ndarray) or not len(ready):
+        return None
+    rows = np.arange(frames) / plan.fps * (len(ready) / max(clip.duration, 1e-9))
+    return ready[np.minimum(rows.astype(int), len(ready) - 1)].astype(np.float32)
 
 
 def _source(clip: Clip, pose: Pose, fps: float) -> Any:
@@ -170,11 +212,11 @@ def fingerprint(clip: Clip) -> str:
         None if clip.speech is None else clip.speech.samples,
         None if clip.points is None else clip.points.values,
     ]
+    arrays += [ready for ready in clip.extra.values() if isinstance(ready, np.ndarray)]
     arrays += [] if clip.motion is None else [clip.motion.rotations, clip.motion.root, clip.motion.face]
     for array in arrays:
         digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
-    words = None if clip.speech is None else clip.speech.words
-    digest.update(repr((clip.speaker, clip.split, clip.emotion, clip.semantics, words, clip.duration)).encode())
+    digest.update(repr((clip.speaker, clip.split, clip.emotion, clip.semantics, _words(clip), clip.duration)).encode())
     return digest.hexdigest()
 
 
@@ -201,9 +243,9 @@ def make_part(clip: Clip, plan: Plan, path: Path) -> dict[str, Any]:
         meta |= {"frames": len(arrays["pose"]), "runs": runs, "losses": [tuple(loss) for loss in losses], "why": None}
     except CospeechError as error:
         meta |= {"frames": 0, "runs": [], "losses": [], "why": str(error)}
-    meta["words"] = _vocabulary(clip.speech.words if clip.speech else None) if "word" in arrays else []
+    meta["words"] = _vocabulary(_words(clip)) if "word" in arrays else []
     with atomic(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, meta=np.array(json.dumps(meta)), **arrays)
+        np.savez(file, **{"meta": np.array(json.dumps(meta))} | arrays)  # type: ignore[arg-type]  # no allow_pickle in it
     return meta
 
 

@@ -76,7 +76,8 @@ def say(voice: Voice, seconds: float, seed: int) -> Speech:
         InternalError: the engine failed.
     """
     rng = np.random.default_rng([seed, 10])
-    parts, length = [], 0.0
+    parts: list[Speech] = []
+    length = 0.0
     order = [int(k) for k in rng.permutation(len(SENTENCES))]
     with tempfile.TemporaryDirectory() as place:
         while length < seconds:

@@ -84,11 +84,13 @@ def load(data):  # type: ignore[no-untyped-def]
     if data.external or data.is_virtual:
         raise Refused(f"{data.name} lies in another file", "copy it into one")
     text = h5py.check_string_dtype(data.dtype)
+    whole = data[()] if data.dtype.hasobject else None
+    objects = [whole] if data.shape == () else [] if whole is None else whole.reshape(-1)
     if text is not None and text.length is None:
-        values = [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in data[()].reshape(-1)]
+        values = [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in objects]
         return about | {"text": values}, b""
     if h5py.check_vlen_dtype(data.dtype) is not None:
-        values = [np.asarray(v).tobytes().decode("latin-1") for v in data[()].reshape(-1)]
+        values = [np.asarray(v).tobytes().decode("latin-1") for v in objects]
         return about | {"pieces": values}, b""
     if data.dtype.hasobject:
         raise Refused(f"{data.name} holds objects", "plain numbers and text are right")

@@ -1,6 +1,8 @@
 """The key points of PATS (Ahuja et al. 2020): 52 joints in 2-D, as OpenPose finds them; names and order are the authors'."""
 
-__all__ = ["JOINTS", "LEFT", "PARENTS", "RIGHT", "SPEAKERS"]
+from .humanoid import ENDS
+
+__all__ = ["JOINTS", "LEFT", "PARENTS", "RIGHT", "SOURCES", "SPEAKERS"]
 
 _FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 
@@ -32,3 +34,27 @@ SPEAKERS = (
     "ytch_prof", "bee", "noah",
 )  # fmt: skip
 """In the order of the authors' loader."""
+
+
+def _fingers(side: str) -> list[tuple[str, tuple[float, float, float]]]:
+    """Root of a hand and its fingers: three joints and the tip."""
+    rows: list[tuple[str, tuple[float, float, float]]] = [(f"{side}Hand", (0.0, 0.0, 0.0))]
+    for finger in _FINGERS:
+        parts = ("Metacarpal", "Proximal", "Distal") if finger == "Thumb" else ("Proximal", "Intermediate", "Distal")
+        rows += [(f"{side}{finger}{part}", (0.0, 0.0, 0.0)) for part in parts]
+        rows.append((f"{side}{finger}Distal", ENDS[f"{side}{finger}Distal"]))
+    return rows
+
+
+SOURCES: tuple[tuple[str, tuple[float, float, float]], ...] = (
+    ("upperChest", (0.0, 0.103, -0.010)),
+    *((f"{side}{part}", (0.0, 0.0, 0.0)) for side in ("right", "left") for part in ("UpperArm", "LowerArm", "Hand")),
+    ("head", (0.0, 0.05, 0.10)),
+    ("rightEye", (0.0, 0.0, 0.0)),
+    ("leftEye", (0.0, 0.0, 0.0)),
+    *_fingers("left"),
+    *_fingers("right"),
+)
+"""Where each point lies on our humanoid: joint and offset in its axes, metres.
+
+OpenPose's neck is the middle of the shoulders."""

@@ -129,6 +129,15 @@ def test_rotations_there_and_back_on_beat(pose):
     assert quat_angle(back.rotations[:, others], motion.skeleton.rest[others]).max() < 1e-9
 
 
+@pytest.mark.parametrize("name", ["rot6d-smplx", "rot6d-humanoid"])
+def test_whole_skeletons_there_and_back(name):
+    pose = find_pose(name)
+    motion = moving(named_skeleton(pose.skeleton))
+    back = pose.decode(pose.encode(motion), motion.fps)
+    assert quat_angle(back.rotations, motion.rotations).max() < 1e-6
+    assert back.skeleton.kind == pose.skeleton
+
+
 @pytest.mark.parametrize("pose", [expmap.UPPER, expmap.FULL], ids=lambda p: p.name)
 def test_exponential_maps_there_and_back(pose):
     motion = moving(named_skeleton("trinity"))

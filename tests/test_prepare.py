@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import soundfile
 
 from cospeech.corpora import beat
 from cospeech.corpora.augment import faster, mirrored, mirrored_motion, shifted
@@ -23,7 +24,7 @@ from cospeech.prepare.filters import keep
 from cospeech.prepare.pieces import Plan, encode, split_of
 from cospeech.rotations import quat_angle, quat_continuous, quat_normalize
 from cospeech.rules import EMOTIONS
-from cospeech.skeleton import named_skeleton
+from cospeech.skeleton import Skeleton, named_skeleton
 from cospeech.speech import Speech, Word
 
 
@@ -129,6 +130,7 @@ def test_stopped_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path, 
         prepare("beat", raw, tmp_path / "s")
     assert not (tmp_path / "s" / "index.json").exists()
     assert len(list((tmp_path / "s" / ".parts").glob("*.npz"))) == 2
+    (tmp_path / "s" / ".cospeech-left").mkdir()  # as a kill while the parts are put together leaves it
     prepare("beat", raw, tmp_path / "s")
     assert len(calls) == 5  # the two parts that were there were not made again
     assert same(tmp_path / "s", made[0])
@@ -189,6 +191,43 @@ def test_a_mirrored_clip_is_a_mirror(raw):
     back = mirrored_motion(twin)
     assert quat_angle(back.rotations, clip.motion.rotations).max() < 1e-6
     assert mirrored(clip).speaker == "ann|mirror"
+
+
+@pytest.mark.parametrize("kind", ["humanoid", "trinity", "smplx", "mixamo", "vrm", "unreal"])
+def test_any_skeleton_has_a_mirror(kind):
+    motion = moving(kind, 1.0, 10.0)
+    twin = mirrored_motion(motion)
+    other = [twin.skeleton.index[name] for name in motion.skeleton.names]
+    here, there = motion.positions(), twin.positions()
+    # every joint has a partner at its mirrored place in all frames, and none is its own off the middle
+    apart = np.abs(here[:, :, None] * [-1, 1, 1] - there[:, None]).max((0, 3))
+    assert apart.min(1).max() < 1e-6
+    assert (apart.argmin(1) != other).sum() >= 20
+
+
+def test_a_skeleton_without_sides_is_refused():
+    chain = Skeleton(("a", "b", "c"), (-1, 0, 1), np.eye(3))
+    motion = Motion(10.0, np.zeros((2, 3, 4)) + [0, 0, 0, 1.0], np.zeros((2, 3)), skeleton=chain)
+    with pytest.raises(InputError, match="without left and right"):
+        mirrored_motion(motion)
+
+
+def test_a_folder_of_the_user_s(tmp_path):
+    """Sound and a BVH of another skeleton beside it: retargeted to our humanoid."""
+    (tmp_path / "raw" / "ann").mkdir(parents=True)
+    soundfile.write(tmp_path / "raw" / "ann" / "talk.wav", voice(3).samples, 16_000)
+    moving("mixamo", 3.0, 30.0).save(tmp_path / "raw" / "ann" / "talk.bvh")
+    soundfile.write(tmp_path / "raw" / "ann" / "only.wav", voice(2).samples, 16_000)
+    report = prepare("folder", tmp_path / "raw", tmp_path / "s", filters=True)
+    store = Store(tmp_path / "s")
+    (entry,) = store.clips
+    assert (entry.name, entry.speaker, entry.frames) == ("ann/talk", "ann", 90)
+    assert entry.has == ("pose", "audio")
+    assert store.arrays["pose"].shape == (90, 330)
+    assert [row["name"] for row in report.dropped] == ["ann/only"]
+    motion = find_pose("rot6d-humanoid").decode(store.arrays["pose"], 30.0)
+    expected = moving("mixamo", 3.0, 30.0).retarget("humanoid")
+    assert quat_angle(motion.rotations, expected.rotations).max() < 0.01
 
 
 @pytest.mark.parametrize(("layout", "joints", "axes"), [("ted", 10, 3), ("pats", 52, 2)])

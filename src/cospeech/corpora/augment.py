@@ -18,8 +18,8 @@ from .clip import Clip, Points
 
 __all__ = ["faster", "mirrored", "mirrored_motion", "mirrored_points", "shifted"]
 
-_SIDE = re.compile(r"(left|right)(?=[A-Z_.]|$)|(Left|Right)")
-_SWAP = {"left": "right", "right": "left", "Left": "Right", "Right": "Left"}
+_SIDE = re.compile(r"(left|right)(?=[A-Z_.]|$)|Left|Right|_[lr](?=_|$)")
+_SWAP = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "_l": "_r", "_r": "_l"}
 _TED = (0, 1, 2, 3, 7, 8, 9, 4, 5, 6)  # ted: left arm 4–6, right arm 7–9
 _PATS = (0, 4, 5, 6, 1, 2, 3, 7, 9, 8, *range(31, 52), *range(10, 31))  # pats: arms, eyes, hands
 _POINTS = {"ted": _TED, "pats": _PATS}

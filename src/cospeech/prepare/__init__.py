@@ -157,6 +157,8 @@ def _parts_folder(target: Path, settings: dict[str, Any]) -> Path:
         if parts.is_dir() and not (note.is_file() and note.read_text("utf-8") == text):
             shutil.rmtree(parts)
         parts.mkdir(parents=True, exist_ok=True)
+        for left in target.glob(".cospeech-*"):  # of an assembly that was killed
+            shutil.rmtree(left)
     except OSError as error:
         raise InputError(f"cannot write to {str(target)!r}: {describe_os_error(error)}") from None
     with atomic(note) as temporary:

@@ -38,8 +38,8 @@ _SOUNDS = (".mp3", ".wav", ".flac", ".m4a", ".ogg")
 _FEATURES: dict[str, tuple[int | None, float, float, float]] = {  # columns, largest value, frames per second from … to; ours
     "pose/normalize": (104, _FARTHEST, 15, 15),
     "pose/confidence": (104, 1.01, 15, 15),
-    "audio/log_mel_400": (64, 100.0, 80, 125),
-    "audio/log_mel_512": (128, 100.0, 40, 130),
+    "audio/log_mel_400": (64, 750.0, 80, 125),  # the logarithm of the smallest float is -745
+    "audio/log_mel_512": (128, 750.0, 40, 130),
     "audio/silence": (None, 1.0, 10, 35),
     "text/bert": (768, 1e4, 15, 15),
     "text/w2v": (300, 1e4, 15, 15),

@@ -476,18 +476,26 @@ def test_tables_that_cannot_be_read(small, tmp_path, text):
     assert "\n" not in str(caught.value)
 
 
+WRONG_CELLS = ("", "nan", "-1", "1e300", "x", "../../etc", "a\x00b", "0:0:0:0")
+
+
 @pytest.mark.parametrize("column", range(6))
-@pytest.mark.parametrize("value", ["", "nan", "-1", "1e300", "x", "../../etc", "a\x00b", "0:0:0:0"])
-def test_wrong_cells_are_dropped_with_their_line(small, tmp_path, column, value):
-    root = copy(small, tmp_path / "raw")
-    cells = ROWS.strip().split(",")
-    cells[column] = value
-    (root / "cmu_intervals_df.csv").write_text(HEAD + ",".join(cells) + "\n" + ROWS.replace("1000", "1001"))
-    bad, good = pats.read(root)
-    assert isinstance(good, Clip)
-    assert isinstance(bad, Dropped), "also an id or a speaker that has no file"
-    assert "line 2" in bad.reason or "No such file" in bad.reason
-    sound(bad)
+def test_wrong_cells_are_dropped_with_their_line(small, tmp_path, column):
+    many(small, tmp_path / "raw", len(WRONG_CELLS) + 1)
+    lines = []
+    for k, value in enumerate(WRONG_CELLS):
+        cells = ROWS.replace("1000", str(k)).strip().split(",")
+        cells[column] = value
+        lines.append(",".join(cells) + "\n")
+    good = ROWS.replace("1000", str(len(WRONG_CELLS)))
+    (tmp_path / "raw" / "cmu_intervals_df.csv").write_text(HEAD + "".join(lines) + good)
+    *bad, fine = pats.read(tmp_path / "raw")
+    assert isinstance(fine, Clip)
+    assert len(bad) == len(WRONG_CELLS)
+    for line, item in enumerate(bad, 2):
+        sound(item)
+        assert isinstance(item, Dropped), "also an id or a speaker that has no file"
+        assert f"line {line}" in item.reason or "No such file" in item.reason
 
 
 def test_rows_that_do_not_fit(small, tmp_path):

@@ -8,10 +8,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+import soundfile
 
 from cospeech.corpora import Clip, Points, Semantic
 from cospeech.errors import InputError
-from cospeech.evaluate import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, track_of
+from cospeech.evaluate import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.metric import About
@@ -258,6 +259,49 @@ def test_the_judge_of_order_knows_what_to_ask():
     assert faults_of_order(paired, scores(1, 0.3, 0.2, 1, 0.5)) == []
     assert len(faults_of_order(paired, scores(1, 0.3, 0.2, 1, 1))) == 1
     assert faults_of_order(paired, {"ground truth": None}) == []
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    """A minute of a synthetic corpus in the layout of BEAT, and its store."""
+    pytest.importorskip("joblib", reason="prepare needs joblib: pip install 'cospeech[corpora]'")
+    from cospeech.prepare import prepare
+    from cospeech.synthesise import synthesise
+
+    folder = tmp_path_factory.mktemp("corpus")
+    samples, rate = soundfile.read(example()[0], dtype="float32")
+    (folder / "speech").mkdir()
+    for k in range(3):
+        soundfile.write(folder / "speech" / f"{k}.wav", samples[6 * k * rate : 6 * (k + 1) * rate], rate)
+    synthesise(folder / "raw", layout="beat", speech=folder / "speech", hours=0.007, tts=False)
+    prepare("beat", folder / "raw", folder / "store")
+    return folder
+
+
+def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(corpus):
+    clips = stored_clips(corpus / "store", split=None, raw=corpus / "raw")
+    assert len(clips) > 2
+    for clip in clips:
+        assert abs(float(clip.speech.duration) - clip.motion.duration) < 0.1
+        assert clip.speaker
+    found = evaluate({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
+    assert found.cells["itself"]["pck"].value == found.cells["itself"]["srgr"].value == 1
+    assert found.cells["itself"]["fgd"].value < 1e-6
+    assert found.cells["white noise"]["fgd"].value > 10
+    assert load_metric("beat_align")([sample_of(clip) for clip in clips]).value > 0
+
+
+def test_a_store_without_its_corpus_is_mute(corpus):
+    clips = stored_clips(corpus / "store", split=None)
+    assert all(clip.speech is None for clip in clips)
+    found = evaluate({}, clips, metrics=("beat_align", "pck"))
+    assert found.cells["ground truth"]["beat_align"] is None
+    assert "speech" in found.why["ground truth"]["beat_align"]
+    assert {c.name for c in stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
+    with pytest.raises(InputError, match="did you mean 'test'"):
+        stored_clips(corpus / "store", split="tets")
+    with pytest.raises(InputError):
+        stored_clips(corpus / "speech")
 
 
 def test_every_metric_can_be_asked_for():

@@ -253,7 +253,7 @@ def test_movement_is_the_share_of_rows_in_range():
     hips = np.tile([0.0, 0.9, 0.0], (frames, 1))
     shoulders = np.tile(np.array([[0.18, 1.4, 0.0], [-0.18, 1.4, 0.0]]), (frames, 1, 1))
     wrists = np.tile(np.array([[0.2, 1.1, 0.3], [-0.2, 1.1, 0.3]]), (frames, 1, 1)) + rng.normal(size=(frames, 2, 3)) * 0.1
-    noise = Sample("noise", FPS, track=Track(FPS, hips, shoulders, (shoulders + wrists) / 2, wrists))
+    noise = Sample("noise", FPS, positions=wrists, track=Track(FPS, hips, shoulders, (shoulders + wrists) / 2, wrists))
     assert 0 <= load_metric("movement")([noise]).value < 0.6
     part = {name: getattr(noise.track, name)[:60] for name in ("hips", "shoulders", "elbows", "wrists")}
     with pytest.raises(InputError, match="3 s"):

@@ -3,7 +3,7 @@
     table = evaluate({"rules": "generated/"}, clips)
     print(table.to_text())
 
-It takes any sequence of clips (`cospeech.corpora.Clip`): what a reader or a store yields.
+It takes any sequence of clips (`cospeech.corpora.Clip`): what a reader yields, or `stored_clips` of a store.
 """
 
 from __future__ import annotations
@@ -11,20 +11,27 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .corpora.clip import Clip, Points, Semantic
+from .corpora import CORPORA
+from .corpora.clip import SPLITS, Clip, Points, Semantic
+from .corpora.store import Entry, Store
 from .errors import InputError, nearest
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, Track, load_metric
 from .metrics.controls import CONTROLS, WRONG, control_rows, faults_of_order
+from .metrics.sample import pose_vectors
 from .motion import Motion
+from .poses import find_pose
 from .rotations import Array
+from .speech import Speech
 
-__all__ = ["DEFAULT", "POSE_STATISTICS", "Table", "evaluate", "load_motions", "sample_of", "track_of"]
+__all__ = ["DEFAULT", "POSE_STATISTICS", "Table", "evaluate", "load_motions", "sample_of", "stored_clips", "track_of"]
 
 DEFAULT = (
     "movement", "beat_align", "fgd", "fid_poses", "pck", "pck_2d", "ape", "srgr", "cca", "diversity", "l1_div", "multimodality",
@@ -39,6 +46,7 @@ FEATURES, WINDOW, HOP = 32, 34, 10  # ours, as many as TED's network; frames of 
 ARMS = {"ted": (0, (4, 7), (5, 8), (6, 9)), "pats": (0, (4, 1), (5, 2), (6, 3))}
 """Key points: layout → root, and left and right shoulder, elbow, wrist (`cospeech.skeletons.ted` and `pats`)."""
 SHOULDER, RIGHT_SHOULDER = 167.0, 1  # pixels, key point: PATS' ``pose/normalize``, in which the published centres are
+METRES = 0.175  # from neck to shoulder; `cospeech.skeletons.humanoid`
 
 Motions = Mapping[str, Motion | Clip | Sequence[Motion | Clip]] | Sequence[Motion | Clip] | str | PathLike[str]
 
@@ -49,7 +57,11 @@ def _pose_statistics(windows: Array) -> Array:
     return parts @ (np.random.default_rng(0).normal(size=(parts.shape[1], FEATURES)) / np.sqrt(FEATURES))
 
 
-POSE_STATISTICS = FeatureNet("pose statistics, untrained, 32-d", _pose_statistics, WINDOW, HOP)
+def _in_metres(sample: Sample) -> Array:
+    return pose_vectors(sample) * (1.0 if sample.positions is not None else METRES / SHOULDER)
+
+
+POSE_STATISTICS = FeatureNet("pose statistics, untrained, 32-d", _pose_statistics, WINDOW, HOP, _in_metres)
 """Features where no network is passed in: mean, deviation and RMS speed of each coordinate, projected at random to 32 numbers.
 Figures made with it are comparable with each other, and with no paper's."""
 
@@ -94,8 +106,14 @@ def _semantics(stretches: Sequence[Semantic] | None, frames: int, fps: float) ->
     return scores
 
 
-def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0) -> Sample:
+def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: bool = True) -> Sample:
     """What metrics see of a clip: of our humanoid without the legs, which stand; of other bodies all.
+
+    Args:
+        clip: of a reader, of a store, or with generated motion.
+        condition: which speech the motion is for; the clip's name else.
+        seed_frames: so many first frames were given.
+        track: whether hips and arms are wanted, for which other skeletons than ours have to be retargeted.
 
     Raises:
         InputError: the clip has no motion and no key points.
@@ -110,21 +128,22 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0) -> Sampl
         if skeleton.kind == "humanoid":
             keep = [k for k in keep if k == 0 or k not in skeleton.lower_body]
         try:
-            track = Track.of(motion if skeleton.kind == "humanoid" else motion.retarget("humanoid"))
+            body = motion if skeleton.kind == "humanoid" or not track else motion.retarget("humanoid")
+            arms = Track.of(body) if track else None
         except InputError:
-            track = None  # a body without arms that we know; metrics that need them say so
+            arms = None  # a body without arms that we know; metrics that need them say so
         return Sample(
             fps=motion.fps, positions=motion.positions()[:, keep], rotations=np.asarray(motion.rotations[:, keep], np.float64),
-            names=tuple(skeleton.names[k] for k in keep), track=track,
+            names=tuple(skeleton.names[k] for k in keep), track=arms,
             semantics=_semantics(clip.semantics, len(motion), motion.fps), **common,
         )  # fmt: skip
     if clip.points is not None and len(clip.points):
         points = clip.points
         values = _normalised(points.values) if points.layout == "pats" else points.values
         known = {"positions" if values.shape[2] == 3 else "points": values}
-        track = track_of(points) if points.layout in ARMS else None
+        arms = track_of(points) if track and points.layout in ARMS else None
         semantics = _semantics(clip.semantics, len(points), points.fps)
-        return Sample(fps=points.fps, track=track, semantics=semantics, **(common | known))
+        return Sample(fps=points.fps, track=arms, semantics=semantics, **(common | known))
     raise InputError(f"clip {clip.name!r} has no motion", "metrics need joint rotations or key points")
 
 
@@ -163,7 +182,7 @@ def _fit(motion: Motion, clip: Clip) -> Clip:
     return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=None))
 
 
-def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int) -> list[Sample]:
+def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
     names = [clip.name for clip in reference]
     if isinstance(motions, str | PathLike):
         motions = load_motions(motions, names)
@@ -180,12 +199,76 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int) -> li
         for number, take in enumerate([takes] if isinstance(takes, Motion | Clip) else takes, 1):
             made = take if isinstance(take, Clip) else _fit(take, clip)
             made = replace(made, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
-            samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames))
+            samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames, track=track))
     return samples
 
 
 def _mark(faults: Sequence[str]) -> str:
     return "!" if any(WRONG in fault for fault in faults) else "~" if faults else ""
+
+
+def stored_clips(
+    folder: str | PathLike[str], *, split: str | None = "test", raw: str | PathLike[str] | None = None
+) -> list[Clip]:
+    """The recordings of a prepared store, decoded from its poses, as `evaluate` takes them.
+
+    Args:
+        folder: a store made by ``prepare``.
+        split: of `cospeech.corpora.clip.SPLITS`, or None: all.
+        raw: the corpus it was made from; a store keeps no sound, and metrics that hear need it.
+
+    Raises:
+        InputError: not a store, an unknown split, no clip in it, or a corpus that cannot be read.
+    """
+    store = Store(folder)
+    if split not in (None, *SPLITS):
+        raise InputError(f"no split is called {split!r}", nearest(str(split), SPLITS))
+    entries = [entry for entry in store.clips if split in (None, entry.split)]
+    if not entries:
+        raise InputError(f"no clip of {str(folder)!r} is in the {split or 'whole'} split")
+    pose = find_pose(store.pose)
+    sounds = {} if raw is None else _sounds(store, entries, raw)
+    clips = []
+    for entry in entries:
+        arrays = store.clip(entry)
+        body = pose.decode(np.asarray(arrays["pose"], np.float64), store.fps)
+        kind = {"motion": body} if isinstance(body, Motion) else {"points": body}
+        semantics = _stretches(arrays["semantic"], store.fps) if "semantic" in arrays else None
+        speech = sounds.get(entry.name)
+        clips.append(
+            Clip(
+                entry.name,
+                entry.speaker,
+                store.corpus,
+                speech,
+                semantics=semantics,
+                split=entry.split,
+                start=entry.start,
+                **kind,
+            )
+        )
+    return clips
+
+
+def _stretches(scores: Array, fps: float) -> tuple[Semantic, ...]:
+    """Runs of frames of one score above 0."""
+    edges = [0, *(np.flatnonzero(np.diff(scores)) + 1).tolist(), len(scores)]
+    return tuple(Semantic(a / fps, b / fps, float(scores[a])) for a, b in pairwise(edges) if scores[a] > 0)
+
+
+def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) -> dict[str, Speech]:
+    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``."""
+    wanted: dict[str, list[Entry]] = {}
+    for entry in entries:
+        wanted.setdefault(entry.name.partition("@")[0], []).append(entry)
+        wanted.setdefault(entry.name, []).append(entry)
+    found = {}
+    for clip in import_module(CORPORA[store.corpus].module).read(raw):
+        if isinstance(clip, Clip) and clip.speech is not None:
+            for entry in wanted.get(clip.name, ()):
+                start = clip.speech.start + entry.start - clip.start
+                found[entry.name] = clip.speech.window(start, start + entry.frames / store.fps)
+    return found
 
 
 @dataclass(frozen=True)
@@ -290,10 +373,11 @@ def evaluate(
     both = sorted(set(systems) & set(CONTROLS))
     if not chosen or both:
         raise InputError(f"a system called {both[0]!r}" if both else "no metrics", f"known: {', '.join(METRICS)}")
-    truth = [sample_of(clip) for clip in reference]
-    rows = {name: _system(motions, reference, seed_frames) for name, motions in systems.items()}
+    track = any("track" in measure.about.needs for measure in chosen.values())
+    truth = [sample_of(clip, track=track) for clip in reference]
+    rows = {name: _system(motions, reference, seed_frames, track) for name, motions in systems.items()}
     for name, clips in control_rows(reference, seed=tools.seed).items():
-        rows[name] = [sample_of(clip, seed_frames=seed_frames) for clip in clips]
+        rows[name] = [sample_of(clip, seed_frames=seed_frames, track=track) for clip in clips]
     cells: dict[str, dict[str, Score | None]] = {row: {} for row in rows}
     why: dict[str, dict[str, str]] = {}
     for row, samples in rows.items():

@@ -3,7 +3,8 @@
     closeness = mean over a of exp(−min_b |a − b|² / 2σ²)
 
 Dense motion beats are near to everything, so that white noise, or a body frozen but for 1e-6 of noise, scores what
-people do, or more. `beat_align` compares with the same motion slid along the same speech (`beat_lift`).
+people do, or more. `beat_align` compares with the same motion slid along the same speech (`beat_lift`), the
+beats of short clips end to end.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array, quat_to_euler
-from .beat_lift import beat_lift
+from .beat_lift import accents, lift_of_times, wrist_peaks
 from .interval import mean_score
 from .metric import metric
 from .movement import Track
@@ -31,6 +32,7 @@ ORDER, ORDER_FPS = 10, 60.0  # MINT calculate_beat_scores.py: 10 frames at 60 pe
 HA2G_SIGMA, HA2G_LEAST = 0.1, 0.03  # s, of the normalised angle change (HA2G train.py)
 BEAT_SIGMA, BEAT_ORDER, BEAT_FROM, BEAT_TO = 0.3, 2, 10.0, 500.0  # s, frames, s, s (BEAT 2022 utils/metric.py, test.py)
 LIBRARY_RATE = 22_050.0  # BEAT 2022 leaves librosa's default where 16 kHz is meant: times × 16000 / 22050
+SHORTEST, JOINED = 1.5, 30.0  # s; ours: clips shorter than JOINED are judged end to end, so that they can be slid
 RING = ("RightHandRing2", "rightRingIntermediate")  # the finger whose three columns BEAT 2022 takes for the right wrist
 
 
@@ -82,11 +84,20 @@ def _speech(sample: Sample) -> tuple[Array, float]:
 @metric("speech", "track", better="higher", hears=True)
 def beat_align(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """How far the hands follow the accents beyond chance; 0 for noise, for stillness and for the wrong speech."""
-    triples = []
+    runs: list[tuple[Array, Array, float]] = []
     for sample in generated:
         assert sample.track is not None
-        triples.append((*_speech(sample), sample.track))
-    lift = beat_lift(triples, seed=tools.seed)
+        samples, rate = _speech(sample)
+        seconds = len(samples) / rate
+        if min(seconds, len(sample.track.hips) / sample.track.fps) < SHORTEST:
+            continue
+        here = (accents(samples, rate), wrist_peaks(sample.track), seconds)
+        if runs and runs[-1][2] < JOINED:
+            a, b, before = runs[-1]
+            runs[-1] = (np.concatenate([a, here[0] + before]), np.concatenate([b, here[1] + before]), before + seconds)
+        else:
+            runs.append(here)
+    lift = lift_of_times(runs, seed=tools.seed)
     return Score(lift.far, lift.interval, lift.accents, f"lag {lift.lag:+.2f} s")
 
 

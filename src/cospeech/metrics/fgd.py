@@ -23,6 +23,7 @@ from .sample import FeatureNet, Sample, Score, Tools, pose_vectors
 __all__ = ["fgd", "fgd_published", "fid_poses", "frechet", "frechet_published", "moments"]
 
 EPS = 1e-6  # pytorch-fid: added to the diagonals where the root is not finite
+STILL = 1e-4  # ours: of the largest deviation; a coordinate that moves less is rounding (Mix-StAGE divides it by 1e-8)
 DRAWS, WIDE, FEW = 200, 64, 30  # ours: bootstrap draws; fewer where features have more than WIDE dimensions
 
 
@@ -136,7 +137,9 @@ def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     a, b = ([pose_vectors(sample) for sample in side] for side in (generated, reference))
     joined = np.concatenate(b)
     mean, deviation = joined.mean(0), joined.std(0)
-    deviation = np.where(deviation > 0, deviation, 1e-8)  # Mix-StAGE's znorm
-    a, b = ([(x - mean) / deviation for x in side] for side in (a, b))
+    moving = deviation > STILL * deviation.max(initial=0)
+    if not moving.any():
+        raise InputError("the reference does not move")
+    a, b = ([((x - mean) / np.maximum(deviation, 1e-300))[:, moving] for x in side] for side in (a, b))
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
     return Score(value, _interval(a, b, value, tools.seed), sum(map(len, a)), "frames")

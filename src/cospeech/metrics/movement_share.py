@@ -16,7 +16,7 @@ __all__ = ["movement"]
 SHORTEST = 3.0  # seconds; what `movement_statistics` takes at least
 
 
-@metric("track", better="higher")
+@metric("track", "positions", better="higher")
 def movement(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of the movement statistics inside the range of real speakers, per window of 30 s."""
     shares = []

@@ -9,7 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 import soundfile
+import typer
+from typer.testing import CliRunner
 
+from cospeech.cli_evaluate import register
 from cospeech.corpora import Clip, Points, Semantic
 from cospeech.errors import InputError
 from cospeech.evaluate import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
@@ -302,6 +305,27 @@ def test_a_store_without_its_corpus_is_mute(corpus):
         stored_clips(corpus / "store", split="tets")
     with pytest.raises(InputError):
         stored_clips(corpus / "speech")
+
+
+def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    register(app)
+    generated = tmp_path / "generated"
+    generated.mkdir()
+    for clip in stored_clips(corpus / "store", split="test"):
+        clip.motion.save(generated / f"{clip.name}.npz")
+    line = [str(corpus / "store"), f"mine={generated}", "-m", "pck", "-m", "w1_speed", "-o", str(tmp_path / "table.json")]
+    done = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "pck ↑" in done.output
+    written = json.loads((tmp_path / "table.json").read_text("utf-8"))
+    assert written["rows"]["mine"]["pck"]["value"] == pytest.approx(1)
+    assert list(written["rows"]) == ["mine", *CONTROLS]
+    done = CliRunner().invoke(app, [*line[:2], "-m", "ape", "--json"], catch_exceptions=False)
+    assert json.loads(done.output)["rows"]["mine"]["ape"]["value"] < 1e-4
+    for wrong in (["=x"], [f"mine={generated}", f"mine={generated}"], [str(tmp_path / "nowhere")]):
+        with pytest.raises(InputError):
+            CliRunner().invoke(app, [line[0], *wrong, "-m", "pck"], catch_exceptions=False)
 
 
 def test_every_metric_can_be_asked_for():

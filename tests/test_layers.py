@@ -29,7 +29,7 @@ LAYERS = [
     {"train", "evaluate", "runtime"},
     {"generate"},
     {"convert", "demo", "catalogue"},
-    {"bench", "cli_corpora"},
+    {"bench", "cli_corpora", "cli_evaluate"},
     {"studio", "cli"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from fractions import Fraction
 
@@ -134,6 +137,27 @@ def test_stopped_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path, 
     prepare("beat", raw, tmp_path / "s")
     assert len(calls) == 5  # the two parts that were there were not made again
     assert same(tmp_path / "s", made[0])
+
+
+def test_killed_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path):
+    """SIGKILL, in the middle of the third clip."""
+    target = tmp_path / "s"
+    code = (
+        "import time\nfrom cospeech.prepare import pieces, prepare\nreal = pieces.encode\ndone = []\n"
+        "def slow(clip, plan):\n    done.append(1)\n    time.sleep(60 * (len(done) == 3))\n    return real(clip, plan)\n"
+        f"pieces.encode = slow\nprepare('beat', {str(raw)!r}, {str(target)!r})\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        limit = time.monotonic() + 30
+        while len(list((target / ".parts").glob("0*.npz"))) < 2 and process.poll() is None and time.monotonic() < limit:
+            time.sleep(0.05)
+    finally:
+        process.kill()
+        process.wait()
+    assert len(list((target / ".parts").glob("0*.npz"))) == 2
+    prepare("beat", raw, target)
+    assert same(target, made[0])
 
 
 def test_parts_of_other_data_or_settings_are_made_again(raw, made, tmp_path, monkeypatch):

@@ -132,9 +132,10 @@ def _write_interval(path: Path, clip: Clip, values: Array) -> None:
 
 
 def _write_words(file: Any, words: Iterable[Word], start: float, frames: int) -> None:
-    """Words that begin before the poses end; a word takes whole frames, the first and the last included."""
-    rows = [(w.text, int((w.start - start) * FPS + 1e-6), int(np.ceil((w.end - start) * FPS - 1e-6)) - 1) for w in words]
-    rows = [(text, first, max(min(last, frames - 1), first)) for text, first, last in rows if 0 <= first < frames]
+    """Words that begin before the poses end, on the nearest whole frames; each takes one at least."""
+    spans = [(w.text, round((w.start - start) * FPS), round((w.end - start) * FPS) - 1) for w in words]
+    spans = [(text, min(first, frames - 1), last) for text, first, last in spans if 0 <= first <= frames]
+    rows = [(text, first, max(min(last, frames - 1), first)) for text, first, last in spans]
     numbers = {"start_frame": [first for _, first, _ in rows], "end_frame": [last for _, _, last in rows]}
     write_frame(file.create_group("text/meta"), [text for text, _, _ in rows], numbers, "Word")
 

@@ -14,13 +14,9 @@ import numpy as np
 from ..corpora.clip import Points
 from ..errors import InputError
 from ..rotations import Array
+from ..skeletons.ted import AXES, JOINTS
 
 __all__ = ["BONES", "DIRECTION_VECTORS", "JOINTS", "MEAN", "DirectionVectors", "to_points", "to_vectors"]
-
-JOINTS = (
-    "spine", "neck", "nose", "head", "leftShoulder", "leftElbow", "leftWrist", "rightShoulder", "rightElbow", "rightWrist",
-)  # fmt: skip
-"""The 10 joints; the data's authors number them only, the names of 2 and 3 are ours."""
 
 BONES = (
     (0, 1, 0.26), (1, 2, 0.18), (2, 3, 0.14), (1, 4, 0.22), (4, 5, 0.36), (5, 6, 0.33),
@@ -35,7 +31,7 @@ MEAN = np.array([
 ])  # fmt: skip
 """(27,) ``mean_dir_vec`` of the authors' configuration: what the published networks subtract."""
 
-_TURN = np.array([-1.0, -1.0, 1.0])  # our axes to those of the data
+_TURN = np.array(AXES)  # our axes to those of the data
 _FROM, _TO = (np.array(end) for end in list(zip(*BONES, strict=True))[:2])
 
 

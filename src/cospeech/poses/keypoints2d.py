@@ -15,20 +15,9 @@ import numpy as np
 from ..corpora.clip import Points
 from ..errors import InputError
 from ..rotations import Array
+from ..skeletons.pats import JOINTS
 
 __all__ = ["FACE", "JOINTS", "KEPT", "KEYPOINTS2D", "SHOULDER", "KeyPoints2D", "to_points", "to_vectors"]
-
-_FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
-
-
-def _hand(side: str) -> tuple[str, ...]:
-    return (f"{side}HandRoot", *(f"{side}Hand{finger}{k}" for finger in _FINGERS for k in range(1, 5)))
-
-
-JOINTS = (
-    "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "Nose", "REye", "LEye", *_hand("L"), *_hand("R"),
-)  # fmt: skip
-"""The 52 joints in the order of the data."""
 
 MASKED = (0, 7, 8, 9)  # neck, nose, eyes: what all models of the paper leave out
 KEPT = tuple(k for k in range(len(JOINTS)) if k not in MASKED)

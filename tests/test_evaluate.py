@@ -314,18 +314,19 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
     generated.mkdir()
     for clip in stored_clips(corpus / "store", split="test"):
         clip.motion.save(generated / f"{clip.name}.npz")
-    line = [str(corpus / "store"), f"mine={generated}", "-m", "pck", "-m", "w1_speed", "-o", str(tmp_path / "table.json")]
+    head = [f"mine={generated}", "--corpus", str(corpus / "store")]
+    line = [*head, "--metrics", "pck,w1_speed", "-o", str(tmp_path / "table.json")]
     done = CliRunner().invoke(app, line, catch_exceptions=False)
     assert done.exit_code == 0
     assert "pck ↑" in done.output
     written = json.loads((tmp_path / "table.json").read_text("utf-8"))
     assert written["rows"]["mine"]["pck"]["value"] == pytest.approx(1)
     assert list(written["rows"]) == ["mine", *CONTROLS]
-    done = CliRunner().invoke(app, [*line[:2], "-m", "ape", "--json"], catch_exceptions=False)
+    done = CliRunner().invoke(app, [*head, "--metrics", "ape", "--json"], catch_exceptions=False)
     assert json.loads(done.output)["rows"]["mine"]["ape"]["value"] < 1e-4
     for wrong in (["=x"], [f"mine={generated}", f"mine={generated}"], [str(tmp_path / "nowhere")]):
         with pytest.raises(InputError):
-            CliRunner().invoke(app, [line[0], *wrong, "-m", "pck"], catch_exceptions=False)
+            CliRunner().invoke(app, [*wrong, *head[1:], "--metrics", "pck"], catch_exceptions=False)
 
 
 def test_every_metric_can_be_asked_for():
@@ -333,3 +334,16 @@ def test_every_metric_can_be_asked_for():
     assert sum(score is not None for score in found.cells["ground truth"].values()) > 25
     assert all(isinstance(load_metric(name).about.unit, str) for name in found.columns)
     assert isinstance(clips()[0].motion, Motion)
+
+
+def test_a_model_plays_the_recordings_of_a_store(corpus):
+    """From the name of a model to its row of the table, with the sound of the corpus."""
+    from cospeech.contest import contest
+
+    table = contest({"rules": "rules"}, corpus / "store", raw=corpus / "raw", metrics=("w1_speed", "pck"), takes=2)
+    assert table.rows == ("rules", *CONTROLS)
+    assert table.cells["rules"]["w1_speed"].value < table.cells["white noise"]["w1_speed"].value
+    with pytest.raises(InputError, match="models: rules"):
+        contest({"x": "rulez"}, corpus / "store")
+    with pytest.raises(InputError, match="--raw"):
+        contest({"rules": "rules"}, corpus / "store", metrics=("pck",))

@@ -27,6 +27,7 @@ LAYERS = [
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
     {"train", "evaluate", "runtime"},
+    {"contest"},
     {"generate"},
     {"convert", "demo", "catalogue"},
     {"bench", "cli_corpora", "cli_evaluate"},

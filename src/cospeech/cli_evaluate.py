@@ -13,24 +13,27 @@ from .files import atomic
 
 __all__ = ["register"]
 
-Store = Annotated[Path, Argument(metavar="STORE", help="Folder made by `cospeech prepare`.")]
 Systems = Annotated[
     list[str] | None,
-    Argument(metavar="[NAME=FOLDER]...", help="Motions to judge: CLIP.bvh or CLIP.npz for every clip; more takes: CLIP.2.bvh."),
+    Argument(
+        metavar="[SYSTEM]...",
+        help="A model, or FOLDER or NAME=FOLDER of motions: CLIP.bvh or CLIP.npz for every clip; more takes: CLIP.2.bvh.",
+    ),
 ]
-Raw = Annotated[Path | None, Option("--raw", metavar="RAW", help="The corpus of the store, for metrics that hear.")]
+Store = Annotated[Path, Option("--corpus", metavar="STORE", help="Folder made by `cospeech prepare`.")]
+Raw = Annotated[Path | None, Option("--raw", metavar="RAW", help="The corpus of the store, for models and metrics that hear.")]
 Split = Annotated[str, Option("--split", metavar="NAME", help="train, validation, test or all.")]
-Metrics = Annotated[
-    list[str] | None, Option("--metric", "-m", metavar="NAME", help="See `cospeech list metrics`; several may be given.")
-]
+Metrics = Annotated[str | None, Option("--metrics", metavar="LIST", help="Separated by commas; see `cospeech list metrics`.")]
+Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Performances of a model, for metrics of variety.")]
+Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Of a model's first performance.")]
 Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="First frames that were given to the systems.")]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write the table as JSON.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
-def _folders(systems: list[str]) -> dict[str, str]:
-    """Name → folder, of ``NAME=FOLDER`` or of a folder alone, which is its own name."""
+def _named(systems: list[str]) -> dict[str, str]:
+    """Name → model or folder, of ``NAME=FOLDER`` or of a model or folder alone, which is its own name."""
     found: dict[str, str] = {}
     for system in systems:
         name, equals, folder = system.partition("=")
@@ -46,27 +49,33 @@ def register(app: typer.Typer) -> None:
 
     @app.command()
     def evaluate(
-        store: Store,
         systems: Systems = None,
+        *,
+        corpus: Store,
         raw: Raw = None,
+        metrics: Metrics = None,
         split: Split = "test",
-        metric: Metrics = None,
+        takes: Takes = 1,
+        seed: Seed = 0,
         seed_frames: Given = 0,
         out: Out = None,
         as_json: Json = False,
         debug: Debug = False,
     ) -> None:
-        """Motions against recordings: a table of metrics, always with control rows.
+        """A table of metrics: systems beside the ground truth and the control rows that a metric must put in order.
 
         \b
-        cospeech evaluate stores/beat mine=generated --raw raw/beat -m fgd -m beat_align
+        cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align
+        cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         """
-        from .evaluate import DEFAULT, stored_clips
-        from .evaluate import evaluate as judge
+        from .contest import contest
+        from .evaluate import DEFAULT
 
-        folders = _folders(systems or [])
-        clips = stored_clips(store, split=None if split == "all" else split, raw=raw)
-        table = judge(folders, clips, metrics=tuple(metric or DEFAULT), seed_frames=seed_frames)
+        table = contest(
+            _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
+            metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
+            seed_frames=seed_frames,
+        )  # fmt: skip
         if out is not None:
             with atomic(out) as path:
                 path.write_text(table.to_json() + "\n", "utf-8")

@@ -68,7 +68,12 @@ def _metrics() -> list[Row]:
 
 
 def _corpora() -> list[Row]:
-    return []  # none yet: readers of corpora come with training
+    from .corpora import CORPORA
+
+    return [
+        {"name": name, "what": entry.what, "access": "read and write" if entry.writable else "read"}
+        for name, entry in CORPORA.items()
+    ]
 
 
 CATALOGUES: dict[str, Callable[[], list[Row]]] = {

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer import Argument, Option
 
-from . import __version__
+from . import __version__, cli_corpora, cli_evaluate
 from .errors import CospeechError, InputError, InternalError
 from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
@@ -321,6 +321,10 @@ def _progress(title: str, quiet: bool) -> Iterator[Callable[[float, float | None
         yield tell
     finally:
         bar.stop()
+
+
+cli_corpora.register(app, _progress)
+cli_evaluate.register(app)
 
 
 def _usage_error(error: typer.TyperException) -> InputError:

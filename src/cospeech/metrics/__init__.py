@@ -1,17 +1,64 @@
 """Metrics: one file each, numpy and scipy only, no model is ever imported here.
 
-`movement` says how people move, in numbers, and within which ranges; `beat_lift` says how far motion follows the accents
-of its speech, corrected for chance.
+Every row of `METRICS` is called in the same way:
+
+    score = metric(generated, reference, tools)
+
+with sequences of `Sample` (positions, key points, rotations, track, speech, semantics: what is there) and `Tools` (a named
+feature network, a classifier, centres: what is passed in). It gives a `Score`: a value, its 95 % interval and its count.
+``metric.about`` says what it needs, which way is better, whether it pairs clips and whether it hears. Names with a paper or a
+system in them are the form as coded there, quirks included; the others are the default, with what is broken mended.
+
+`movement` says how people move, in numbers, and within which ranges; `beat_lift` how far motion follows the accents of its
+speech, corrected for chance; `controls` builds the rows that every table needs.
 """
 
 from .beat_lift import BeatLift, beat_lift
+from .metric import Metric
 from .movement import Track, movement_statistics
 from .movement_reference import REFERENCE, Row
+from .sample import FeatureNet, Sample, Score, Tools
 
-__all__ = ["METRICS", "REFERENCE", "BeatLift", "Row", "Track", "beat_lift", "movement_statistics"]
+__all__ = [
+    "METRICS", "REFERENCE", "BeatLift", "FeatureNet", "Metric", "Row", "Sample", "Score", "Tools", "Track", "beat_lift",
+    "load_metric", "movement_statistics",
+]  # fmt: skip
 
-METRICS: dict[str, str] = {
-    "movement": "cospeech.metrics.movement:movement_statistics",
-    "beat_lift": "cospeech.metrics.beat_lift:beat_lift",
+_ROWS = {
+    "movement_share": ("movement",),
+    "beat_align": ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat"),
+    "fgd": ("fgd", "fgd_published", "fid_poses"),
+    "pck": ("pck", "pck_gfge", "pck_2d", "pck_mix_stage", "pck_s2g"),
+    "joint_error": ("mae", "ape", "acceleration_error"),
+    "srgr": ("srgr", "srgr_beat"),
+    "mode_f1": ("mode_f1", "mode_f1_published"),
+    "diversity": ("diversity", "diversity_gfge", "diversity_mix_stage", "l1_div", "l1_div_beat"),
+    "multimodality": ("multimodality", "multimodality_ha2g"),
+    "clustering": ("chi", "silhouette", "chi_gfge", "silhouette_gfge"),
+    "inception_score": ("inception_score", "inception_score_published"),
+    "wasserstein": ("w1_speed", "w1_acceleration", "w1_speed_mix_stage"),
+    "genea": ("jerk", "acceleration", "jerk_genea", "hellinger_speed", "hellinger_speed_genea"),
+    "cca": ("cca", "cca_genea"),
 }
-"""Name → ``module:function``; `cospeech list metrics` and the documentation iterate over it."""
+"""Module (and page of the documentation) → its metrics."""
+
+METRICS: dict[str, str] = {name: f"cospeech.metrics.{module}:{name}" for module, names in _ROWS.items() for name in names}
+"""Name → ``module:function`` of the one signature; `cospeech list metrics`, `evaluate` and the docs iterate over it."""
+
+
+def load_metric(name: str) -> Metric:
+    """A metric by name.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    from importlib import import_module
+
+    from ..errors import InputError, nearest
+
+    if name not in METRICS:
+        raise InputError(f"no metric is called {name!r}", nearest(name, METRICS))
+    module, _, attribute = METRICS[name].partition(":")
+    found = getattr(import_module(module), attribute)
+    assert isinstance(found, Metric)
+    return found

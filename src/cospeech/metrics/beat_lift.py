@@ -25,7 +25,7 @@ from ..rotations import Array
 from .movement import Track, wrist_speeds
 from .movement_signal import FPS, SMOOTH, low_pass
 
-__all__ = ["BeatLift", "accents", "beat_lift", "energy_envelope", "wrist_peaks"]
+__all__ = ["BeatLift", "accents", "beat_lift", "energy_envelope", "lift_of_times", "wrist_peaks"]
 
 BAND = (100.0, 4000.0)  # Hz (benchmarks/README.md)
 RATE = 100.0  # Hz, of the envelope; ours: far above its 6 Hz
@@ -103,12 +103,19 @@ def beat_lift(pairs: Sequence[tuple[Array, float, Motion | Track]], *, seed: int
     Raises:
         InputError: no pair is longer than 8 s, or the speech has no accents.
     """
+    return lift_of_times([(accents(s, rate), wrist_peaks(motion), len(s) / rate) for s, rate, motion in pairs], seed=seed)
+
+
+def lift_of_times(recordings: Sequence[tuple[Array, Array, float]], *, seed: int = 0) -> BeatLift:
+    """`beat_lift` of the times of accents and of wrist peaks, and the duration, of each recording, in seconds.
+
+    Raises:
+        InputError: no recording is longer than 8 s, or the speech has no accents.
+    """
     rng = np.random.default_rng(seed)
     close: dict[str, list[Array]] = {"true": [], "far": [], "near": []}
     blocks: list[Array] = []
-    for samples, rate, motion in pairs:
-        speech, peaks = accents(samples, rate), wrist_peaks(motion)
-        duration = len(samples) / rate
+    for speech, peaks, duration in recordings:
         if duration < 5 * SHIFT or not len(speech):
             continue
         near = np.linspace(SHIFT, min(NEAR, duration / 2), NEAR_SHIFTS // 2)

@@ -9,6 +9,7 @@ SKELETONS: dict[str, str] = {
     "beat": "cospeech.skeletons.beat",
     "smplx": "cospeech.skeletons.smplx",
     "unreal": "cospeech.skeletons.unreal",
+    "trinity": "cospeech.skeletons.trinity",
 }
 """Name → module with ``JOINTS`` (name, parent, offset in metres), ``ENDS`` and ``NAMES`` (our joint's name → theirs).
 

@@ -1,0 +1,101 @@
+"""Contest: a model plays the recordings of a corpus, so that `evaluate` can compare it with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .corpora.clip import Clip, Points
+from .corpora.keypoints import resample_points
+from .errors import InputError
+from .evaluate import DEFAULT, Table, evaluate, stored_clips
+from .models import MODELS, load
+from .motion import Motion
+
+__all__ = ["contest", "play"]
+
+
+def _pats(motion: Motion) -> Points:
+    from .corpora.pats_points import points_of
+
+    return points_of(motion)
+
+
+def _ted(motion: Motion) -> Points:
+    from .corpora.ted_writer import points_of
+
+    return points_of(motion)
+
+
+LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": _pats}
+"""Layout of key points → how motion of our humanoid is seen in it."""
+
+
+def play(model: str, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
+    """Clip name → what a model makes of its speech, ``takes`` times with seeds from ``seed`` on, in the clip's own form.
+
+    Raises:
+        InputError: no such model, or a clip has no speech.
+    """
+    player, played = load(model), dict[str, list[Motion | Clip]]()
+    for clip in clips:
+        if clip.speech is None:
+            raise InputError(f"clip {clip.name!r} has no speech for {model!r} to play", "name the corpus: --raw RAW")
+        body = clip.motion if clip.motion is not None else clip.points
+        if body is None:
+            raise InputError(f"clip {clip.name!r} has no motion to compare with")
+        made = [player.generate(clip.speech, seed=seed + k, fps=body.fps) for k in range(takes)]
+        played[clip.name] = [motion if clip.points is None else _seen(motion, clip) for motion in made]
+    return played
+
+
+def _seen(motion: Motion, clip: Clip) -> Clip:
+    """The clip with the key points of a generated motion, at its rate and of its length."""
+    assert clip.points is not None
+    points = LAYOUTS[clip.points.layout](motion)
+    values = resample_points(points.values, points.fps, clip.points.fps)
+    frames = np.minimum(np.arange(len(clip.points)), len(values) - 1)
+    return replace(clip, points=Points(clip.points.fps, values[frames], clip.points.layout))
+
+
+def contest(
+    targets: Mapping[str, str],
+    store: str | PathLike[str],
+    *,
+    raw: str | PathLike[str] | None = None,
+    metrics: Sequence[str] = DEFAULT,
+    split: str | None = "test",
+    takes: int = 1,
+    seed: int = 0,
+    seed_frames: int = 0,
+) -> Table:
+    """A table of systems and the control rows on the recordings of a prepared store.
+
+    Args:
+        targets: name → a model by name, or a folder of motions named like the clips; none: the control rows alone.
+        store: made by ``prepare``.
+        raw: the corpus it was made from, for the sound; without it, metrics that hear stay empty and no model can play.
+        metrics: names in `cospeech.metrics.METRICS`.
+        split: train, validation or test; None: all.
+        takes: so many performances of a model, for metrics of variety.
+        seed: of the first.
+        seed_frames: so many first frames of each motion were given to the systems.
+
+    Raises:
+        InputError: anything of these cannot be used.
+    """
+    if not 1 <= takes <= 100:
+        raise InputError(f"{takes} takes", "1 … 100")
+    for target in targets.values():
+        if target not in MODELS and not Path(target).is_dir():
+            raise InputError(f"{target!r} is no folder of motions and no model", f"models: {', '.join(MODELS)}")
+    clips = stored_clips(store, split=split, raw=raw)
+    systems: dict[str, Any] = {
+        name: play(target, clips, takes=takes, seed=seed) if target in MODELS else target for name, target in targets.items()
+    }
+    return evaluate(systems, clips, metrics=metrics, seed_frames=seed_frames)

@@ -1,0 +1,97 @@
+"""Any folder of sound files, searched to the bottom: how users bring a style of their own.
+
+Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,vrma,npz}``, its words, ``talk.{TextGrid,tsv,srt,vtt,json,txt}``, and
+its face, ``talk.json`` in BEAT's layout. The first folder below the given one names the speaker; without one the folder does.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import describe_os_error
+from .clip import Clip, Dropped
+from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
+
+__all__ = ["MOTION", "SOUND", "WORDS", "read"]
+
+SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
+MOTION = (".bvh", ".glb", ".vrma", ".npz")
+WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
+_PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB
+
+
+def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
+    """Clips in order of path, one at a time; the name is the path below the folder, without suffix.
+
+    Where several files could be a clip's sound, motion or words, the first suffix of `SOUND`, `MOTION`, `WORDS` counts. A
+    second sound of one name is reported as dropped.
+
+    Raises:
+        InputError: no such folder, or no sound file in it.
+    """
+    root = usable_folder(raw, "a corpus")
+    if next(_groups(root, []), None) is None:
+        raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
+    return _read(root)
+
+
+def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, Path]]]:
+    """Name → its files by suffix, for every sound, folder by folder; links to folders are not followed.
+
+    Folders that cannot be listed are added to ``failed``.
+    """
+    for place, folders, names in os.walk(root, onerror=failed.append):
+        folders.sort()
+        groups: dict[str, dict[str, Path]] = {}
+        for name in sorted(names):
+            path = Path(place, name)
+            if not name.startswith("."):
+                groups.setdefault(path.stem, {}).setdefault(path.suffix.lower(), path)
+        for stem, files in groups.items():
+            if any(suffix in SOUND for suffix in files):
+                yield Path(place, stem).relative_to(root).as_posix(), files
+
+
+def _read(root: Path) -> Iterator[Clip | Dropped]:
+    failed: list[OSError] = []
+    for name, files in _groups(root, failed):
+        first, *others = (files[suffix] for suffix in SOUND if suffix in files)
+        for other in others:
+            yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
+        parts = name.split("/")
+        speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
+        yield from read_each([name], lambda name, f=files, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
+    for error in failed:
+        yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
+
+
+def _clip(name: str, speaker: str, sound: Path, files: dict[str, Path]) -> Clip:
+    path = next((files[suffix] for suffix in MOTION if suffix in files), None)
+    face = files[".json"] if ".json" in files and _is_face(files[".json"]) else None
+    words = next((files[s] for s in WORDS if s in files and files[s] != face), None)
+    motion = None if path is None else load_motion(path)
+    weights = None if face is None else load_motion(face)
+    speech = load_sound(sound, words)
+    check_lengths(name, motion, speech)
+    return Clip(
+        name=name,
+        speaker=speaker,
+        corpus="folder",
+        speech=speech,
+        motion=motion,
+        face=None if weights is None else weights.face,
+        face_fps=None if weights is None else weights.fps,
+    )
+
+
+def _is_face(path: Path) -> bool:
+    """Whether a JSON holds face weights, not words."""
+    from ..export.reading import open_file
+
+    with open_file(path) as file:
+        head = file.read(_PEEK)
+    return b'"names"' in head and b'"frames"' in head

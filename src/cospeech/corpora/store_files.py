@@ -1,0 +1,80 @@
+"""The files of a store: what its index and its arrays have to look like, and opening them safely."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+
+__all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", "read_entry", "read_index"]
+
+FORMAT = "cospeech-store-1"
+ARRAYS = {"pose": "<f4", "audio": "<f4", "face": "<f4", "semantic": "<f4", "emotion": "|i1", "word": "<i4"}
+"""Name → type of the arrays that run along the frames; only the pose is always there."""
+STATISTICS = ("mean", "std")
+NUMBERED = ("pose", "audio")
+"""Those that have statistics."""
+_LARGEST = 1 << 30  # bytes of an index; ours: some million clips
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One clip of a store: its frames are rows ``offset`` … ``offset + frames`` of every array."""
+
+    name: str
+    speaker: str
+    split: str
+    offset: int
+    frames: int
+    start: float
+    """Seconds from the beginning of the original recording."""
+    has: tuple[str, ...]
+    """Which of `ARRAYS` it has values in."""
+
+
+def read_entry(row: Mapping[str, Any]) -> Entry:
+    """A row of the index; KeyError, TypeError or ValueError where it is none."""
+    text = {name: str(row[name]) for name in ("name", "speaker", "split")}
+    return Entry(**text, offset=int(row["offset"]), frames=int(row["frames"]), start=float(row["start"]), has=tuple(row["has"]))
+
+
+def read_index(folder: Path) -> Mapping[str, Any]:
+    """The index of a store, of this version.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = folder / "index.json"
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise InputError(f"{str(path)!r} is larger than {_LARGEST >> 20} MB", "is it an index of cospeech?")
+        index = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{str(folder)!r} is not a store: no readable index.json", "`cospeech prepare` makes one") from None
+    if not isinstance(index, dict) or index.get("format") != FORMAT:
+        raise InputError(f"{str(folder)!r} is not a store of this version ({FORMAT})", "prepare it again")
+    return index
+
+
+def open_array(path: Path, dtype: str, shape: tuple[int, ...]) -> Array:
+    """One array, mapped; never unpickled.
+
+    Raises:
+        InputError: missing, cut off, or of another type or shape than the index says.
+    """
+    try:
+        array = np.lib.format.open_memmap(path, "r")  # never unpickles
+    except (OSError, ValueError, EOFError, TypeError, SyntaxError, MemoryError, OverflowError) as error:
+        raise InputError(f"cannot open {str(path)!r}: {error}"[:200], "prepare the store again") from None
+    if not isinstance(array, np.memmap) or array.dtype.str != dtype or array.shape != shape or not array.flags.c_contiguous:
+        raise InputError(f"{str(path)!r} is not {shape} of {dtype}, as the index says", "prepare the store again")
+    return array

@@ -1,0 +1,83 @@
+"""CCA: the first canonical correlation between generated and recorded motion, frame by frame (GENEA).
+
+GENEA fits and scores on the same frames: with many dimensions and few frames anything correlates, white noise too. `cca` finds
+the two directions on one half of the clips (or of the frames, where there is one clip) and correlates on the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from .interval import mean_score
+from .metric import metric, paired_samples
+from .sample import Sample, Score, Tools
+
+__all__ = ["canonical", "cca", "cca_genea"]
+
+STILL = 1e-8  # GENEA cca.py: dimensions with less deviation are left out
+RANK = 1e-6  # ours: directions with less of the largest singular value are left out
+
+
+def _basis(x: Array) -> tuple[Array, Array]:
+    """Orthonormal columns that span the centred (T, D) data, and the (D, R) weights that make them."""
+    u, s, v = np.linalg.svd(x - x.mean(0), full_matrices=False)
+    keep = s > RANK * s.max(initial=0)
+    return u[:, keep], v[keep].T / s[keep]
+
+
+def canonical(a: Array, b: Array) -> tuple[float, Array, Array]:
+    """First canonical correlation of (T, D) and (T, E), 0 … 1, and the weights (D,) and (E,).
+
+    Raises:
+        InputError: lengths differ, or one side does not move.
+    """
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    if a.ndim != 2 or b.ndim != 2 or len(a) != len(b) or len(a) < 3:
+        raise InputError(f"CCA of shapes {a.shape} and {b.shape}", "the same number of frames, 3 at least")
+    if min(a.std(0).max(initial=0), b.std(0).max(initial=0)) <= STILL:
+        raise InputError("CCA of a body that does not move")
+    (qa, wa), (qb, wb) = _basis(a), _basis(b)
+    u, s, v = np.linalg.svd(qa.T @ qb)
+    return float(min(s[0], 1.0)), wa @ u[:, 0], wb @ v[0]
+
+
+def _poses(generated: Sequence[Sample], reference: Sequence[Sample]) -> list[tuple[Array, Array]]:
+    pairs = paired_samples(generated, reference, "positions")
+    if min(made.shape[1] for _, _, made, _ in pairs) < 2:
+        raise InputError("CCA of a root alone", "a root and at least one more joint")
+    flat = [[(x - x[:, :1])[:, 1:].reshape(len(x), -1) for x in (made, true)] for _, _, made, true in pairs]
+    return [(made, true) for made, true in flat]
+
+
+@metric("positions", better="higher", paired=True, chance=True)
+def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Canonical correlation on clips that the directions were not fitted on, −1 … 1; 0 for noise and for stillness."""
+    pairs = _poses(generated, reference)
+    if len(pairs) == 1:
+        half = len(pairs[0][0]) // 2
+        pairs = [(pairs[0][0][:half], pairs[0][1][:half]), (pairs[0][0][half:], pairs[0][1][half:])]
+    values = []
+    for fold in range(2):
+        fit, judge = pairs[fold::2], pairs[1 - fold :: 2]
+        made, true = (np.concatenate([pair[k] for pair in fit]) for k in range(2))
+        if made.std(0).max() <= STILL:
+            values += [0.0] * len(judge)
+            continue
+        _, wa, wb = canonical(made, true)
+        for a, b in judge:
+            x, y = a @ wa, b @ wb
+            moving = min(x.std(), y.std()) > 1e-12
+            values.append(float(np.corrcoef(x, y)[0, 1]) if moving else 0.0)
+    return mean_score(values, seed=tools.seed)
+
+
+@metric("positions", better="higher", paired=True)
+def cca_genea(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """GENEA's global CCA: fitted and scored on the same frames, which flatters everything that moves."""
+    pairs = _poses(generated, reference)
+    made, true = (np.concatenate([pair[k] for pair in pairs]) for k in range(2))
+    return Score(canonical(made, true)[0], None, len(made))

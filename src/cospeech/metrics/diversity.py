@@ -1,0 +1,106 @@
+"""Diversity: how much motion differs from clip to clip, and within a clip from its mean pose.
+
+More is not better: white noise and a shaking body are diverse. The published forms are "higher is better" and depend on the
+order and the batch of clips; `diversity` and `l1_div` do not, and are best where they equal the reference's own value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array, quat_to_euler
+from .interval import bootstrap, mean_score
+from .metric import metric
+from .sample import Sample, Score, Tools, pose_vectors
+
+__all__ = [
+    "diversity", "diversity_gfge", "diversity_mix_stage", "l1_div", "l1_div_beat", "mean_pair_distance",
+]  # fmt: skip
+
+FRAMES, BATCH = 34, 50  # a sample and a test batch of the flow paper (GFGE cal_metrics.py)
+MILLI = 1000.0  # metres → millimetres
+DRAWS = 200  # ours
+
+
+def mean_pair_distance(windows: Array) -> float:
+    """Mean over all pairs of rows (N, D) of the mean |difference|, whatever their order, in O(N log N).
+
+    >>> mean_pair_distance(np.array([[0.0], [1.0], [3.0]]))
+    2.0
+
+    Raises:
+        InputError: fewer than two rows.
+    """
+    count = len(windows)
+    if windows.ndim != 2 or count < 2 or not windows.shape[1]:
+        raise InputError(f"diversity of windows of shape {windows.shape}", "two at least")
+    place = 2.0 * np.arange(count) - (count - 1)
+    return float((place @ np.sort(windows, axis=0)).mean() * 2 / (count * (count - 1)))
+
+
+def _windows(sample: Sample) -> Array:
+    poses = pose_vectors(sample)
+    count = len(poses) // FRAMES
+    return poses[: count * FRAMES].reshape(count, FRAMES * poses.shape[1])
+
+
+@metric("positions|points", better="reference", unit="mm (px)")
+def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Mean distance of every pair of windows (34 frames), order-free, mm per coordinate; best where as the reference's."""
+    clips = [window for sample in generated if len(window := _windows(sample))]
+    unit = MILLI if generated[0].positions is not None else 1.0
+
+    def of(chosen: Array) -> float:
+        rows = np.concatenate([clips[k] for k in chosen])
+        return mean_pair_distance(rows) * unit if len(rows) > 1 else float("nan")
+
+    value = of(np.arange(len(clips))) if clips else float("nan")
+    if not np.isfinite(value):
+        raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
+    return Score(value, bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed), sum(map(len, clips)))
+
+
+@metric("positions", better="higher", unit="mm")
+def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Div of the flow paper: pairs within batches of 50 consecutive windows, a smaller last batch dropped; depends on order."""
+    rows = np.concatenate([w for s in generated if len(w := _windows(s))] or [np.zeros((0, 1))])
+    batches = [rows[k : k + BATCH] for k in range(0, len(rows) - BATCH + 1, BATCH)]
+    if not batches:
+        raise InputError(f"{len(rows)} windows of {FRAMES} frames", f"a batch is {BATCH}, and smaller ones are dropped")
+    return mean_score([mean_pair_distance(batch) * MILLI for batch in batches], seed=tools.seed, note="depends on order")
+
+
+@metric("positions|points", better="higher", unit="mm (px)")
+def diversity_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Mix-StAGE's diversity: mean |coordinate − mean pose of the reference|."""
+    if not reference:
+        raise InputError("no reference clips", "the mean pose is theirs")
+    mean = np.concatenate([pose_vectors(sample) for sample in reference]).mean(0)
+    unit = MILLI if generated[0].positions is not None else 1.0
+    values = [float(np.abs(pose_vectors(sample) - mean).mean() * unit) for sample in generated]
+    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
+
+
+@metric("positions|points", better="reference", unit="mm (px)")
+def l1_div(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Mean |coordinate − the clip's own mean pose|, mm per coordinate; best where it equals the reference's."""
+    unit = MILLI if generated[0].positions is not None else 1.0
+    values = []
+    for sample in generated:
+        poses = pose_vectors(sample)
+        values.append(float(np.abs(poses - poses.mean(0)).mean() * unit))
+    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
+
+
+@metric("rotations", better="higher", unit="° summed over coordinates")
+def l1_div_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """L1div of BEAT: Σ |angle − clip mean| over all Euler angles per frame, degrees; grows with the number of joints."""
+    values = []
+    for sample in generated:
+        assert sample.rotations is not None
+        angles = np.degrees(quat_to_euler(sample.rotations, "XYZ")).reshape(len(sample.rotations), -1)
+        values.append(float(np.abs(angles - angles.mean(0)).sum() / len(angles)))
+    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)

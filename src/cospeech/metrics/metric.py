@@ -1,0 +1,106 @@
+"""The one signature of the table `cospeech.metrics.METRICS`, and the decorator that checks what a metric is given.
+
+    score = metric(generated, reference, tools)
+
+``generated`` and ``reference`` are sequences of `Sample`; ``tools`` carries what is passed in (a feature network, a classifier,
+cluster centres). ``metric.about`` says which fields it needs, whether it pairs, whether it hears, and which way is better.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import update_wrapper
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from .sample import Sample, Score, Tools
+
+__all__ = ["BETTER", "About", "Metric", "metric", "paired_samples"]
+
+BETTER = ("higher", "lower", "reference")
+"""Which way is better: a higher value, a lower one, or the one nearest to that of the reference (diversity, jerk)."""
+
+Function = Callable[[Sequence[Sample], Sequence[Sample], Tools], Score]
+
+
+@dataclass(frozen=True)
+class About:
+    """What a metric needs (fields of `Sample` or `Tools`), which way is better, whether it pairs and hears, the unit,
+    and whether 0 is what chance gives (another clip need then not be better than noise)."""
+
+    needs: tuple[str, ...]
+    better: str
+    paired: bool = False
+    hears: bool = False
+    unit: str = ""
+    chance: bool = False
+
+
+class Metric:
+    """A function of the one signature that checks what it is given; made by `metric`."""
+
+    def __init__(self, function: Function, about: About) -> None:
+        update_wrapper(self, function)
+        self.function, self.about = function, about
+
+    def __call__(self, generated: Sequence[Sample], reference: Sequence[Sample] = (), tools: Tools | None = None) -> Score:
+        """A finite score.
+
+        Raises:
+            InputError: something that the metric needs is not there, or what comes out is not a number.
+        """
+        tools = Tools() if tools is None else tools
+        name = getattr(self, "__name__", "metric")
+        if not generated or (self.about.paired and not reference):
+            raise InputError(f"{name} of {len(generated)} generated and {len(reference)} reference clips", "give some")
+        for need in self.about.needs:
+            if hasattr(tools, need):
+                if getattr(tools, need) is None:
+                    raise InputError(f"{name} needs {need}", f"pass Tools({need}=…)")
+                continue
+            either = need.split("|")
+            lacking = [s.name for s in (*generated, *reference) if all(getattr(s, field) is None for field in either)]
+            if lacking:
+                raise InputError(f"{name} needs {' or '.join(either)}, and {lacking[0]!r} has none")
+        empty = next((s.name for s in (*generated, *reference) if not len(s)), None)
+        if empty is not None:
+            raise InputError(f"{empty!r} has no frames")
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
+            score = self.function(generated, reference, tools)
+        if not np.isfinite(score.value):
+            raise InputError(f"{name} comes out as {score.value} for these clips", "they hardly move, or are too few")
+        ends = score.interval
+        return score if ends is None or np.isfinite(ends).all() else replace(score, interval=None)
+
+
+def metric(
+    *needs: str, better: str, paired: bool = False, hears: bool = False, unit: str = "", chance: bool = False
+) -> Callable[[Function], Metric]:
+    """Decorator that makes a `Metric` of a function."""
+    about = About(needs, better, paired, hears, unit, chance)
+    return lambda function: Metric(function, about)
+
+
+def paired_samples(
+    generated: Sequence[Sample], reference: Sequence[Sample], field: str
+) -> list[tuple[Sample, Sample, Array, Array]]:
+    """(generated, its reference, their arrays ``field``): by condition, and of equal shape.
+
+    Raises:
+        InputError: a sample has no reference, or the shapes differ.
+    """
+    truth = {sample.condition: sample for sample in reference}
+    pairs = []
+    for sample in generated:
+        if sample.condition not in truth:
+            raise InputError(f"{sample.name!r} has no reference clip {sample.condition!r}")
+        a, b = getattr(sample, field), getattr(truth[sample.condition], field)
+        if a.shape != b.shape:
+            raise InputError(f"{field} of {sample.name!r} have shape {a.shape}, the reference {b.shape}")
+        pairs.append((sample, truth[sample.condition], np.asarray(a, np.float64), np.asarray(b, np.float64)))
+    return pairs

@@ -1,0 +1,83 @@
+"""Onsets of sound, as the published beat metrics take them from librosa with its default settings; numpy only.
+
+Strength: the mean over 128 mel bands (Slaney) of the rise in dB from frame to frame; windows of 2048 samples, 512 apart.
+Onsets: its local maxima that exceed the mean of their surroundings. `tests/test_metrics_beat.py` compares with librosa itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+
+__all__ = ["HOP", "backtracked", "onset_frames", "onset_strength", "onset_times", "rms"]
+
+WINDOW, HOP, BANDS = 2048, 512, 128  # samples, samples, mel bands: librosa.onset.onset_strength
+RANGE_DB, FLOOR = 80.0, 1e-10  # librosa.power_to_db
+BEFORE, AROUND, APART, ABOVE = 0.03, 0.10, 0.03, 0.07  # s, s, s, of the largest: librosa.onset.onset_detect
+
+
+def _triangles(rate: float) -> Array:
+    """(BANDS, WINDOW // 2 + 1) area-normalised mel triangles, 0 … rate / 2 (Slaney 1998)."""
+    top = rate / 2
+    highest = top * 3 / 200 if top < 1000 else 15 + np.log(top / 1000) * 27 / np.log(6.4)
+    mel = np.linspace(0, highest, BANDS + 2)
+    edges = np.where(mel < 15, mel * 200 / 3, 1000 * np.exp((mel - 15) * np.log(6.4) / 27))
+    bins = np.arange(WINDOW // 2 + 1) * (rate / WINDOW)
+    rise = (bins - edges[:-2, None]) / np.diff(edges)[:-1, None]
+    fall = (edges[2:, None] - bins) / np.diff(edges)[1:, None]
+    return np.maximum(0, np.minimum(rise, fall)) * (2 / (edges[2:] - edges[:-2]))[:, None]
+
+
+def _frames(samples: Array) -> Array:
+    padded = np.pad(np.asarray(samples, np.float64), WINDOW // 2)
+    return np.lib.stride_tricks.sliding_window_view(padded, WINDOW)[::HOP]
+
+
+def onset_strength(samples: Array, rate: float) -> Array:
+    """(1 + N // 512,) strength of each frame of (N,) mono samples."""
+    if np.ndim(samples) != 1 or not len(samples) or not rate > 0:
+        raise InputError(f"samples of shape {np.shape(samples)} at {rate} per second", "one channel of sound")
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(WINDOW) / WINDOW)
+    mel = np.square(np.abs(np.fft.rfft(_frames(samples) * window))) @ _triangles(rate).T
+    level = 10 * np.log10(np.maximum(mel, FLOOR))
+    level = np.maximum(level, level.max() - RANGE_DB)
+    rise = np.maximum(0, np.diff(level, axis=0)).mean(1)
+    lead = 1 + WINDOW // (2 * HOP)  # librosa's centring: the rise belongs to the window's start
+    return np.pad(rise, (lead, 0))[: len(level)]
+
+
+def onset_frames(strength: Array, rate: float) -> Array:
+    """Indices of the onsets in a strength curve."""
+    low, high = strength.min(initial=np.inf), strength.max(initial=-np.inf)
+    if not high > low:
+        return np.zeros(0, int)
+    x = (strength - low) / (high - low)
+    before, around, apart = (int(seconds * rate // HOP) for seconds in (BEFORE, AROUND, APART))
+    found, last = [], -np.inf
+    for k in range(len(x)):
+        if x[k] <= 0 or k - last <= apart:
+            continue
+        surroundings = x[max(0, k - around) : k + around + 1]
+        if x[k] >= x[max(0, k - before) : k + 1].max() and x[k] >= surroundings.mean() + ABOVE:
+            found.append(k)
+            last = k
+    return np.array(found, int)
+
+
+def rms(samples: Array) -> Array:
+    """(1 + N // 512,) root mean square of each frame."""
+    return np.sqrt(np.square(_frames(samples)).mean(1))
+
+
+def backtracked(onsets: Array, energy: Array) -> Array:
+    """Each onset moved back to the nearest earlier local minimum of ``energy`` (librosa.onset.onset_backtrack)."""
+    minima = np.flatnonzero((energy[1:-1] <= energy[:-2]) & (energy[1:-1] < energy[2:])) + 1
+    minima = np.concatenate([[0], minima])
+    return minima[np.searchsorted(minima, onsets, side="right") - 1]
+
+
+def onset_times(samples: Array, rate: float) -> Array:
+    """Seconds of the onsets."""
+    return onset_frames(onset_strength(samples, rate), rate) * (HOP / rate)

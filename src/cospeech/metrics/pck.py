@@ -1,0 +1,109 @@
+"""PCK: the share of joints that are near enough to where they were. Three published definitions, and one without gifts.
+
+As published the root (always right, positions are relative to it) and the frames that the system was *given* count as hits.
+`pck` leaves both out. All of them compare with one recording: they reward the mean pose over a plausible other gesture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from .interval import mean_score
+from .metric import metric, paired_samples
+from .sample import Sample, Score, Tools
+
+__all__ = ["box_thresholds", "hits", "pck", "pck_2d", "pck_gfge", "pck_mix_stage", "pck_s2g"]
+
+NEAR = 0.1  # metres (GFGE cal_metrics.py, "< 0.1" in the unit of its bone lengths)
+ALPHAS = (0.1, 0.2)  # of the box (Mix-StAGE metrics.py); Speech2Gesture: .2 alone
+MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
+PATS = 52
+
+
+def hits(made: Array, true: Array, threshold: float | Array, *, closed: bool = False) -> Array:
+    """(T, J) whether |made − true| < threshold (≤ where ``closed``), of positions (T, J, D) less their own root's.
+
+    Raises:
+        InputError: the shapes differ.
+    """
+    if made.shape != true.shape or made.ndim != 3:
+        raise InputError(f"positions of shape {made.shape} against {true.shape}")
+    gap = np.linalg.norm((made - made[:, :1]) - (true - true[:, :1]), axis=-1)
+    return gap <= threshold if closed else gap < threshold
+
+
+def box_thresholds(true: Array, alpha: float) -> Array:
+    """(T, 1) α × the longer side of each frame's box around all points (T, K, 2), the masked ones too."""
+    return alpha * np.ptp(true, axis=1).max(-1, keepdims=True)
+
+
+def _kept(points: int) -> list[int]:
+    masked = MASKED if points == PATS else (0,)
+    return [k for k in range(points) if k not in masked]
+
+
+@metric("positions", better="higher", paired=True)
+def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Share of joints within 0.1 m, without root and seed frames."""
+    values, weights = [], []
+    for sample, _, made, true in paired_samples(generated, reference, "positions"):
+        judged = hits(made, true, NEAR)[sample.seed_frames :, 1:]
+        if judged.size:
+            values.append(float(judged.mean()))
+            weights.append(float(judged.size))
+    return mean_score(values, weights, seed=tools.seed)
+
+
+@metric("positions", better="higher", paired=True)
+def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """PCK of the flow paper: within 0.1 m, the root and the given frames counted as hits."""
+    pairs = paired_samples(generated, reference, "positions")
+    values = [float(hits(made, true, NEAR).mean()) for _, _, made, true in pairs]
+    return mean_score(values, [made.size for _, _, made, _ in pairs], seed=tools.seed)
+
+
+def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
+    shares, sizes = [], []
+    for _, _, made, true in paired_samples(generated, reference, "points"):
+        keep = _kept(made.shape[1])
+        judged = hits(made, true, box_thresholds(true, alpha))[:, keep]
+        shares.append(float(judged.mean()))
+        sizes.append(judged.size)
+    return shares, sizes
+
+
+@metric("points", better="higher", paired=True)
+def pck_2d(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Share of key points within α of the frame's box, mean of α = .1 and .2, as a plain mean over clips."""
+    low, high = (_shares(generated, reference, alpha) for alpha in ALPHAS)
+    return mean_score([(a + b) / 2 for a, b in zip(low[0], high[0], strict=True)], low[1], seed=tools.seed)
+
+
+@metric("points", better="higher", paired=True)
+def pck_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """PCK of Mix-StAGE: the mean of the *running* means over clips, so that early clips count more."""
+    total, weight = 0.0, 0
+    runs = [_shares(generated, reference, alpha) for alpha in ALPHAS]
+    sizes = runs[0][1]
+    running = [np.cumsum(np.multiply(shares, sizes)) / np.cumsum(sizes) for shares, _ in runs]
+    for k, size in enumerate(sizes):
+        total += size * sum(run[k] for run in running)
+        weight += size * len(running)
+    return Score(float(total / weight), None, len(sizes), "depends on the order of clips")
+
+
+@metric("points", better="higher", paired=True)
+def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """PCK of Speech2Gesture: α = .2 of the box around the kept points, the threshold itself a hit."""
+    values, sizes = [], []
+    for _, _, made, true in paired_samples(generated, reference, "points"):
+        keep = _kept(made.shape[1])
+        threshold = box_thresholds(true[:, keep], ALPHAS[1])
+        judged = hits(made, true, threshold, closed=True)[:, keep]
+        values.append(float(judged.mean()))
+        sizes.append(judged.size)
+    return mean_score(values, sizes, seed=tools.seed)

@@ -1,0 +1,150 @@
+"""What every registered metric takes and gives: `Sample`, `Tools` and `Score`; see `cospeech.metrics.metric`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from ..speech import Speech
+from .movement import Track
+
+__all__ = ["FeatureNet", "Sample", "Score", "Tools", "pose_vectors"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One recording as metrics see it; what is not known is None.
+
+    Args:
+        name: of the recording.
+        fps: frames per second.
+        positions: (T, J, 3) metres, Y up; joint 0 is the root.
+        points: (T, K, 2) key points, pixels of the corpus with y up; point 0 is the root.
+        rotations: (T, J, 4) local rotations, xyzw.
+        names: of the J joints.
+        track: hips, shoulders, elbows and wrists (beat and movement metrics).
+        speech: what was spoken meanwhile.
+        semantics: (T,) semantic score of each frame, 0 … 1.
+        label: speaker or style.
+        condition: which speech this was made for; samples that share one are takes of the same speech. ``name`` if empty.
+        seed_frames: so many first frames were given to the system, not made by it.
+
+    Raises:
+        InputError: shapes or lengths disagree, or a value is not finite.
+    """
+
+    name: str
+    fps: float
+    positions: Array | None = None
+    points: Array | None = None
+    rotations: Array | None = None
+    names: tuple[str, ...] = ()
+    track: Track | None = None
+    speech: Speech | None = None
+    semantics: Array | None = None
+    label: str = ""
+    condition: str = ""
+    seed_frames: int = 0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise InputError(f"{self.name!r} at {self.fps} frames per second")
+        lengths = set()
+        for field, dims in (("positions", (3, 3)), ("points", (3, 2)), ("rotations", (3, 4)), ("semantics", (1, None))):
+            value = getattr(self, field)
+            if value is None:
+                continue
+            if value.ndim != dims[0] or (dims[1] is not None and value.shape[-1] != dims[1]):
+                raise InputError(f"{field} of {self.name!r} have shape {value.shape}")
+            if not np.isfinite(value).all():
+                raise InputError(f"{field} of {self.name!r} hold values that are not finite")
+            lengths.add(len(value))
+        if len(lengths) > 1:
+            raise InputError(f"arrays of {self.name!r} have {sorted(lengths)} frames", "all of one length")
+        if not self.condition:
+            object.__setattr__(self, "condition", self.name)
+
+    def __len__(self) -> int:
+        for value in (self.positions, self.points, self.rotations, self.semantics):
+            if value is not None:
+                return len(value)
+        return 0 if self.track is None else len(self.track.hips)
+
+
+def pose_vectors(sample: Sample) -> Array:
+    """(T, D) the pose as one vector per frame: positions (or points) less the root's, without the root.
+
+    Raises:
+        InputError: the sample has neither.
+    """
+    values = sample.positions if sample.positions is not None else sample.points
+    if values is None:
+        raise InputError(f"{sample.name!r} has neither positions nor key points")
+    if values.shape[1] < 2:
+        raise InputError(f"{sample.name!r} has {values.shape[1]} joints", "a root and at least one more")
+    return np.asarray(values[:, 1:] - values[:, :1], np.float64).reshape(len(values), -1)
+
+
+@dataclass(frozen=True)
+class FeatureNet:
+    """A feature network, or any other function of a window; FGD, IS and clustering are of *this* one and no other.
+
+    Args:
+        name: printed beside every figure that was made with it.
+        function: (N, frames, D) windows → (N, F) features (or class probabilities). A network must be in evaluation mode.
+        frames: length of a window.
+        hop: frames from one window to the next.
+        poses: sample → (T, D), what the function was made for; `pose_vectors` where not given.
+    """
+
+    name: str
+    function: Callable[[Array], Array]
+    frames: int
+    hop: int
+    poses: Callable[[Sample], Array] = pose_vectors
+
+    def windows(self, sample: Sample) -> Array:
+        """(N, F) features of the windows of one sample (never across clips); N is 0 where it is shorter than a window."""
+        poses = self.poses(sample)
+        starts = range(0, len(poses) - self.frames + 1, self.hop)
+        if not starts:
+            return np.zeros((0, 0))
+        result = np.asarray(self.function(np.stack([poses[k : k + self.frames] for k in starts])), np.float64)
+        if result.ndim != 2 or len(result) != len(starts):
+            raise InputError(f"{self.name!r} made {result.shape} of {len(starts)} windows", "one row per window")
+        if not np.isfinite(result).all():
+            raise InputError(f"{self.name!r} made features of {sample.name!r} that are not finite")
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Tools:
+    """What is passed in to metrics that need it.
+
+    Args:
+        features: a named feature network (FGD, clustering, multimodality of features).
+        classifier: windows → class probabilities (inception score).
+        embedding: (N, F) → (N, 2), such as t-SNE (clustering as published).
+        centres: (K, 240) cluster centres of PATS (mode F1).
+        seed: of bootstrap and splits.
+    """
+
+    features: FeatureNet | None = None
+    classifier: FeatureNet | None = None
+    embedding: Callable[[Array], Array] | None = None
+    centres: Array | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Score:
+    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is."""
+
+    value: float
+    interval: tuple[float, float] | None = None
+    count: int = 1
+    note: str = ""

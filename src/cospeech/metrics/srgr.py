@@ -1,0 +1,60 @@
+"""SRGR, semantic-relevance gesture recall (BEAT): the share of joints that are right, weighted by how much the words mean.
+
+As coded: a joint is right where |Δx| + |Δy| + |Δz| of its Euler angles is below 4° (359° against 1° is wrong); the weight of a
+frame is its semantic score ÷ 0.165, the mean of BEAT, so that a perfect score is 1 only for clips with that mean; frames that
+were given count. `srgr` takes the angle of the rotation between the two, weights that sum to 1, and no given frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array, quat_angle, quat_to_euler
+from .interval import mean_score
+from .metric import metric, paired_samples
+from .sample import Sample, Score, Tools
+
+__all__ = ["right_joints", "srgr", "srgr_beat"]
+
+NEAR = 4.0  # degrees (BEAT 2022 test.py)
+MEAN_SCORE = 0.165  # mean semantic score of BEAT (utils/metric.py)
+
+
+def right_joints(made: Array, true: Array) -> Array:
+    """(T, J) whether two local rotations (T, J, 4) differ by less than 4°."""
+    return np.degrees(quat_angle(made, true)) < NEAR
+
+
+def _semantics(sample: Sample) -> Array:
+    scores = np.asarray(sample.semantics, np.float64)
+    if scores.min(initial=0) < 0 or scores.max(initial=0) > 1:
+        raise InputError(f"semantic scores of {sample.name!r} from {scores.min():g} to {scores.max():g}", "0 … 1")
+    return scores
+
+
+@metric("rotations", "semantics", better="higher", paired=True)
+def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Share of joints within 4° of the recording, frames weighted by their semantic score; 1 is perfect."""
+    values, weights = [], []
+    for sample, truth, made, true in paired_samples(generated, reference, "rotations"):
+        scores = _semantics(truth)[sample.seed_frames :]
+        if scores.sum() > 0:
+            values.append(float(right_joints(made, true)[sample.seed_frames :].mean(1) @ scores / scores.sum()))
+            weights.append(float(scores.sum()))
+    if not values:
+        raise InputError("no frame has a semantic score above 0", "annotated recordings, such as BEAT's")
+    return mean_score(values, weights, seed=tools.seed)
+
+
+@metric("rotations", "semantics", better="higher", paired=True)
+def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """SRGR as coded for BEAT: Euler sums below 4°, weights ÷ 0.165; may exceed 1."""
+    values, weights = [], []
+    for _, truth, made, true in paired_samples(generated, reference, "rotations"):
+        gap = np.abs(np.degrees(quat_to_euler(made, "XYZ") - quat_to_euler(true, "XYZ"))).sum(-1)
+        values.append(float(((gap < NEAR).mean(1) * _semantics(truth) / MEAN_SCORE).mean()))
+        weights.append(float(len(made)))
+    return mean_score(values, weights, seed=tools.seed)

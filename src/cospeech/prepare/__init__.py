@@ -1,0 +1,295 @@
+"""``cospeech prepare``: a corpus as it lies on disk → a store that trains at full speed.
+
+Clip by clip: the corpus's reader → augmentation → poses and features at one rate → the papers' filters → a part on disk. When
+all are there they are put together (`cospeech.corpora.store`). Stopped half-way and started again, it makes only the parts that
+are missing, and the store has the same bytes. Parts are made by joblib's workers, on this machine or, with the backends of Dask
+and Ray, on a cluster that sees the same folder.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..corpora import CORPORA
+from ..corpora.augment import faster, mirrored, shifted
+from ..corpora.clip import Clip, Dropped
+from ..corpora.store_files import FORMAT
+from ..corpora.store_writer import write_store
+from ..errors import CospeechError, InputError, nearest
+from ..files import atomic, describe_os_error
+from ..poses import find_pose
+from ..skeletons.arkit import ARKIT
+from .filters import FILTERS
+from .pieces import Plan, audio_names, make_part, needed, read_part, split_of
+
+__all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
+
+DEFAULT_POSES = {
+    "ted": "direction-vectors", "trinity": "expmap-upper", "pats": "keypoints2d", "beat": "euler", "beat2": "rot6d-smplx",
+    "zeroeggs": "rot6d-humanoid", "folder": "rot6d-humanoid",
+}  # fmt: skip
+"""Corpus → the pose representation of its papers; six numbers per joint where there is no custom."""
+
+_AHEAD = 4  # ours: clips read ahead per worker; bounds the memory
+
+
+@dataclass(frozen=True)
+class PrepareReport:
+    """What went into a store, and what did not; ``report.json`` beside the store's index."""
+
+    corpus: str
+    pose: str
+    fps: float
+    clips: int
+    """Read, without augmented ones."""
+    augmented: int
+    seconds: float
+    """Of motion in the store, augmented clips included."""
+    splits: dict[str, float]
+    """Seconds per split."""
+    speakers: dict[str, float]
+    """Seconds per speaker."""
+    reasons: dict[str, float]
+    """Reason → seconds that filters dropped for it."""
+    dropped: tuple[dict[str, Any], ...]
+    """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
+
+    def summary(self) -> str:
+        """One line."""
+        whole = sum("start" not in row for row in self.dropped)
+        parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
+        parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
+        parts += [f"dropped: {whole}"] if whole else []
+        parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
+        return ", ".join(parts)
+
+
+def prepare(
+    corpus: str,
+    raw: str | PathLike[str],
+    store: str | PathLike[str],
+    *,
+    pose: str | None = None,
+    fps: float | None = None,
+    filters: bool = True,
+    mirror: bool = False,
+    speeds: Sequence[float] = (),
+    pitches: Sequence[float] = (),
+    jobs: int = 1,
+    backend: str = "loky",
+    scheduler: str | None = None,
+    overwrite: bool = False,
+    progress: Callable[[float, float | None], None] | None = None,
+) -> PrepareReport:
+    """Make a store of a corpus.
+
+    Args:
+        corpus: a name of `CORPORA`.
+        raw: its folder, as it unpacks.
+        store: the folder to be.
+        pose: a name of `cospeech.poses.POSES`; that of the corpus's papers where not given.
+        fps: frames per second; those of the representation where not given.
+        filters: leave out what the papers do (`FILTERS`).
+        mirror: add every training clip with left and right exchanged.
+        speeds: add training clips so many times as fast, 0.5 … 2.
+        pitches: add training clips with the voice so many semitones higher (−12 … 12).
+        jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
+        backend: joblib's name: loky, threading, multiprocessing, dask, ray.
+        scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
+        overwrite: replace a store that is there already.
+        progress: called with seconds of motion done, and None (how much there will be is not known).
+
+    Returns:
+        The report; it is also in ``report.json``.
+
+    Raises:
+        InputError: an unknown name, an option out of range, a folder that cannot be read or written, or nothing left.
+    """
+    if corpus not in CORPORA:
+        raise InputError(f"no corpus is called {corpus!r}", nearest(corpus, CORPORA))
+    chosen = find_pose(pose or DEFAULT_POSES[corpus])
+    rate = chosen.fps if fps is None else fps
+    if not 1 <= rate <= 240:
+        raise InputError(f"{rate} frames per second", "1 … 240")
+    if not all(0.5 <= s <= 2 for s in speeds) or not all(-12 <= p <= 12 for p in pitches):
+        raise InputError(
+            f"speeds {tuple(speeds)}, pitches {tuple(pitches)}", "speeds of 0.5 … 2, pitches of -12 … 12 semitones"
+        )
+    if jobs == 0 or jobs < -1:
+        raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
+    target = Path(store)
+    if (target / "index.json").exists() and not overwrite:
+        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
+    items = import_module(CORPORA[corpus].module).read(raw)
+    plan = Plan(corpus, chosen.name, float(rate), filters)
+    changes = _changes(mirror, speeds, pitches)
+    parts = _parts_folder(target, {"plan": asdict(plan), "mirror": mirror, "speeds": [*speeds], "pitches": [*pitches]})
+    dropped: list[dict[str, Any]] = []
+    tasks = _tasks(items, changes, parts, dropped)
+    with _workers(jobs, backend, scheduler) as (run, count):
+        made = _make_parts(tasks, plan, run, count, progress)
+    report = _assemble(target, made, plan, dropped)
+    shutil.rmtree(parts, ignore_errors=True)
+    return report
+
+
+def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Callable[[Clip], Clip]]:
+    """The augmentations that were asked for."""
+    found: list[Callable[[Clip], Clip]] = [mirrored] if mirror else []
+    found += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
+    return found + [lambda clip, p=pitch: shifted(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
+
+
+def _parts_folder(target: Path, settings: dict[str, Any]) -> Path:
+    """The folder of the parts, empty unless it was begun with the same settings."""
+    parts = target / ".parts"
+    text = json.dumps({"format": FORMAT} | settings, sort_keys=True)
+    note = parts / "settings.json"
+    try:
+        if parts.is_dir() and not (note.is_file() and note.read_text("utf-8") == text):
+            shutil.rmtree(parts)
+        parts.mkdir(parents=True, exist_ok=True)
+        for left in target.glob(".cospeech-*"):  # of an assembly that was killed
+            shutil.rmtree(left)
+    except OSError as error:
+        raise InputError(f"cannot write to {str(target)!r}: {describe_os_error(error)}") from None
+    with atomic(note) as temporary:
+        temporary.write_text(text, "utf-8")
+    return parts
+
+
+def _tasks(
+    items: Iterator[Clip | Dropped], changes: list[Callable[[Clip], Clip]], parts: Path, dropped: list[dict[str, Any]]
+) -> Iterator[tuple[Clip, Path, bool]]:
+    """Every clip, and those made from it, with the path of its part and whether it was made up; drops go into the list."""
+    number, names = 0, set()
+    for item in items:
+        if isinstance(item, Dropped):
+            dropped.append({"name": item.name, "reason": item.reason})
+            continue
+        if item.name in names:
+            dropped.append({"name": item.name, "reason": "a clip of this name was read already"})
+            continue
+        names.add(item.name)
+        clip = replace(item, split=split_of(item), extra=needed(item))
+        yield clip, parts / f"{number:07d}.npz", False
+        number += 1
+        for change in changes if clip.split == "train" else ():
+            try:
+                other = change(clip)
+            except CospeechError as error:
+                dropped.append({"name": clip.name, "reason": f"not augmented: {error}"})
+                continue
+            yield other, parts / f"{number:07d}.npz", True
+            number += 1
+
+
+def _make_parts(
+    tasks: Iterator[tuple[Clip, Path, bool]],
+    plan: Plan,
+    run: Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]],
+    count: int,
+    progress: Callable[[float, float | None], None] | None,
+) -> list[tuple[Path, dict[str, Any], bool]]:
+    """Make the parts, some clips at a time: the reader runs here, joblib's workers encode."""
+    made: list[tuple[Path, dict[str, Any], bool]] = []
+    done, more = 0.0, True
+    while more:
+        batch: list[tuple[Clip, Path, bool]] = []
+        while len(batch) < count and (task := next(tasks, None)) is not None:
+            batch.append(task)
+        more = len(batch) == count
+        results = run([(clip, plan, path) for clip, path, _ in batch])
+        made += [(path, meta, extra) for (_, path, extra), meta in zip(batch, results, strict=True)]
+        done += sum(meta["frames"] for meta in results) / plan.fps
+        if progress is not None:
+            progress(done, None)
+    return made
+
+
+@contextmanager
+def _workers(
+    jobs: int, backend: str, scheduler: str | None
+) -> Iterator[tuple[Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]], int]]:
+    """Yield a function that makes parts in parallel, and how many clips it is best given at once."""
+    if jobs == 1 and backend == "loky":
+        yield lambda tasks: [make_part(*task) for task in tasks], 1
+        return
+    try:
+        from joblib import Parallel, delayed, effective_n_jobs, parallel_config
+    except ImportError:
+        raise InputError("several jobs need joblib", "pip install 'cospeech[corpora]'") from None
+    client = None
+    try:
+        client = _connect(backend, scheduler)
+        with parallel_config(backend, n_jobs=jobs), Parallel() as parallel:
+            count = _AHEAD * max(1, effective_n_jobs(jobs))
+            yield lambda tasks: list(parallel(delayed(make_part)(*task) for task in tasks)), count
+    except ValueError as error:  # joblib's words for an unknown backend, or a Dask that has no client
+        if isinstance(error, CospeechError):
+            raise
+        raise InputError(f"the backend {backend!r} cannot be used: {error}"[:240].replace("\n", " ")) from None
+    finally:
+        if client is not None:
+            client.close()
+
+
+def _connect(backend: str, scheduler: str | None) -> Any:
+    """The client of a Dask cluster that was named; Ray's backend made known."""
+    try:
+        if backend == "ray":
+            from ray.util.joblib import register_ray
+
+            register_ray()
+        if backend == "dask":
+            from distributed import Client
+
+            return Client(scheduler, timeout="20s") if scheduler else None
+    except ImportError:
+        hint = "pip install distributed" if backend == "dask" else "pip install 'ray[default]'"
+        raise InputError(f"the backend {backend!r} is not installed", hint) from None
+    except OSError as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler!r}: {error}"[:200], "such as tcp://head:8786") from None
+    return None
+
+
+def _assemble(
+    target: Path, made: list[tuple[Path, dict[str, Any], bool]], plan: Plan, dropped: list[dict[str, Any]]
+) -> PrepareReport:
+    """Put the parts together and write the report."""
+    pieces = []
+    reasons: dict[str, float] = {}
+    for path, meta, _ in made:
+        pieces += read_part(path, meta, plan.fps)
+        if meta["why"] is not None:
+            dropped.append({"name": meta["name"], "reason": meta["why"]})
+        for first, end, reason in meta["losses"]:
+            seconds = (end - first) / plan.fps
+            reasons[reason] = reasons.get(reason, 0.0) + seconds
+            dropped.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
+    if not pieces:
+        first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
+        raise InputError(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
+    names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
+    write_store(target, pieces, corpus=plan.corpus, pose=plan.pose, fps=plan.fps, names=names)
+    splits: dict[str, float] = {}
+    speakers: dict[str, float] = {}
+    for piece in pieces:
+        seconds = piece.entry.frames / plan.fps
+        splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
+        speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
+    report = PrepareReport(
+        plan.corpus, plan.pose, plan.fps, sum(not extra for *_, extra in made), sum(extra for *_, extra in made),
+        sum(splits.values()), splits, speakers, reasons, tuple(dropped),
+    )  # fmt: skip
+    with atomic(target / "report.json") as temporary:
+        temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")
+    return report

@@ -1,0 +1,349 @@
+"""Evaluate: systems and control rows in one table, from folders, motions and clips, of rotations and of key points."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import soundfile
+import typer
+from typer.testing import CliRunner
+
+from cospeech.cli_evaluate import register
+from cospeech.corpora import Clip, Points, Semantic
+from cospeech.errors import InputError
+from cospeech.evaluate import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
+from cospeech.metrics import METRICS, Score, Tools, load_metric
+from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
+from cospeech.metrics.metric import About
+from cospeech.motion import Motion
+from cospeech.rotations import quat_angle
+from cospeech.rules import RuleGesturer
+from cospeech.speech import Speech, example
+
+FPS = 15.0
+
+
+@cache
+def clips() -> tuple[Clip, ...]:
+    """Four stretches of the example speech with the rule-based gesturer's motion: synthetic."""
+    whole = Speech.load(example()[0])
+    made = []
+    for k, (start, end) in enumerate([(0, 9), (9, 18), (3, 12), (6, 15)]):
+        speech = Speech(whole.samples[start * 16000 : end * 16000], 16000)
+        style = ("calm", "lively")[k % 2]
+        motion = RuleGesturer().generate(speech, seed=k, fps=FPS, style=style, parts=("body", "hands"))
+        made.append(Clip(f"clip{k}", style, "synthetic", speech, motion, semantics=(Semantic(1.0, 3.0, 0.5),)))
+    return tuple(made)
+
+
+@cache
+def pats() -> tuple[Clip, ...]:
+    rng = np.random.default_rng(0)
+    made = []
+    for clip in clips():
+        walk = np.cumsum(rng.normal(size=(len(clip.motion), 52, 2)), 0) * 3 + rng.normal(size=(1, 52, 2)) * 5
+        rest = np.random.default_rng(1).normal(size=(52, 2)) * 150
+        made.append(replace(clip, motion=None, points=Points(FPS, walk + rest, "pats")))
+    return tuple(made)
+
+
+@cache
+def table():
+    again = [RuleGesturer().generate(c.speech, seed=9, fps=FPS, parts=("body", "hands")) for c in clips()]
+    return evaluate({"again": again}, clips())
+
+
+def test_rows_are_systems_and_then_controls_and_columns_are_metrics():
+    assert table().rows == ("again", *CONTROLS)
+    assert table().columns == DEFAULT
+    assert "4 clips" in table().about
+    assert POSE_STATISTICS.name in table().about
+    truth = table().cells["ground truth"]
+    assert truth["pck"].value == truth["srgr"].value == 1
+    assert truth["ape"].value == 0
+    assert truth["fgd"].value < 1e-9
+    low, high = table().cells["again"]["pck"].interval
+    assert low < table().cells["again"]["pck"].value < high
+    assert 0 < table().cells["again"]["pck"].value < 1
+
+
+def test_where_there_are_no_data_the_cell_is_empty_and_says_why():
+    assert table().cells["again"]["pck_2d"] is None
+    assert "points" in table().why["again"]["pck_2d"]
+    assert "two takes" in table().why["again"]["multimodality"]
+
+
+def test_metrics_that_reward_the_wrong_row_are_marked():
+    found = evaluate({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
+    assert {"beat_align_ha2g", "pck"} <= set(found.faults)
+    assert not {"fgd", "w1_speed", "movement"} & set(found.faults)
+    text = found.to_text()
+    assert "beat_align_ha2g ↑!" in text
+    assert any(line.startswith("! beat_align_ha2g: white noise is not worse than ground truth") for line in text.splitlines())
+    assert "fgd ↓ " in text
+
+
+def test_the_text_is_aligned_and_fits():
+    lines = table().to_text(width=100).splitlines()
+    for block in "\n".join(lines).split("\n\n")[1:-1]:
+        rows = block.splitlines()
+        assert len(rows) == 1 + len(table().rows)
+        assert len({len(row) for row in rows}) == 1
+        assert len(rows[0]) <= 100
+    assert " ± " in table().to_text()
+
+
+def test_the_json_is_all_of_it():
+    data = json.loads(table().to_json())
+    assert list(data["rows"]) == list(table().rows)
+    cell = data["rows"]["again"]["pck"]
+    assert cell["value"] == table().cells["again"]["pck"].value
+    assert cell["interval"] == list(table().cells["again"]["pck"].interval)
+    assert data["rows"]["again"]["pck_2d"] is None
+    assert data["why"]["again"]["pck_2d"]
+    assert data["metrics"]["fgd"]["better"] == "lower"
+    json.loads(evaluate({}, clips()[:1], metrics=("fgd_published", "pck")).to_json().replace("NaN", "boom"))
+
+
+def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
+    for k, clip in enumerate(clips()):
+        clip.motion.save(tmp_path / f"{clip.name}.npz")
+        if k == 0:
+            clip.motion.save(tmp_path / f"{clip.name}.2.bvh")
+    found = load_motions(tmp_path, [clip.name for clip in clips()])
+    assert [len(takes) for takes in found.values()] == [2, 1, 1, 1]
+    scores = evaluate({"files": tmp_path}, clips(), metrics=("pck", "srgr", "multimodality")).cells["files"]
+    assert scores["pck"].value == pytest.approx(1)
+    assert scores["srgr"].value == pytest.approx(1, abs=1e-3)  # through BVH's text
+    assert scores["multimodality"].value < 0.5  # millimetres
+    (tmp_path / "clip3.npz").unlink()
+    with pytest.raises(InputError, match="clip3"):
+        evaluate({"files": tmp_path}, clips(), metrics=("pck",))
+    with pytest.raises(InputError, match="folder"):
+        load_motions(tmp_path / "nowhere", ["clip0"])
+
+
+def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():
+    other = [clip.motion.resample(30.0).retarget("mixamo") for clip in clips()]
+    assert evaluate({"other": other}, clips(), metrics=("pck",)).cells["other"]["pck"].value > 0.99
+    late = {clip.name: clip.motion[1:] for clip in clips()}
+    assert evaluate({"late": late}, clips(), metrics=("pck",)).cells["late"]["pck"].value > 0.8
+
+
+@pytest.mark.parametrize(
+    ("systems", "problem"),
+    [
+        (lambda: {"few": [clips()[0].motion]}, "1 motions for 4 clips"),
+        (lambda: {"short": [clip.motion[:50] for clip in clips()]}, "50 frames"),
+        (lambda: {"odd": {"nobody": clips()[0].motion}}, "do not match"),
+        (lambda: {"ground truth": [clip.motion for clip in clips()]}, "called 'ground truth'"),
+    ],
+)
+def test_what_does_not_fit_is_refused(systems, problem):
+    with pytest.raises(InputError, match=problem):
+        evaluate(systems(), clips(), metrics=("pck",))
+
+
+def test_unknown_metrics_and_empty_references_are_refused():
+    with pytest.raises(InputError, match="no metric is called"):
+        evaluate({}, clips(), metrics=("pkc",))
+    with pytest.raises(InputError):
+        evaluate({}, clips(), metrics=())
+    with pytest.raises(InputError):
+        evaluate({}, [], metrics=("pck",))
+    with pytest.raises(InputError, match="no motion"):
+        evaluate({}, [replace(clips()[0], motion=None)], metrics=("pck",))
+    with pytest.raises(InputError, match="key points"):
+        evaluate({"x": [c.motion for c in clips()]}, pats(), metrics=("pck_2d",))
+
+
+def test_key_points_are_evaluated_too():
+    made = [replace(c, points=replace(c.points, values=c.points.values + 8.0 * (np.arange(52) > 0)[:, None])) for c in pats()]
+    names = ("pck_2d", "pck_mix_stage", "pck_s2g", "mode_f1", "fid_poses", "diversity", "w1_speed", "beat_align", "pck")
+    centres = np.random.default_rng(0).normal(size=(8, 240)) * 100
+    found = evaluate({"moved": made}, pats(), metrics=names, tools=Tools(centres=centres))
+    truth = found.cells["ground truth"]
+    assert truth["pck_2d"].value == truth["pck_mix_stage"].value == truth["pck_s2g"].value == truth["mode_f1"].value == 1
+    assert found.cells["moved"]["pck_2d"].value <= 1
+    assert found.cells["white noise"]["w1_speed"].value > truth["w1_speed"].value
+    assert truth["pck"] is None
+    assert truth["beat_align"] is not None
+
+
+def test_key_points_of_pats_are_scaled_to_the_shoulder():
+    values = pats()[0].points.values * 3 + 500
+    values[5, 1] = values[5, 0]  # a failed detection
+    sample = sample_of(replace(pats()[0], points=Points(FPS, values, "pats")))
+    length = np.linalg.norm(sample.points[:, 1], axis=-1)
+    np.testing.assert_allclose(np.delete(length, 5), 167)
+    assert length[5] == 0
+    assert not sample.points[:, 0].any()
+
+
+def test_the_track_of_key_points_is_at_thirty_frames():
+    values = np.random.default_rng(0).normal(size=(30, 10, 3))
+    track = track_of(Points(15.0, values, "ted"))
+    assert track.fps == 30
+    assert len(track.hips) == 60
+    np.testing.assert_allclose(track.wrists[0], values[0, [6, 9]])
+    np.testing.assert_allclose(track.wrists[1], values[:2, [6, 9]].mean(0))
+    assert track_of(Points(15.0, np.zeros((4, 52, 2)), "pats")).shoulders.shape == (8, 2, 3)
+    with pytest.raises(InputError, match="layout"):
+        track_of(Points(15.0, values, "tedd"))
+
+
+def test_a_sample_has_what_the_clip_has():
+    sample = sample_of(clips()[0], seed_frames=4)
+    assert sample.positions.shape[1] == len(sample.names) == sample.rotations.shape[1]
+    assert sample.names[0] == "hips"
+    assert not any("Leg" in name or "Foot" in name for name in sample.names)
+    assert sample.seed_frames == 4
+    scores = sample.semantics
+    assert (scores[15:45] == 0.5).all()
+    assert scores.sum() == 15
+    assert sample_of(replace(clips()[0], semantics=None)).semantics is None
+
+
+def test_control_rows_are_what_they_say():
+    rows = control_rows(clips())
+    assert tuple(rows) == CONTROLS
+    for k, clip in enumerate(clips()):
+        for made in rows.values():
+            assert len(made[k].motion) == len(clip.motion)
+            assert made[k].name == clip.name
+            assert abs(float(made[k].speech.duration) - float(clip.speech.duration)) < 0.01
+        frozen = rows["frozen pose"][k].motion
+        assert 0 < quat_angle(frozen.rotations[:-1], frozen.rotations[1:]).max() < 1e-4
+        noise = rows["white noise"][k].motion
+        moving = quat_angle(clip.motion.rotations[:-1], clip.motion.rotations[1:]).mean()
+        assert quat_angle(noise.rotations[:-1], noise.rotations[1:]).mean() > 3 * moving
+        other = clips()[(k + 1) % 4]
+        np.testing.assert_array_equal(rows["another clip"][k].motion.rotations, other.motion.rotations)
+        np.testing.assert_array_equal(rows["shuffled speech"][k].motion.rotations, clip.motion.rotations)
+        np.testing.assert_array_equal(rows["shuffled speech"][k].speech.samples, other.speech.samples)
+    again = control_rows(clips())
+    np.testing.assert_array_equal(again["white noise"][0].motion.rotations, rows["white noise"][0].motion.rotations)
+
+
+def test_control_rows_of_one_clip_and_of_unequal_ones():
+    one = control_rows(clips()[:1])
+    assert not np.array_equal(one["shuffled speech"][0].speech.samples, clips()[0].speech.samples)
+    assert not np.array_equal(one["another clip"][0].motion.rotations, clips()[0].motion.rotations)
+    short = replace(clips()[1], motion=clips()[1].motion[:40])
+    made = control_rows([clips()[0], short])["another clip"][0].motion
+    assert len(made) == len(clips()[0].motion)
+    assert quat_angle(made.rotations[:-1], made.rotations[1:]).max() < 1.0  # to and fro: no jump
+    mixed = control_rows([clips()[0], pats()[1], clips()[2]])
+    np.testing.assert_array_equal(mixed["another clip"][0].motion.rotations, clips()[2].motion.rotations)
+    with pytest.raises(InputError):
+        control_rows([])
+
+
+def test_the_judge_of_order_knows_what_to_ask():
+    def scores(*values, width=0.0):
+        return {n: Score(v, (v - width, v + width)) for n, v in zip(CONTROLS, values, strict=True)}
+
+    beat = About(("speech",), "higher", hears=True)
+    assert faults_of_order(beat, scores(0.5, 0.0, 0.0, 0.1, 0.1)) == []
+    assert faults_of_order(beat, scores(0.5, 0.0, 0.9, 0.1, 0.1)) == [f"white noise is {WRONG} ground truth"]
+    assert faults_of_order(beat, scores(0.5, 0.0, 0.0, 0.5, 0.1)) == [f"shuffled speech is {WRONG} ground truth"]
+    assert faults_of_order(beat, scores(0.5, 0.0, 0.0, 0.3, 0.1, width=0.3)) == [f"shuffled speech is {UNSURE} ground truth"]
+    distance = About(("features",), "lower")
+    assert faults_of_order(distance, scores(0, 5, 9, 0, 0.1)) == []
+    assert faults_of_order(distance, scores(0, 5, 0.05, 0, 0.1)) == [f"white noise is {WRONG} another clip"]
+    extent = About(("positions",), "reference")
+    assert faults_of_order(extent, scores(60, 0, 90, 60, 65)) == []
+    assert faults_of_order(extent, scores(60, 0, 61, 60, 65)) == [f"white noise is {WRONG} another clip"]
+    paired = About(("positions",), "higher", paired=True)
+    assert faults_of_order(paired, scores(1, 0.3, 0.2, 1, 0.5)) == []
+    assert len(faults_of_order(paired, scores(1, 0.3, 0.2, 1, 1))) == 1
+    assert faults_of_order(paired, {"ground truth": None}) == []
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    """A minute of a synthetic corpus in the layout of BEAT, and its store."""
+    pytest.importorskip("joblib", reason="prepare needs joblib: pip install 'cospeech[corpora]'")
+    from cospeech.prepare import prepare
+    from cospeech.synthesise import synthesise
+
+    folder = tmp_path_factory.mktemp("corpus")
+    samples, rate = soundfile.read(example()[0], dtype="float32")
+    (folder / "speech").mkdir()
+    for k in range(3):
+        soundfile.write(folder / "speech" / f"{k}.wav", samples[6 * k * rate : 6 * (k + 1) * rate], rate)
+    synthesise(folder / "raw", layout="beat", speech=folder / "speech", hours=0.007, tts=False)
+    prepare("beat", folder / "raw", folder / "store")
+    return folder
+
+
+def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(corpus):
+    clips = stored_clips(corpus / "store", split=None, raw=corpus / "raw")
+    assert len(clips) > 2
+    for clip in clips:
+        assert abs(float(clip.speech.duration) - clip.motion.duration) < 0.1
+        assert clip.speaker
+    found = evaluate({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
+    assert found.cells["itself"]["pck"].value == found.cells["itself"]["srgr"].value == 1
+    assert found.cells["itself"]["fgd"].value < 1e-6
+    assert found.cells["white noise"]["fgd"].value > 10
+    assert load_metric("beat_align")([sample_of(clip) for clip in clips]).value > 0
+
+
+def test_a_store_without_its_corpus_is_mute(corpus):
+    clips = stored_clips(corpus / "store", split=None)
+    assert all(clip.speech is None for clip in clips)
+    found = evaluate({}, clips, metrics=("beat_align", "pck"))
+    assert found.cells["ground truth"]["beat_align"] is None
+    assert "speech" in found.why["ground truth"]["beat_align"]
+    assert {c.name for c in stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
+    with pytest.raises(InputError, match="did you mean 'test'"):
+        stored_clips(corpus / "store", split="tets")
+    with pytest.raises(InputError):
+        stored_clips(corpus / "speech")
+
+
+def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    register(app)
+    generated = tmp_path / "generated"
+    generated.mkdir()
+    for clip in stored_clips(corpus / "store", split="test"):
+        clip.motion.save(generated / f"{clip.name}.npz")
+    head = [f"mine={generated}", "--corpus", str(corpus / "store")]
+    line = [*head, "--metrics", "pck,w1_speed", "-o", str(tmp_path / "table.json")]
+    done = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "pck ↑" in done.output
+    written = json.loads((tmp_path / "table.json").read_text("utf-8"))
+    assert written["rows"]["mine"]["pck"]["value"] == pytest.approx(1)
+    assert list(written["rows"]) == ["mine", *CONTROLS]
+    done = CliRunner().invoke(app, [*head, "--metrics", "ape", "--json"], catch_exceptions=False)
+    assert json.loads(done.output)["rows"]["mine"]["ape"]["value"] < 1e-4
+    for wrong in (["=x"], [f"mine={generated}", f"mine={generated}"], [str(tmp_path / "nowhere")]):
+        with pytest.raises(InputError):
+            CliRunner().invoke(app, [*wrong, *head[1:], "--metrics", "pck"], catch_exceptions=False)
+
+
+def test_every_metric_can_be_asked_for():
+    found = evaluate({}, clips()[:2], metrics=tuple(METRICS))
+    assert sum(score is not None for score in found.cells["ground truth"].values()) > 25
+    assert all(isinstance(load_metric(name).about.unit, str) for name in found.columns)
+    assert isinstance(clips()[0].motion, Motion)
+
+
+def test_a_model_plays_the_recordings_of_a_store(corpus):
+    """From the name of a model to its row of the table, with the sound of the corpus."""
+    from cospeech.contest import contest
+
+    table = contest({"rules": "rules"}, corpus / "store", raw=corpus / "raw", metrics=("w1_speed", "pck"), takes=2)
+    assert table.rows == ("rules", *CONTROLS)
+    assert table.cells["rules"]["w1_speed"].value < table.cells["white noise"]["w1_speed"].value
+    with pytest.raises(InputError, match="models: rules"):
+        contest({"x": "rulez"}, corpus / "store")
+    with pytest.raises(InputError, match="--raw"):
+        contest({"rules": "rules"}, corpus / "store", metrics=("pck",))

@@ -29,6 +29,7 @@ docs: $(VENV)/.dev               ## rewrite generated pages, then build the site
 
 bench: $(VENV)/.core             ## speed on this machine
 	@$(BIN)/cospeech bench
+	@$(BIN)/python benchmarks/store.py
 
 media: $(VENV)/.core             ## the README's moving picture
 	$(BIN)/python tools/make_media.py
@@ -51,5 +52,5 @@ $(VENV)/.core: requirements/core.txt pyproject.toml
 $(VENV)/.dev: $(VENV)/.core uv.lock
 	@echo "installing the tools of development into $(VENV)"
 	@$(PIP) install --only-binary :all: "uv==$$(sed -n '/^name = "uv"$$/{n;s/version = "\(.*\)"/\1/p;}' uv.lock)"
-	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --group dev --group docs --group build
+	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --extra corpora --group dev --group docs --group build
 	@touch $@

@@ -38,5 +38,5 @@ def nearest(word: str, known: Iterable[str]) -> str:
     from difflib import get_close_matches
 
     names = list(known)
-    close = get_close_matches(word.lower(), names, n=1, cutoff=0.5)  # cutoff is ours: below it the guesses surprise
+    close = get_close_matches(str(word).lower(), names, n=1, cutoff=0.5)  # cutoff is ours: below it the guesses surprise
     return (f"did you mean {close[0]!r}? " if close else "") + f"known: {', '.join(names)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from numbers import Real
 from os import PathLike
 
 import numpy as np
@@ -14,6 +15,9 @@ from .skeleton import Skeleton, humanoid
 from .skeletons.arkit import ARKIT, ARKIT_MIRROR
 
 __all__ = ["Motion"]
+
+_UNIT = 0.02  # of a squared length; ours: float16 is off by 0.001, what was interpolated without care by more
+_MOST_FPS = 10_000.0  # ours: ten times the fastest motion capture; beyond is a mistake that would fill the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,8 @@ class Motion:
         start: time of the first frame in seconds (chunks of a stream carry theirs).
 
     Raises:
-        InputError: shapes disagree, fps is not positive, or a value is not finite.
+        InputError: shapes disagree, rotations are not of unit length, fps is not above 0 and at most 10,000, or a value is
+            not a finite number.
     """
 
     fps: float
@@ -42,17 +47,20 @@ class Motion:
     def __post_init__(self) -> None:
         if self.skeleton is None:
             object.__setattr__(self, "skeleton", humanoid())
-        frames, joints = len(self.rotations), len(self.skeleton)
-        if self.rotations.shape != (frames, joints, 4) or self.root.shape != (frames, 3):
-            raise InputError(f"motion of {joints} joints with rotations {self.rotations.shape}, root {self.root.shape}")
-        if self.face is not None and self.face.shape != (frames, len(ARKIT)):
-            raise InputError(f"face of shape {self.face.shape}, expected ({frames}, {len(ARKIT)})")
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise InputError(f"{self.fps} frames per second")
+        if not isinstance(self.skeleton, Skeleton):
+            raise InputError(f"{self.skeleton!r} is not a skeleton", "cospeech.skeleton.named_skeleton(name) makes one")
+        _check_rate(self.fps)
         for name in ("rotations", "root", "face"):
-            value = getattr(self, name)
-            if value is not None and not np.isfinite(value).all():
-                raise InputError(f"{name} of a motion holds values that are not finite")
+            if name != "face" or self.face is not None:
+                object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+        frames, joints = self.rotations.shape[:1], len(self.skeleton)
+        if self.rotations.shape != (*frames, joints, 4) or self.root.shape != (*frames, 3):
+            raise InputError(f"motion of {joints} joints with rotations {self.rotations.shape}, root {self.root.shape}")
+        lengths = np.einsum("tjk,tjk->tj", self.rotations, self.rotations)
+        if np.abs(lengths - 1).max(initial=0) > _UNIT:
+            raise InputError("rotations of a motion are not of unit length", "cospeech.rotations.quat_normalize makes them so")
+        if self.face is not None and self.face.shape != (*frames, len(ARKIT)):
+            raise InputError(f"face of shape {self.face.shape}, expected {(*frames, len(ARKIT))}")
 
     def __len__(self) -> int:
         return len(self.rotations)
@@ -99,10 +107,9 @@ class Motion:
 
     def resample(self, fps: float) -> Motion:
         """The same motion at another rate: slerp for rotations, linear for the rest; the duration is kept to a frame."""
+        _check_rate(fps)
         if fps == self.fps or len(self) == 0:
             return replace(self, fps=fps)
-        if not (np.isfinite(fps) and fps > 0):
-            raise InputError(f"{fps} frames per second")
         count = max(1, int(np.ceil(len(self) * fps / self.fps - 1e-9)))
         at = np.minimum(np.arange(count) * (self.fps / fps), len(self) - 1)
         low = np.minimum(at.astype(int), len(self) - 1)
@@ -153,3 +160,22 @@ class Motion:
         from .export import save
 
         save(self, path, **options)
+
+
+def _check_rate(fps: object) -> None:
+    """A number of frames per second that motion can have."""
+    if not isinstance(fps, Real) or not 0 < float(fps) <= _MOST_FPS:  # false for NaN, too
+        raise InputError(f"{fps!r} frames per second", f"a number above 0, {_MOST_FPS:g} at most, such as 30")
+
+
+def _numbers(name: str, value: object) -> Array:
+    """The array itself, or what can be one: real numbers, all of them finite."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        raise InputError(f"{name} of a motion are not an array", "give an array of floats") from None
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{name} of a motion are of type {array.dtype}", "give an array of floats")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} of a motion holds values that are not finite")
+    return array if array.dtype.kind == "f" else array.astype(float)

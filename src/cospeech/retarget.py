@@ -60,6 +60,8 @@ def retarget(
     Raises:
         InputError: a skeleton is not recognised, or ``bone_map`` has unknown names.
     """
+    if not isinstance(target, (str, Skeleton)):
+        raise InputError(f"cannot retarget to a {type(target).__name__}", "give the name of a skeleton, or a Skeleton")
     goal = named_skeleton(target) if isinstance(target, str) else target
     if goal == motion.skeleton:
         return motion

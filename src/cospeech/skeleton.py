@@ -28,7 +28,7 @@ class Skeleton:
         kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
 
     Raises:
-        InputError: names repeat, a parent comes after its child, or shapes disagree.
+        InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.
     """
 
     names: tuple[str, ...]
@@ -44,6 +44,8 @@ class Skeleton:
         rest = quat_identity(len(names)) if self.rest is None else np.array(self.rest, np.float64)
         if not names or len(parents) != len(names) or offsets.shape != (len(names), 3) or rest.shape != (len(names), 4):
             raise InputError(f"skeleton of {len(names)} names, {len(parents)} parents, offsets {offsets.shape}")
+        if not (np.isfinite(offsets).all() and np.isfinite(rest).all()):
+            raise InputError("a skeleton's offsets or rest hold values that are not finite")
         if len(set(names)) != len(names):
             twice = sorted({n for n in names if names.count(n) > 1})
             raise InputError(f"joint names repeat: {', '.join(twice)}")

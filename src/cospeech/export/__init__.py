@@ -46,6 +46,8 @@ FORMATS: dict[str, Format] = {
 class Writer(AbstractContextManager["Writer"], ABC):
     """Writes one file from pieces of motion; as a context manager it commits on success and leaves nothing on failure.
 
+    A file without a frame is no success.
+
     Subclasses implement ``_begin(temporary_path)``, ``_write(motion)`` and ``_finish()``; ``_discard()`` may close handles.
 
     Args:
@@ -96,6 +98,8 @@ class Writer(AbstractContextManager["Writer"], ABC):
     def __exit__(self, kind, error, trace) -> None:  # type: ignore[no-untyped-def]
         if kind is None:
             try:
+                if not self.frames:
+                    raise InputError(f"no motion to write to {str(self.path)!r}", "it has no frames")
                 self._finish()
             except BaseException as failure:
                 self._discard()

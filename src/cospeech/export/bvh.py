@@ -40,7 +40,7 @@ class Writer(_Writer):
         units: ``"cm"`` (default) or ``"m"``.
 
     Raises:
-        InputError: unknown units, or no frame was written.
+        InputError: unknown units.
     """
 
     def __init__(
@@ -121,8 +121,6 @@ class Writer(_Writer):
 
     def _finish(self) -> None:
         assert self._file is not None
-        if not self.frames:
-            raise InputError(f"no frame to write to {str(self.path)!r}", "is the speech empty?")
         self._file.seek(self._count_at)
         self._file.write(str(self.frames).encode())
         self._file.close()

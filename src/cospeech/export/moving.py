@@ -8,7 +8,6 @@ from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 
-from ..errors import InputError
 from ..motion import Motion
 from ..render.artist import Look, Pictures
 from ..render.camera import view_named
@@ -69,8 +68,6 @@ class MovingWriter(Writer):
 
     def _finish(self) -> None:
         self._take(self._film.flush())
-        if not self.pictures:
-            raise InputError(f"no motion to draw in {str(self.path)!r}", "it has no frames")
         self._close()
 
     def _take(self, batches: Iterable[Pictures]) -> None:

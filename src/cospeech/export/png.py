@@ -79,8 +79,6 @@ class Writer(BaseWriter):
         from ..render.strip import Layout, draw_strip
 
         moments = self._moments.best(self._pictures)
-        if not moments:
-            raise InputError(f"no motion to draw in {str(self.path)!r}", "it has no frames")
         layout = Layout(*self._size, len(moments), rows=2 if self._words else 0)
         box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
         artist = Artist(Look(*layout.cell, self._view, self._background))

@@ -63,14 +63,8 @@ class Recorder:
         self._spool.add(rows)
 
     def append(self, builder: GltfBuilder, name: str) -> None:
-        """Add samplers and channels as an animation called ``name``.
-
-        Raises:
-            InputError: there are no frames.
-        """
+        """Add samplers and channels as an animation called ``name``."""
         spool = self._spool
-        if not spool.frames:
-            raise InputError("there is no motion to write", "the speech or the piece of motion has no frames")
         last = np.float32((spool.frames - 1) / self.fps)
         limits = (np.zeros(1, np.float32), np.array([last]))
         clock = builder.add_blocks(lambda: _clock(spool.frames, self.fps), spool.frames, "SCALAR", "<f4", limits=limits)

@@ -364,11 +364,36 @@ class TestPerformance:
             ({"fps": 0}, "frames per second"),
             ({"parts": ("feet",)}, "face,body,hands"),
             ({"parts": ()}, "face,body,hands"),
+            ({"parts": "face,feet"}, "face,body,hands"),
+            ({"intensity": None}, "intensity"),
+            ({"fps": "30"}, "frames per second"),
+            ({"emotion": None}, "emotion"),
+            ({"seed": -1}, "seed"),
+            ({"seed": 1.5}, "seed"),
+            ({"seed": 2**70}, "seed"),
+            ({"style": "talk.bvh"}, "example"),
+            ({"style": "calm:1e308,lively:1e308"}, "weights"),
         ],
     )
     def test_bad_options_are_named(self, options, said):
         with pytest.raises(InputError, match=said):
             RuleGesturer().generate(babble_speech(), **options)
+
+    def test_what_is_not_speech_is_told(self):
+        for wrong in ("talk.wav", None, np.zeros(10)):
+            with pytest.raises(InputError, match=r"Speech\.load"):
+                RuleGesturer().generate(wrong)
+            with pytest.raises(InputError, match=r"Speech\.load"):
+                list(RuleGesturer().stream([wrong]))
+
+    def test_one_session_is_one_speech_at_one_rate(self):
+        session = RuleGesturer().session()
+        list(session.push(babble_speech()))
+        with pytest.raises(InputError, match="began at 16000 Hz"):
+            list(session.push(Speech(np.zeros(100, np.float32), 8000)))
+        list(session.finish())
+        with pytest.raises(InputError, match="over"):
+            list(session.push(babble_speech()))
 
     def test_no_speech_at_all_is_an_error_and_one_sample_is_a_frame(self):
         with pytest.raises(InputError, match="no speech"):

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -149,7 +150,7 @@ class Speech:
             InputError: ``seconds`` is shorter than a sample.
         """
         step = seconds * self.rate
-        if not step >= 1:
+        if not (step >= 1 and isfinite(step)):
             raise InputError(f"chunks of {seconds} s", f"at least one sample, 1/{self.rate} s")
         words, said, first, number = self.words or (), 0, 0, 1
         while first < len(self.samples):

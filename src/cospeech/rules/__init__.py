@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from math import isfinite
+from numbers import Integral, Real
 
 from ..errors import InputError, nearest
 from ..motion import Motion
 from ..speech import Speech
 from .manners import EMOTIONS
 from .plan import Gesture
-from .session import LOOK_AHEAD, Session
+from .session import LOOK_AHEAD, Session, check_speech
 from .styles import STYLES, Style, mix_styles
 
 __all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "RuleGesturer", "Session", "Style"]
@@ -45,17 +46,19 @@ class RuleGesturer:
         parts: Iterable[str] = _PARTS,
     ) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`."""
-        parts = tuple(parts)
+        parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
         unknown = [p for p in parts if p not in _PARTS]
         if unknown or not parts:
             raise InputError(f"parts {','.join(parts)!r}", f"some of {','.join(_PARTS)}")
         for name, value, most in (("intensity", intensity, 2.0), ("temperature", temperature, 2.0)):
-            if not (isfinite(value) and 0 <= value <= most):
+            if not (isinstance(value, Real) and isfinite(value) and 0 <= value <= most):
                 raise InputError(f"{name} {value}", f"0 … {most:g}")
-        if not (isfinite(fps) and 1 <= fps <= 240):
+        if not (isinstance(fps, Real) and isfinite(fps) and 1 <= fps <= 240):
             raise InputError(f"{fps} frames per second", "1 … 240")
         if emotion not in ("auto", *EMOTIONS):
-            raise InputError(f"no emotion is called {emotion!r}", nearest(emotion, ("auto", *EMOTIONS)))
+            raise InputError(f"no emotion is called {emotion!r}", nearest(str(emotion), ("auto", *EMOTIONS)))
+        if not (isinstance(seed, Integral) and 0 <= seed < 2**63):
+            raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 1")
         return Session(
             _find_style(style), emotion=None if emotion == "auto" else emotion, seed=int(seed), intensity=float(intensity),
             temperature=float(temperature), fps=float(fps), parts=parts,
@@ -94,6 +97,7 @@ class RuleGesturer:
         session = self.session(
             style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
         )
+        check_speech(speech)
         pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)]
         pieces += session.finish()
         return Motion.concatenate(pieces)
@@ -125,7 +129,7 @@ def _find_style(style: object) -> Style:
         return next(iter(STYLES.values()))
     if isinstance(style, Style):
         return style
-    if not isinstance(style, str):
+    if not isinstance(style, str) or style.lower().endswith((".bvh", ".glb", ".vrma", ".npz")):
         raise InputError("the rule-based gesturer cannot learn a style from an example", f"name one of {', '.join(STYLES)}")
     weights: dict[str, float] = {}
     for part in style.split(","):
@@ -136,6 +140,6 @@ def _find_style(style: object) -> Style:
             weights[name] = weights.get(name, 0.0) + (float(weight) if weight else 1.0)
         except ValueError:
             raise InputError(f"weight {weight!r} of style {name!r}", "a number, as in calm:0.7,lively:0.3") from None
-    if not all(isfinite(w) and w >= 0 for w in weights.values()) or not sum(weights.values()) > 0:
+    if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
         raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
     return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)

@@ -23,7 +23,7 @@ from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
 
-__all__ = ["LOOK_AHEAD", "Session"]
+__all__ = ["LOOK_AHEAD", "Session", "check_speech"]
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that must have been heard before the frame can be made (1.48 s): gestures begin before the
@@ -70,6 +70,7 @@ class Session:
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
         self._resampler: Any = None
+        self._rate: int | None = None
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -78,6 +79,11 @@ class Session:
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""
+        check_speech(chunk)
+        if self._rate not in (None, chunk.rate) or self.listener.finished:
+            was = "the speech is over" if self.listener.finished else f"the speech began at {self._rate} Hz"
+            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one session, one rate, one speech")
+        self._rate = chunk.rate
         self._duration += chunk.duration
         self._words.extend(chunk.words or ())
         samples = self._samples(chunk)
@@ -185,3 +191,13 @@ class Session:
             body = [k for k in range(len(s)) if k not in fingers | eyes]
             out[:, body] = quat_identity(1)
         return out
+
+
+def check_speech(speech: object) -> None:
+    """Say what is wrong where something else than speech is given.
+
+    Raises:
+        InputError: it is not a `Speech`.
+    """
+    if not isinstance(speech, Speech):
+        raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import signal
@@ -152,7 +153,9 @@ def test_a_closed_terminal_leaves_nothing(place):
     speech, rate = soundfile.read("talk.wav", dtype="float32")
     soundfile.write("long.flac", np.tile(speech, 400), rate)
     before = names()
-    working = subprocess.Popen([*COMMAND, "generate", "long.flac", "-o", "a.bvh", "-o", "a.glb"], stderr=subprocess.PIPE)
+    heeded = functools.partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
+    line = [*COMMAND, "generate", "long.flac", "-o", "a.bvh", "-o", "a.glb"]
+    working = subprocess.Popen(line, stderr=subprocess.PIPE, preexec_fn=heeded)
     deadline = time.monotonic() + 30
     while names() == before and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -26,7 +26,7 @@ LAYERS = [
     {"models", "avatar"},
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
-    {"train", "evaluate", "runtime"},
+    {"train", "evaluation", "runtime"},
     {"contest"},
     {"generate"},
     {"convert", "demo", "catalogue"},

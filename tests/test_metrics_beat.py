@@ -8,7 +8,7 @@ from scipy.signal import argrelextrema
 
 from cospeech.corpora import Clip
 from cospeech.errors import InputError
-from cospeech.evaluate import sample_of
+from cospeech.evaluation import sample_of
 from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order

@@ -19,7 +19,7 @@ from scipy.cluster.vq import kmeans2
 
 from cospeech.corpora.clip import Clip, Points, Semantic
 from cospeech.corpora.keypoints import joint_points
-from cospeech.evaluate import POSE_STATISTICS, evaluate, sample_of
+from cospeech.evaluation import POSE_STATISTICS, evaluate, sample_of
 from cospeech.metrics import METRICS, FeatureNet, Tools, load_metric
 from cospeech.metrics.mode_f1 import mode_features
 from cospeech.rules import STYLES, RuleGesturer

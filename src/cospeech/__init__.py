@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .contest import evaluate
     from .errors import CospeechError, InputError
     from .models import load
     from .motion import Motion
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["CospeechError", "InputError", "Motion", "Skeleton", "Speech", "Word", "__version__", "humanoid", "load"]
+__all__ = [
+    "CospeechError", "InputError", "Motion", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid", "load",
+]  # fmt: skip
 
 _HOME = {
     "CospeechError": "errors",
@@ -26,6 +29,7 @@ _HOME = {
     "Skeleton": "skeleton",
     "Speech": "speech",
     "Word": "speech",
+    "evaluate": "contest",
     "humanoid": "skeleton",
     "load": "models",
 }

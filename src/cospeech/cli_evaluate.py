@@ -69,7 +69,7 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         """
         from .contest import contest
-        from .evaluate import DEFAULT
+        from .evaluation import DEFAULT
 
         table = contest(
             _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,

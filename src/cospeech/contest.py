@@ -13,11 +13,12 @@ import numpy as np
 from .corpora.clip import Clip, Points
 from .corpora.keypoints import resample_points
 from .errors import InputError
-from .evaluate import DEFAULT, Table, evaluate, stored_clips
-from .models import MODELS, load
+from .evaluation import DEFAULT, Table, stored_clips
+from .evaluation import evaluate as judge
+from .models import MODELS, Gesturer, load
 from .motion import Motion
 
-__all__ = ["contest", "play"]
+__all__ = ["contest", "evaluate", "play"]
 
 
 def _pats(motion: Motion) -> Points:
@@ -36,16 +37,16 @@ LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": _pats}
 """Layout of key points → how motion of our humanoid is seen in it."""
 
 
-def play(model: str, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
+def play(model: str | Gesturer, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
     """Clip name → what a model makes of its speech, ``takes`` times with seeds from ``seed`` on, in the clip's own form.
 
     Raises:
         InputError: no such model, or a clip has no speech.
     """
-    player, played = load(model), dict[str, list[Motion | Clip]]()
+    player, played = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
     for clip in clips:
         if clip.speech is None:
-            raise InputError(f"clip {clip.name!r} has no speech for {model!r} to play", "name the corpus: --raw RAW")
+            raise InputError(f"clip {clip.name!r} has no speech to play", "name the corpus: --raw RAW")
         body = clip.motion if clip.motion is not None else clip.points
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")
@@ -98,4 +99,35 @@ def contest(
     systems: dict[str, Any] = {
         name: play(target, clips, takes=takes, seed=seed) if target in MODELS else target for name, target in targets.items()
     }
-    return evaluate(systems, clips, metrics=metrics, seed_frames=seed_frames)
+    return judge(systems, clips, metrics=metrics, seed_frames=seed_frames)
+
+
+def evaluate(
+    model: str | Gesturer | None,
+    corpus: str | PathLike[str] | Sequence[Clip],
+    *,
+    metrics: Sequence[str] = DEFAULT,
+    raw: str | PathLike[str] | None = None,
+    split: str | None = "test",
+    takes: int = 1,
+    seed: int = 0,
+) -> Table:
+    """A table of one system and the control rows: ``cospeech.evaluate(model, "stores/beat", raw="raw/beat")``.
+
+    Args:
+        model: what `cospeech.load` gives, a model by name, a folder of motions, or None: the control rows alone.
+        corpus: a prepared store, or recordings with speech and motion.
+        metrics, raw, split, takes, seed: see `contest`.
+
+    Raises:
+        InputError: anything of these cannot be used.
+    """
+    if isinstance(model, str) and isinstance(corpus, str | PathLike):
+        return contest({Path(model).name: model}, corpus, raw=raw, metrics=metrics, split=split, takes=takes, seed=seed)
+    clips = stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
+    systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
+    return judge(systems, clips, metrics=metrics)
+
+
+def _name(model: str | Gesturer) -> str:
+    return model if isinstance(model, str) else type(model).__name__

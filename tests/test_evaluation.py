@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cospeech.cli_evaluate import register
 from cospeech.corpora import Clip, Points, Semantic
 from cospeech.errors import InputError
-from cospeech.evaluate import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
+from cospeech.evaluation import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.metric import About
@@ -347,3 +347,15 @@ def test_a_model_plays_the_recordings_of_a_store(corpus):
         contest({"x": "rulez"}, corpus / "store")
     with pytest.raises(InputError, match="--raw"):
         contest({"rules": "rules"}, corpus / "store", metrics=("pck",))
+
+
+def test_the_public_call_takes_a_model_and_a_store(corpus):
+    """As README and interface have it: a model, a corpus, metrics."""
+    import cospeech
+
+    by_object = cospeech.evaluate(cospeech.load("rules"), corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
+    by_name = cospeech.evaluate("rules", corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
+    alone = cospeech.evaluate(None, stored_clips(corpus / "store"), metrics=["w1_speed"])
+    assert by_object.rows[0] == "RuleGesturer"
+    assert by_name.cells["rules"]["w1_speed"].value == by_object.cells["RuleGesturer"]["w1_speed"].value
+    assert alone.rows == tuple(CONTROLS)

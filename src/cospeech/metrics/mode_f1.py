@@ -20,7 +20,6 @@ from .sample import Sample, Score, Tools
 __all__ = ["confusion", "mode_f1", "mode_f1_published", "mode_features", "nearest_centre", "weighted_f1"]
 
 POINTS, MASKED = 52, (0, 7, 8, 9)  # of PATS; neck, nose and eyes are left out (Mix-StAGE transform.py)
-SIZE = 5 * (POINTS - len(MASKED))  # 240
 DRAWS = 200  # ours
 
 

@@ -58,11 +58,6 @@ class Camera:
         out[:, 2] = inverse
         return out
 
-    def unproject(self, x: Array, y: Array, inverse: Array) -> Array:
-        """Picture points in pixels with their inverse depth, each (N,) → world points (3, N) float32."""
-        local = np.stack([(x - self.width / 2) / self.focal, (self.height / 2 - y) / self.focal, np.ones_like(x)])
-        return (self.axes.T.astype(np.float32) @ local.astype(np.float32)) / inverse + self.position.astype(np.float32)[:, None]
-
 
 @dataclass(frozen=True)
 class View:

@@ -117,7 +117,7 @@ def finger_rotations(channels: Array) -> Array:
     out[..., 3::3, :] = quat_multiply(_about(1, spread), _about(2, -knuckles))
     out[..., 4::3, :] = _about(2, -middles)
     out[..., 5::3, :] = _about(2, -middles * (2 / 3))  # the last joint is coupled to the middle one (Rijpkema & Girard 1991)
-    opposition, base, outer = (a[..., 16 + k] for k in range(3))
+    opposition, base, outer = np.moveaxis(a[..., Channel.THUMB], -1, 0)
     out[..., 0, :] = quat_multiply(_about(0, opposition), _about(1, base))
     bend = _THUMB_HINGE * np.sin(outer / 2)[..., None]
     out[..., 1, :3], out[..., 1, 3] = bend, np.cos(outer / 2)
@@ -131,13 +131,3 @@ _THUMB_HINGE = _unit(np.array([-0.35, 0.87, 0.35]))  # at right angles to the th
 def to_parent(parent: Array, child: Array) -> Array:
     """Local rotation of ``child`` under ``parent``, both given in one frame."""
     return quat_multiply(quat_conjugate(parent), child)
-
-
-def mirror_vectors(v: Array) -> Array:
-    """Left ↔ right for positions ``(..., 3)``."""
-    return v * np.array([-1.0, 1.0, 1.0])
-
-
-def mirror_rotations(q: Array) -> Array:
-    """Left ↔ right for rotations ``(..., 4)``."""
-    return q * np.array([1.0, -1.0, -1.0, 1.0])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-__all__ = ["BODY_CHANNELS", "BODY_LAGS", "Body"]
+__all__ = ["BODY_CHANNELS", "Body"]
 
 
 class Body:
@@ -16,8 +14,6 @@ class Body:
     GAZE_YAW, GAZE_UP = 9, 10  # where the eyes look, in the world; up is positive
     LEFT_FOOT, RIGHT_FOOT = slice(11, 14), slice(14, 17)  # x, z of the ankle, yaw
     LEFT_LIFT, RIGHT_LIFT = 17, 18  # ankle above its place on the floor
-    HIPS_DROP = 19
 
 
-BODY_CHANNELS = 20
-BODY_LAGS = np.zeros(BODY_CHANNELS)
+BODY_CHANNELS = 19

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..rotations import Array
 
-__all__ = ["ARM", "CHANNELS", "HAND_SHAPES", "LAGS", "Channel", "HandShape"]
+__all__ = ["CHANNELS", "HAND_SHAPES", "LAGS", "Channel", "HandShape"]
 
 
 class Channel:
@@ -32,8 +32,6 @@ class Channel:
 
 
 CHANNELS = 20
-ARM = [0, 1, 2, 3, 4, 5, 6, 19]
-"""Channels that are not fingers."""
 LAGS = np.array([0, 0, 0, 0.02, 0.03, 0.05, 0.05] + [0.06, 0.07, 0.08, 0.09] * 2 + [0.05, 0.05, 0.05, 0.06] + [0.0])
 """Seconds by which each channel trails the wrist: motion runs outward along the arm (ours, by eye: 30–90 ms)."""
 

@@ -74,7 +74,6 @@ class Listener:
         self._silent_since = 0
         self.accents: deque[Accent] = deque()
         self.phrases: deque[Phrase] = deque()
-        self.mean_strength = 0.5
         self.finished = False
 
     @property
@@ -186,7 +185,6 @@ class Listener:
             tone = self._tone.rows(t - 8, t + 9)
             rise = float(tone.max()) if len(tone) else 0.0
             strength = float(np.clip(0.65 * prominence + 0.2 * e[k] + 0.02 * np.clip(rise, 0, 7), 0.05, 1.0))
-            self.mean_strength += 0.08 * (strength - self.mean_strength)
             self.accents.append(Accent(t / RATE, strength))
         self._judged = b
 

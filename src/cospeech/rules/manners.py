@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 
 import numpy as np
@@ -126,8 +126,6 @@ _MANNER_FIELDS = tuple(f.name for f in fields(Manner))
 _MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
 
 
-def blend_manners(probabilities: Array, intensity: float = 1.0) -> Manner:
-    """The mixture of all manners under ``probabilities (8,)``; ``intensity`` scales sizes as a whole."""
-    mixed = np.asarray(probabilities) @ _MANNER_TABLE
-    manner = Manner(*(float(v) for v in mixed))
-    return replace(manner, amplitude=manner.amplitude * intensity)
+def blend_manners(probabilities: Array) -> Manner:
+    """The mixture of all manners under ``probabilities (8,)``."""
+    return Manner(*(float(v) for v in np.asarray(probabilities) @ _MANNER_TABLE))

@@ -195,7 +195,3 @@ class Posture:
         part[[Body.YAW, Body.PITCH, Body.ROLL]] = np.clip(part[[Body.YAW, Body.PITCH, Body.ROLL]], -7, 7)
         self.track.add(onset - 0.05, stroke + 0.12, part)
         self.track.add(onset + stroke + 0.2, 0.9, -part)
-
-    def forget(self, before: float) -> None:
-        """Drop what lies in the past."""
-        self.track.forget(before)

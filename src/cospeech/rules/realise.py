@@ -62,10 +62,7 @@ def _offsets() -> dict[str, Array]:
 @lru_cache(1)
 def _finger_joints() -> tuple[list[int], list[int]]:
     s = humanoid()
-    rows = [
-        [side + f + j for f in ("Index", "Middle", "Ring", "Little") for j in ("Proximal", "Intermediate", "Distal")]
-        for side in ("left", "right")
-    ]
+    rows = [[side + f + j for f in arms.FINGERS for j in ("Proximal", "Intermediate", "Distal")] for side in ("left", "right")]
     thumbs = [[side + "Thumb" + j for j in ("Metacarpal", "Proximal", "Distal")] for side in ("left", "right")]
     left, right = ([s.index[n] for n in t + r] for t, r in zip(thumbs, rows, strict=True))
     return left, right

@@ -133,7 +133,7 @@ class Session:
         if not self.mood.fixed and self._ticks % 5 == 0:
             recent = [a for a in listener.accents if a.time <= now + HORIZON]
             self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        manner = blend_manners(self.mood.probabilities, 1.0)
+        manner = blend_manners(self.mood.probabilities)
         self._moods.append((now, self.mood.probabilities.copy()))
         self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
         self._ticks += 1
@@ -158,10 +158,8 @@ class Session:
     def _realise(self, times: Array) -> Motion:
         tracks = [s.track for s in self.planner.hands]
         mood = self._mood_at(times)
-        size = self.intensity
-        pose = realise(
-            times, self.planner.body, tracks, self.style, seed=self.seed, size=size, tremor=mood[:, EMOTIONS.index("fear")]
-        )
+        fear = mood[:, EMOTIONS.index("fear")]
+        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)
         rotations = self._chosen(pose.rotations)
         face = None
         if "face" in self.parts:
@@ -182,15 +180,14 @@ class Session:
     def _chosen(self, rotations: Array) -> Array:
         """Neutral rotations for parts that were not asked for."""
         s = humanoid()
-        out = rotations
         if "hands" not in self.parts:
-            out[:, [*s.left_hand, *s.right_hand]] = quat_identity(1)
+            rotations[:, [*s.left_hand, *s.right_hand]] = quat_identity(1)
         if "body" not in self.parts:
             eyes = {s.index["leftEye"], s.index["rightEye"]} if "face" in self.parts else set()
             fingers = {*s.left_hand, *s.right_hand}
             body = [k for k in range(len(s)) if k not in fingers | eyes]
-            out[:, body] = quat_identity(1)
-        return out
+            rotations[:, body] = quat_identity(1)
+        return rotations
 
 
 def check_speech(speech: object) -> None:

@@ -1,4 +1,4 @@
-"""Metrics: one file each, numpy and scipy only, no model is ever imported here.
+"""Metrics: one file each, numpy and scipy (of the extra ``corpora``) only, no model is ever imported here.
 
 Every row of `METRICS` is called in the same way:
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array, quat_to_euler
+from ._scipy import scipy
 from .beat_lift import accents, lift_of_times, wrist_peaks
 from .interval import mean_score
 from .metric import metric
@@ -45,9 +46,7 @@ def closeness(beats: Array, others: Array, sigma: float) -> float:
 
 
 def _minima(x: Array, order: int) -> Array:
-    from scipy.signal import argrelextrema
-
-    return argrelextrema(x, np.less, order=max(order, 1))[0]
+    return scipy("signal").argrelextrema(x, np.less, order=max(order, 1))[0]
 
 
 def speed_minima(positions: Array, order: int) -> Array:

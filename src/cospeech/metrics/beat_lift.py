@@ -22,6 +22,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array
+from ._scipy import scipy
 from .movement import Track, wrist_speeds
 from .movement_signal import FPS, SMOOTH, low_pass
 
@@ -59,21 +60,19 @@ class BeatLift:
 
 def energy_envelope(samples: Array, rate: float) -> Array:
     """Energy of ``samples`` in 100–4000 Hz, below 6 Hz, at 100 values per second (value k at time (k + ½) / 100 s)."""
-    from scipy.signal import butter, sosfiltfilt
-
     if len(samples) < rate:
         raise InputError(f"{len(samples) / rate:.2f} s of speech", "beat lift needs a second at least, better minutes")
     band = (BAND[0], min(BAND[1], 0.45 * rate))
-    energy = np.square(sosfiltfilt(butter(4, band, "bandpass", fs=rate, output="sos"), np.asarray(samples, np.float64)))
+    signal = scipy("signal")
+    sos = signal.butter(4, band, "bandpass", fs=rate, output="sos")
+    energy = np.square(signal.sosfiltfilt(sos, np.asarray(samples, np.float64)))
     edges = np.round(np.arange(int(len(energy) * RATE / rate) + 1) * rate / RATE).astype(int)
     sums = np.concatenate([[0.0], np.cumsum(energy)])[edges]
     return low_pass(np.diff(sums) / np.diff(edges), SMOOTH, RATE)
 
 
 def _peaks(x: Array) -> Array:
-    from scipy.signal import find_peaks
-
-    return find_peaks(x, prominence=max(PROMINENCE * x.std(), np.finfo(float).tiny))[0]
+    return scipy("signal").find_peaks(x, prominence=max(PROMINENCE * x.std(), np.finfo(float).tiny))[0]
 
 
 def accents(samples: Array, rate: float) -> Array:

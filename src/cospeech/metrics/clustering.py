@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from ._scipy import scipy
 from .metric import metric
 from .sample import Sample, Score, Tools
 
@@ -81,13 +82,12 @@ def _labelled(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
 
 
 def _pictured(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
-    from scipy.cluster.vq import ClusterError, kmeans2
-
     assert tools.embedding is not None
     points = np.asarray(tools.embedding(_labelled(generated, tools)[0]), np.float64)
+    vq = scipy("cluster.vq")
     try:
-        labels = kmeans2(points, GROUPS, minit="++", missing="raise", rng=np.random.default_rng(tools.seed))[1]
-    except ClusterError:
+        labels = vq.kmeans2(points, GROUPS, minit="++", missing="raise", rng=np.random.default_rng(tools.seed))[1]
+    except vq.ClusterError:
         raise InputError(f"k-means finds no {GROUPS} groups in {len(points)} points") from None
     return points, labels
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from ._scipy import scipy
 from .interval import LEVEL
 from .metric import metric
 from .sample import FeatureNet, Sample, Score, Tools, pose_vectors
@@ -74,8 +75,7 @@ def frechet(mean_a: Array, covariance_a: Array, mean_b: Array, covariance_b: Arr
 
 def frechet_published(mean_a: Array, covariance_a: Array, mean_b: Array, covariance_b: Array) -> float:
     """The same with `scipy.linalg.sqrtm` of Σ₁Σ₂, as in pytorch-fid; may be negative or not a number."""
-    from scipy.linalg import sqrtm
-
+    sqrtm = scipy("linalg").sqrtm
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         root = sqrtm(covariance_a @ covariance_b)

@@ -6,6 +6,7 @@ Each function takes series of the whole motion and a window (a slice of frames),
 import numpy as np
 
 from ..rotations import Array, quat_angle, quat_conjugate, quat_multiply, quat_rotate, quat_to_rotvec
+from ._scipy import scipy
 from .movement_signal import FPS, REST, SMOOTH, low_pass, norm, percentiles, rate, spectrum
 
 __all__ = ["finger_rows", "ground_rows", "head_rows", "torso_rows"]
@@ -40,13 +41,11 @@ def _turning(rotations: Array) -> Array:
 
 def head_rows(head: Array, window: slice) -> dict[str, float]:
     """``head (T, 4)``: world rotation with the slow heading removed."""
-    from scipy.signal import find_peaks
-
     face, left = (quat_rotate(head, np.array(axis)) for axis in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
     pitch = np.degrees(np.arcsin(np.clip(-face[:, 1], -1, 1)))  # nodding down is positive
     yaw = np.degrees(np.unwrap(np.arctan2(face[:, 0], face[:, 2])))
     roll = np.degrees(np.arcsin(np.clip(left[:, 1], -1, 1)))
-    nods = find_peaks(low_pass(pitch, SMOOTH)[window], prominence=NOD)[0]
+    nods = scipy("signal").find_peaks(low_pass(pitch, SMOOTH)[window], prominence=NOD)[0]
     return {
         "head pitch SD, deg": float(pitch[window].std()),
         "head yaw SD, deg": float(yaw[window].std()),
@@ -73,8 +72,6 @@ def finger_rows(fingers: Array, window: slice) -> dict[str, float]:
 
 def ground_rows(hips: Array, feet: Array | None, window: slice) -> dict[str, float]:
     """Hips and feet in the world."""
-    from scipy.signal import find_peaks
-
     minutes = len(hips[window]) / FPS / 60
     rows = {
         "hip path (1 Hz), m/min": float(norm(np.diff(low_pass(hips, 1.0)[window], axis=0)).sum() / minutes),
@@ -83,6 +80,7 @@ def ground_rows(hips: Array, feet: Array | None, window: slice) -> dict[str, flo
     if feet is None:
         return rows
     speed, smooth = norm(rate(feet))[window], norm(rate(low_pass(feet, SMOOTH)))[window]
+    find_peaks = scipy("signal").find_peaks
     steps = sum(len(find_peaks(v, height=STEP, distance=APART)[0]) for v in smooth.T)
     return {
         **rows,

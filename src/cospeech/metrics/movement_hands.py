@@ -6,6 +6,7 @@ Each function takes series of the whole motion and a window (a slice of frames),
 import numpy as np
 
 from ..rotations import Array
+from ._scipy import scipy
 from .movement_signal import FPS, REST, norm, percentiles, rate, spectrum
 
 __all__ = ["STROKE", "place_rows", "spectrum_rows", "speed_rows", "stroke_rows"]
@@ -29,8 +30,7 @@ def speed_rows(wrists: Array, window: slice) -> dict[str, float]:
 
 def stroke_rows(smooth: Array, window: slice) -> dict[str, float]:
     """Rest, strokes and the share of the hands, from positions below 6 Hz."""
-    from scipy.signal import find_peaks
-
+    find_peaks = scipy("signal").find_peaks
     speed, jerk = norm(rate(smooth))[window], norm(rate(smooth, 3))[window]
     minutes = len(speed) / FPS / 60
     counts, peaks, durations, smoothness = [], [], [], []

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..rotations import Array
+from ._scipy import scipy
 
 __all__ = ["FPS", "REST", "SMOOTH", "low_pass", "norm", "percentiles", "rate", "spectrum"]
 
@@ -13,9 +14,9 @@ REST = 0.1  # m/s (benchmarks/README.md)
 
 def low_pass(x: Array, cutoff: float, fps: float = FPS) -> Array:
     """``x (T, …)`` below ``cutoff`` Hz, without delay (Butterworth of second order, forwards and backwards)."""
-    from scipy.signal import butter, sosfiltfilt
-
-    return sosfiltfilt(butter(2, cutoff, fs=fps, output="sos"), x, axis=0, padlen=min(len(x) - 1, int(3 * fps / cutoff)))
+    signal = scipy("signal")
+    sos = signal.butter(2, cutoff, fs=fps, output="sos")
+    return signal.sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, int(3 * fps / cutoff)))
 
 
 def rate(x: Array, order: int = 1) -> Array:
@@ -35,7 +36,5 @@ def percentiles(name: str, unit: str, x: Array, levels: tuple[int, ...]) -> dict
 
 def spectrum(x: Array, seconds: float) -> tuple[Array, Array]:
     """Frequencies and power of ``x (T, …)``, summed over all channels (Welch, Hann)."""
-    from scipy.signal import welch
-
-    frequency, power = welch(x, FPS, nperseg=min(len(x), round(seconds * FPS)), axis=0, detrend="constant")
+    frequency, power = scipy("signal").welch(x, FPS, nperseg=min(len(x), round(seconds * FPS)), axis=0, detrend="constant")
     return frequency, power.reshape(len(frequency), -1).sum(1) + 1e-30

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from ._scipy import scipy
 from .interval import bootstrap
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors
@@ -36,9 +37,7 @@ def rates(sample: Sample, order: int) -> Array:
 
 def distance(a: Array, b: Array) -> float:
     """∫ |F₁ − F₂| of two samples of numbers (Wasserstein-1)."""
-    from scipy.stats import wasserstein_distance
-
-    return float(wasserstein_distance(np.ravel(a), np.ravel(b)))
+    return float(scipy("stats").wasserstein_distance(np.ravel(a), np.ravel(b)))
 
 
 def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, order: int) -> Score:
@@ -83,9 +82,7 @@ def _histogram(samples: Sequence[Sample]) -> Array:
 @metric("points", better="lower", unit="px per frame")
 def w1_speed_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """W1 of Mix-StAGE: of histograms (0 … 300 px by 0.1) of the joints' mean speed per frame; 1000 where one is empty."""
-    from scipy.stats import wasserstein_distance
-
     made, true = _histogram(generated), _histogram(reference)
     if not (made.sum() and true.sum()):
         return Score(1000.0, None, len(generated), "a histogram is empty")
-    return Score(float(wasserstein_distance(BINS[:-1], BINS[:-1], made, true)), None, len(generated))
+    return Score(float(scipy("stats").wasserstein_distance(BINS[:-1], BINS[:-1], made, true)), None, len(generated))

@@ -47,15 +47,23 @@ def to_rotations(rotvecs: Array) -> Array:
 
 
 def walk(motion: Motion) -> tuple[Array, Array]:
-    """The smoothed point that walks below the hips: (T, 3) metres on the floor and (T,) its turn about Y in radians."""
-    from scipy.ndimage import gaussian_filter1d
-
+    """The smoothed point that walks below the hips, of a motion of a frame or more: (T, 3) metres on the floor and (T,) its turn about Y in radians."""
     since = quat_multiply(np.asarray(motion.rotations[:, 0], float), quat_conjugate(motion.skeleton.rest[0]))
     front = quat_rotate(since, np.array([0.0, 0.0, 1.0]))
     turn = np.unwrap(np.arctan2(front[:, 0], front[:, 2]))
     floor = np.asarray(motion.root, float) * np.array([1.0, 0.0, 1.0])
-    place = gaussian_filter1d(floor, _SMOOTH_PLACE * motion.fps, axis=0, mode="nearest")
-    return place, gaussian_filter1d(turn, _SMOOTH_TURN * motion.fps, mode="nearest")
+    place = np.stack([_smooth(axis, _SMOOTH_PLACE * motion.fps) for axis in floor.T], -1)
+    return place, _smooth(turn, _SMOOTH_TURN * motion.fps)
+
+
+def _smooth(x: Array, sigma: float) -> Array:
+    """``x (T,)``, T > 0, under a Gaussian of ``sigma`` frames, cut off at four of them; the ends go on as they are.
+
+    That is SciPy's ``gaussian_filter1d(x, sigma, mode="nearest")``, whose cut-off this is.
+    """
+    radius = int(4 * sigma + 0.5)
+    kernel = np.exp(-0.5 * np.square(np.arange(-radius, radius + 1) / sigma))
+    return np.convolve(np.pad(x, radius, mode="edge"), kernel / kernel.sum(), mode="valid")
 
 
 def _encode_hips(motion: Motion) -> Array:

@@ -1,0 +1,219 @@
+"""The stylised flow: Ye et al. 2022, "Audio-Driven Stylized Gesture Generation with Flow-Based Model".
+
+A normalising flow gives the exact density of the next pose, given the poses before it and the speech around it:
+
+    p(x | a) = ∏ₜ p(xₜ | xₜ₋τ…ₜ₋₁, aₜ₋τ…ₜ₊ₗ)                                          (6)
+    ln p(xₜ | …) = ln p_Z(zₜ) + Σₖ ln |det ∂hₖ/∂hₖ₋₁|,  z = f(x), p_Z Student's t          (5)
+
+         poses t−τ … t−1 ──TCN──┐
+                                ├─ fully connected ─ f_t (32) ─┐
+         speech t−τ … t+l ──TCN─┘                               │   the global encoder
+         poses, speech ─────────────────────────────────────────┴─► c_t
+                                                                     │
+      x_t ─►[ ActNorm ─ 1×1 convolution ─ affine coupling(GRU(x₁, c_t)) ] × K ─► z_t
+
+Objective (11): L = NLL + λ₁ |x̂ − x|₁ + λ₂ |ω(x̂) − ω(x)|₁, where x̂ is what random latents give under the same conditions and ω
+the fourth layer of a gesture autoencoder (`cospeech.models.gesture_autoencoder`).
+
+Followed, changed, not said in the paper: docs/models/stylised-flow.md, by number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..nn.conditioning import GlobalEncoder, drop_history, frame_windows
+from ..nn.flow import Flow, RecurrentNet, State
+from ..nn.objective import Batch, Objective
+
+__all__ = ["Config", "StylisedFlow"]
+
+
+@dataclass(frozen=True)
+class Config:
+    """Sizes and weights; the defaults are the paper's for TED."""
+
+    steps: int = 16
+    """K; not stated, authors' code 16."""
+    hidden: int = 800
+    """Units of a GRU layer; not stated, authors' code 800."""
+    layers: int = 2
+    """GRU layers of a coupling; not stated, authors' code 2."""
+    history: int = 12
+    """τ, poses that condition a frame; section 4.1 (Trinity: 5)."""
+    look_ahead: int = 0
+    """l, frames of speech after the one that is made; section 3.2 (Trinity: 20, section 4.1)."""
+    frames: int = 30
+    """Frames trained in a window, after the history; section 4.1 (Trinity: 120 in all)."""
+    nu: int = 50
+    """Degrees of freedom of the latent; not stated, authors' code 50."""
+    encoder: bool = True
+    """Whether there is a global encoder; without one: the ablation of table 2."""
+    feature: int = 32
+    """Width of f_t; not stated, authors' code 32."""
+    encoder_channels: int = 256
+    """Of the encoder's convolutions and linear layers; not stated, authors' code 256."""
+    encoder_blocks: int = 5
+    """Residual blocks of a TCN; not stated, authors' code 5."""
+    encoder_oldest: bool = False
+    """Take the oldest position of a TCN's output in place of their mean, as the authors' interpolation to length 1 does."""
+    history_dropout: float = 0.4
+    """Probability that a pose of the history is blanked; not stated, authors' code 0.4 (as MoGlow)."""
+    reconstruction: float = 1.0
+    """λ₁; section 3.3."""
+    perceptual: float = 0.1
+    """λ₂; section 3.3."""
+    reconstruct_every: int = 1
+    """Steps between those that have the λ₁ and λ₂ terms; the paper has them in all, the authors' code in every fifth."""
+    nll_unit: float = 1.0
+    """Nats of the unit in which the NLL of a frame is summed with the other terms; the authors' code has bits (0.6931)."""
+    pose_noise: float = 0.0
+    """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
+
+
+class StylisedFlow(nn.Module):
+    """The model; poses and audio are standardised vectors.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose.
+        audio: A, numbers of a frame of speech.
+        omega: (B, T, D) → features of the gesture perceptual loss, frozen; None: a loss without it (ablation).
+    """
+
+    arrays = ("pose", "audio")
+    Config = Config
+
+    def __init__(self, config: Config, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
+        super().__init__()
+        if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
+            raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
+        self.config, self.pose, self.audio = config, pose, audio
+        self.encoder: GlobalEncoder | None = None
+        if config.encoder:
+            self.encoder = GlobalEncoder(
+                pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
+                oldest=config.encoder_oldest,
+            )  # fmt: skip
+        context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0)
+        self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
+        self.omega = [omega.eval().requires_grad_(False)] if omega is not None else []  # a list: no part of this model
+
+    def _net(self, inputs: int, outputs: int) -> RecurrentNet:
+        return RecurrentNet(nn.GRU, inputs, self.config.hidden, outputs, self.config.layers)
+
+    @property
+    def heard(self) -> int:
+        """Frames of speech that condition a frame: τ + 1 + l."""
+        return self.config.history + 1 + self.config.look_ahead
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window: history, trained frames, look-ahead."""
+        return self.config.history + self.config.frames + self.config.look_ahead
+
+    # the density ----------------------------------------------------------------------------------------------------
+
+    def condition(self, poses: Tensor, audio: Tensor) -> Tensor:
+        """c_t of equation 8.
+
+        Args:
+            poses: (B, F, τ, D), oldest first.
+            audio: (B, F, τ + 1 + l, A).
+
+        Returns:
+            (B, F, C).
+        """
+        parts = [poses.flatten(2), audio.flatten(2)]
+        if self.encoder is not None:
+            parts.append(self.encoder(poses, audio))
+        return torch.cat(parts, -1)
+
+    def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Trained poses (B, F, D), their histories (B, F, τ, D) and the speech about them (B, F, τ + 1 + l, A)."""
+        tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
+        if frames < 1 or audio.shape[1] != pose.shape[1]:
+            raise InputError(f"{pose.shape[1]} poses and {audio.shape[1]} frames of speech", f"both {self.window}")
+        x = pose[:, tau : tau + frames]
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(audio, self.heard)
+
+    def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
+        """Exact log-likelihood (equation 5) of each frame after the history.
+
+        Args:
+            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
+            audio: (B, τ + F + l, A).
+
+        Returns:
+            (B, F) nats, of standardised poses.
+        """
+        x, histories, heard = self._windows(pose, audio)
+        return self.flow.log_prob(x, self.condition(histories, heard))
+
+    def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
+        """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
+        x, histories, heard = self._windows(pose, audio)
+        return self.flow(x, self.condition(histories, heard))[0]
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """One: equation 11."""
+        return {"flow": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The terms of equation 11, weighted."""
+        pose = batch["pose"]
+        if self.training and self.config.pose_noise:
+            pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
+        x, histories, heard = self._windows(pose, batch["audio"])
+        if self.training:
+            histories = drop_history(histories, self.config.history_dropout, batch.chance)
+        c = self.condition(histories, heard)
+        terms = {"nll": -self.flow.log_prob(x, c).mean() / self.config.nll_unit}
+        if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
+            z = self.flow.latent.sample(batch.chance.normal, len(x), x.shape[1])
+            made, _ = self.flow.inverse(z, c)
+            terms["reconstruction"] = self.config.reconstruction * (made - x).abs().mean()
+            if self.omega:
+                terms["perceptual"] = self.config.perceptual * (self.omega[0](made) - self.omega[0](x)).abs().mean()
+        return terms
+
+    # generation -----------------------------------------------------------------------------------------------------
+
+    @torch.no_grad()
+    def step(self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
+        """One frame: latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A), states → pose (B, D), states."""
+        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None]), states)
+        return made[:, 0], states
+
+    @torch.no_grad()
+    def sample(self, z: Tensor, history: Tensor, audio: Tensor) -> Tensor:
+        """Poses that follow a history, each fed back (equation 6).
+
+        Args:
+            z: (B, F, D) latents, drawn (`Latent.sample`) or those of an example.
+            history: (B, τ, D).
+            audio: (B, τ + F + l, A).
+
+        Returns:
+            (B, F, D).
+        """
+        poses, states = history, None
+        heard = frame_windows(audio, self.heard)
+        for t in range(z.shape[1]):
+            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states)
+            poses = torch.cat([poses, made[:, None]], 1)
+        return poses[:, self.config.history :]
+
+    # the runtime bundle ---------------------------------------------------------------------------------------------
+
+    def export(self) -> dict[str, Any]:
+        """Arrays by name, as `cospeech.runtime.flow_graph` wants them; sizes are in the `Config`."""
+        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

@@ -1,0 +1,84 @@
+"""What autoregressive flows are conditioned on: windows of poses and speech, blanked histories, the global encoder."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from .norm import BatchNorm1d
+from .objective import Chance
+
+__all__ = ["TCN", "GlobalEncoder", "drop_history", "frame_windows"]
+
+CODE = 64  # width of a TCN's result; flow paper: not stated, authors' code 64
+
+
+def frame_windows(values: Tensor, length: int) -> Tensor:
+    """(B, T, D) → (B, T − length + 1, length, D): for each frame the window that begins with it; a view."""
+    return values.unfold(1, length, 1).transpose(2, 3)
+
+
+def drop_history(histories: Tensor, probability: float, chance: Chance) -> Tensor:
+    """(B, F, τ, D) with whole poses blanked (the mean pose), each slot of each frame by itself (MoGlow's data dropout)."""
+    if probability <= 0:
+        return histories
+    kept = chance.uniform(*histories.shape[:3]) >= probability
+    return histories * kept.unsqueeze(-1)
+
+
+class _Residual(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.conv = nn.Conv1d(channels, channels, 3, padding=1, bias=False)
+        self.norm = BatchNorm1d(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(x + self.norm(self.conv(x)))
+
+
+class TCN(nn.Module):
+    """A window of vectors → `CODE` numbers: convolution, batch norm, ReLU; residual blocks; convolution, batch norm; pooling.
+
+    (N, D, W) → (N, 64). Kernels 4 with stride 2 at both ends, 3 between (authors' code of the flow paper, which says residual blocks
+    of convolution, batch norm and ReLU).
+
+    Args:
+        inputs: D.
+        channels, blocks: width and number of the residual blocks.
+        oldest: take the first position of the result, not the mean over all.
+    """
+
+    def __init__(self, inputs: int, *, channels: int, blocks: int, oldest: bool) -> None:
+        super().__init__()
+        self.first = nn.Conv1d(inputs, channels, 4, stride=2, padding=1, bias=False)
+        self.first_norm = BatchNorm1d(channels)
+        self.blocks = nn.Sequential(*(_Residual(channels) for _ in range(blocks)))
+        self.last = nn.Conv1d(channels, CODE, 4, stride=2, padding=1, bias=False)
+        self.last_norm = BatchNorm1d(CODE)
+        self.oldest = oldest
+        for part in self.modules():
+            if isinstance(part, nn.Conv1d):
+                nn.init.kaiming_normal_(part.weight)
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = self.blocks(torch.relu(self.first_norm(self.first(x))))
+        x = self.last_norm(self.last(x))
+        return x[..., 0] if self.oldest else x.mean(-1)
+
+
+class GlobalEncoder(nn.Module):
+    """f_t of the flow paper (section 3.2, figure 4): two TCNs over history and speech, then three fully connected layers."""
+
+    def __init__(self, pose: int, audio: int, *, channels: int, blocks: int, feature: int, oldest: bool) -> None:
+        super().__init__()
+        self.poses = TCN(pose, channels=channels, blocks=blocks, oldest=oldest)
+        self.speech = TCN(audio, channels=channels, blocks=blocks, oldest=oldest)
+        self.full = nn.Sequential(
+            nn.Linear(2 * CODE, channels), nn.ReLU(), nn.Linear(channels, channels), nn.ReLU(), nn.Linear(channels, feature)
+        )
+
+    def forward(self, poses: Tensor, audio: Tensor) -> Tensor:
+        """(B, F, τ, D), (B, F, W, A) → (B, F, feature)."""
+        rows, frames = poses.shape[:2]
+        codes = [tcn(window.flatten(0, 1).transpose(1, 2)) for tcn, window in ((self.poses, poses), (self.speech, audio))]
+        return self.full(torch.cat(codes, -1)).view(rows, frames, -1)

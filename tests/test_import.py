@@ -9,9 +9,13 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import cospeech
+from cospeech.demo import EXAMPLE
+from cospeech.errors import InputError
+from cospeech.metrics.wasserstein import distance
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -27,6 +31,92 @@ def test_import_is_light():
     code = "import sys, cospeech; print(sorted({'numpy', 'scipy', 'soundfile', 'pydantic', 'typer'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# What the core does not install (the extras and the tools of development), and who runs as if it were not there.
+BEYOND_THE_CORE = {
+    "dask", "distributed", "faster_whisper", "h5py", "joblib", "librosa", "lmdb", "onnx", "pandas", "pyarrow", "scipy",
+    "sklearn", "tables", "tensorboard", "torch",
+}  # fmt: skip
+WITHOUT = """
+import sys
+from importlib.abc import MetaPathFinder
+
+refused = set(sys.argv.pop(1).split(","))
+
+class Refuse(MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in refused:
+            raise AssertionError(f"imports {name}")  # no ImportError, which the program might answer
+
+sys.meta_path.insert(0, Refuse())
+"""
+COMMAND = WITHOUT + "from cospeech.cli import main\nmain()"
+SESSION = (
+    WITHOUT
+    + """
+import cospeech
+session = cospeech.load("rules").session(fps=20)
+speech = cospeech.Speech.load(sys.argv[1])
+frames = sum(len(motion) for chunk in speech.chunks(1.0) for motion in session.push(chunk))
+assert 0 < frames + sum(map(len, session.finish())) == speech.frames(20)
+"""
+)
+
+
+def without(modules: set[str], code: str, *arguments: object, folder: Path) -> None:
+    """Run Python code in a process that cannot import ``modules``; it must succeed, and warn of nothing."""
+    command = [sys.executable, "-c", code, ",".join(sorted(modules)), *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """Files that ``generate`` wrote where the core alone can be imported."""
+    folder = tmp_path_factory.mktemp("core")
+    outputs = [part for suffix in ("bvh", "glb", "csv", "npz") for part in ("-o", f"talk.{suffix}")]
+    without(BEYOND_THE_CORE, COMMAND, "generate", EXAMPLE, *outputs, "-q", folder=folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["--help", "generate --help", "convert talk.bvh other.vrma -q", "render talk.npz talk.png -q"]
+    + [f"list {what}" for what in ("models", "styles", "emotions", "formats", "skeletons", "metrics", "corpora")],
+)
+def test_the_core_is_enough(made, line):
+    """Neither torch nor scipy nor anything else that `make demo` does not install is imported on the way to a motion."""
+    without(BEYOND_THE_CORE, COMMAND, *line.split(), folder=made)
+
+
+def test_the_core_is_enough_for_a_session(tmp_path):
+    without(BEYOND_THE_CORE, SESSION, EXAMPLE, folder=tmp_path)
+
+
+@pytest.mark.parametrize("line", ["--help", "list models", "convert talk.bvh again.bvh -q"])
+def test_onnxruntime_waits_for_a_bundle(made, line):
+    without({"onnxruntime", "safetensors"}, COMMAND, *line.split(), folder=made)
+
+
+def test_rules_need_no_onnxruntime(tmp_path):
+    without({"onnxruntime", "safetensors"}, SESSION, EXAMPLE, folder=tmp_path)
+
+
+def test_who_lacks_scipy_is_told_how_to_get_it(monkeypatch):
+    assert distance(np.zeros(3), np.ones(3)) == 1.0
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    monkeypatch.delitem(sys.modules, "scipy.stats")
+    with pytest.raises(InputError, match=r"need scipy \(pip install 'cospeech\[corpora\]'\)$"):
+        distance(np.zeros(3), np.ones(3))
+
+
+def test_scipy_has_one_door():
+    """Metrics ask `metrics._scipy`; the sculptors of the mannequin run in development alone."""
+    package = ROOT / "src" / "cospeech"
+    files = {path.relative_to(package).as_posix(): path.read_text("utf-8") for path in package.rglob("*.py")}
+    users = {name for name, text in files.items() if re.search(r"^\s*(from|import) scipy\b", text, re.M)}
+    assert users == {f"mannequin/{name}.py" for name in ("face_shapes", "head", "net", "solids")}
 
 
 def locked() -> dict[str, str]:
@@ -60,13 +150,13 @@ def test_core_txt_is_made_from_the_lock(tmp_path):
 
 
 def test_the_core_has_no_torch_and_is_small():
-    """Every package of the core is decided on, none slips in: together they are some 100 MB of downloads."""
-    direct = {"numpy", "scipy", "soundfile", "soxr", "pillow", "pydantic", "rich", "typer", "av"}
+    """Every package of the core is decided on, none slips in: together they are some 90 MB of downloads."""
+    direct = {"numpy", "onnxruntime", "safetensors", "soundfile", "soxr", "pillow", "pydantic", "rich", "typer", "av"}
     of_theirs = {
-        "annotated-doc", "annotated-types", "cffi", "colorama", "markdown-it-py", "mdurl", "pycparser", "pydantic-core",
-        "pygments", "shellingham", "typing-extensions", "typing-inspection",
+        "annotated-doc", "annotated-types", "cffi", "colorama", "flatbuffers", "markdown-it-py", "mdurl", "packaging",
+        "protobuf", "pycparser", "pydantic-core", "pygments", "shellingham", "typing-extensions", "typing-inspection",
     }  # fmt: skip
-    to_install = {"hatchling", "packaging", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
+    to_install = {"hatchling", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
     assert set(pinned("core.txt")) == direct | of_theirs | to_install
 
 

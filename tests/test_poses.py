@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from cospeech.corpora import Points
 from cospeech.errors import InputError
@@ -150,6 +151,15 @@ def test_exponential_maps_there_and_back(pose):
     if pose.hips:
         np.testing.assert_allclose(back.root, motion.root, atol=1e-9)
         assert quat_angle(back.rotations[:, 0], motion.rotations[:, 0]).max() < 1e-6
+
+
+def test_the_walking_point_is_smoothed_as_scipy_does():
+    motion = moving(named_skeleton("trinity"))
+    place, _ = expmap.walk(motion)
+    for axis in (0, 2):
+        expected = gaussian_filter1d(motion.root[:, axis], 0.25 * motion.fps, mode="nearest")
+        np.testing.assert_allclose(place[:, axis], expected, rtol=0, atol=1e-12)
+    assert np.ptp(place[:, [0, 2]], axis=0).min() > 0.1
 
 
 def test_hips_do_not_depend_on_where_and_which_way_the_walk_goes():

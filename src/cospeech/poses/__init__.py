@@ -20,6 +20,7 @@ POSES: dict[str, str] = {
     "keypoints2d": "cospeech.poses.keypoints2d:KEYPOINTS2D",
     "expmap-upper": "cospeech.poses.expmap:UPPER",
     "expmap-full": "cospeech.poses.expmap:FULL",
+    "expmap-humanoid": "cospeech.poses.humanoid:HUMANOID",
     "euler": "cospeech.poses.euler:EULER",
     "rot6d": "cospeech.poses.rot6d:ROT6D",
     "rot6d-smplx": "cospeech.poses.rot6d:SMPLX",

@@ -1,0 +1,24 @@
+"""The one door to scipy: it comes with the extra ``corpora``, not with the core, and who lacks it is told so."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from ..errors import InputError
+
+__all__ = ["scipy"]
+
+
+def scipy(module: str) -> Any:
+    """A module of scipy by name, ``"signal"`` or ``"cluster.vq"``; imported when asked for.
+
+    Raises:
+        InputError: scipy is not installed.
+    """
+    try:
+        return import_module(f"scipy.{module}")
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "scipy":
+            raise
+        raise InputError("metrics and the statistics of movement need scipy", "pip install 'cospeech[corpora]'") from None

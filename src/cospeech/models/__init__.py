@@ -12,10 +12,16 @@ if TYPE_CHECKING:
     from ..motion import Motion
     from ..speech import Speech
 
-__all__ = ["DEFAULT", "MODELS", "PARTS", "Gesturer", "Performance", "load"]
+__all__ = ["DEFAULT", "MODELS", "NETWORKS", "PARTS", "Gesturer", "Performance", "load"]
 
 MODELS: dict[str, str] = {"rules": "cospeech.rules:RuleGesturer"}
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
+
+NETWORKS: dict[str, str] = {
+    "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
+    "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
+}
+"""Name → ``module:Class`` of networks that are trained as models are but make no motion: features for losses and metrics."""
 
 DEFAULT = "rules"
 """The best that ships: what ``generate`` uses when no model is named."""

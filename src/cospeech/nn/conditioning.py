@@ -39,7 +39,7 @@ class _Residual(nn.Module):
 class TCN(nn.Module):
     """A window of vectors → `CODE` numbers: convolution, batch norm, ReLU; residual blocks; convolution, batch norm; pooling.
 
-    (N, D, W) → (N, 64). Kernels 4 with stride 2 at both ends, 3 between (authors' code of the flow paper, which says residual blocks
+    (N, D, W) → (N, 64). Kernels 4 with stride 2 at both ends, 3 between (authors’ code; the paper says residual blocks
     of convolution, batch norm and ReLU).
 
     Args:

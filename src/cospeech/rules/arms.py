@@ -15,7 +15,7 @@ from ..rotations import Array, matrix_to_quat, quat_conjugate, quat_identity, qu
 from ..skeleton import humanoid
 from .hands import Channel
 
-__all__ = ["FINGERS", "ArmLengths", "arm_lengths", "finger_rotations", "reach", "solve_arm"]
+__all__ = ["FINGERS", "ArmLengths", "arm_lengths", "finger_angles", "finger_joints", "finger_rotations", "reach", "solve_arm"]
 
 MOST_REACH = 0.985  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
 FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
@@ -111,12 +111,11 @@ def finger_rotations(channels: Array) -> Array:
     """(..., 15, 4) local rotations of thumb, index, middle, ring, little (three joints each) from hand channels in degrees."""
     a = np.radians(channels)
     out = quat_identity(*channels.shape[:-1], 15)
-    spread = a[..., Channel.SPREAD, None] * _SPREAD_SHARE
     knuckles, middles = a[..., Channel.KNUCKLES], a[..., Channel.MIDDLES]
-    spread = spread * np.clip(1 - knuckles / 1.2, 0.0, 1.0)  # bent fingers cannot part (collateral ligaments tighten)
+    spread = a[..., Channel.SPREAD, None] * _parting(knuckles)
     out[..., 3::3, :] = quat_multiply(_about(1, spread), _about(2, -knuckles))
     out[..., 4::3, :] = _about(2, -middles)
-    out[..., 5::3, :] = _about(2, -middles * (2 / 3))  # the last joint is coupled to the middle one (Rijpkema & Girard 1991)
+    out[..., 5::3, :] = _about(2, -middles * _COUPLING)
     opposition, base, outer = np.moveaxis(a[..., Channel.THUMB], -1, 0)
     out[..., 0, :] = quat_multiply(_about(0, opposition), _about(1, base))
     bend = _THUMB_HINGE * np.sin(outer / 2)[..., None]
@@ -125,6 +124,54 @@ def finger_rotations(channels: Array) -> Array:
     return out
 
 
+def finger_angles(rotations: Array) -> tuple[Array, Array]:
+    """The channels that `finger_rotations` would make such a hand of; the nearest ones for a hand that came from elsewhere.
+
+    Args:
+        rotations: (..., 15, 4) of a left hand, joints in that function's order.
+
+    Returns:
+        (..., 12) radians: knuckles, middles, spread, thumb as in `Channel`; and how well the spread shows, (...): 1 with
+        all fingers straight, 0 with all of them bent, when nothing is known of it.
+    """
+    bend = _turn_about(rotations, 2)
+    knuckles, middle, last = -bend[..., 3::3], -bend[..., 4::3], -bend[..., 5::3]
+    middles = (middle + _COUPLING * last) / (1 + _COUPLING**2)  # least squares of both joints
+    swing = quat_multiply(rotations[..., 3::3, :], _about(2, knuckles))
+    share = _parting(knuckles)
+    seen = np.einsum("...i,...i->...", share, share)
+    spread = np.einsum("...i,...i->...", share, _turn_about(swing, 1)) / np.maximum(seen, 1e-9)
+    thumb = rotations[..., 0, :]
+    base = _turn_about(thumb, 1)
+    opposition = _turn_about(quat_multiply(thumb, _about(1, -base)), 0)
+    outer = rotations[..., 1:3, :] * np.where(rotations[..., 1:3, 3:] < 0, -1.0, 1.0)
+    outer = 2 * np.arctan2(outer[..., :3] @ _THUMB_HINGE, outer[..., 3]).mean(-1)
+    angles = np.concatenate([knuckles, middles, np.stack([spread, opposition, base, outer], -1)], -1)
+    return angles, seen / (_SPREAD_SHARE**2).sum()
+
+
+def _parting(knuckles: Array) -> Array:
+    """What each finger has of the spread: bent fingers cannot part (collateral ligaments tighten)."""
+    return _SPREAD_SHARE * np.clip(1 - knuckles / 1.2, 0.0, 1.0)
+
+
+def _turn_about(q: Array, axis: int) -> Array:
+    """Angle of the twist about a coordinate axis, −π … π."""
+    sign = np.where(q[..., 3] < 0, -1.0, 1.0)
+    return 2 * np.arctan2(sign * q[..., axis], sign * q[..., 3])
+
+
+@lru_cache(1)
+def finger_joints() -> tuple[list[int], list[int]]:
+    """Joints of the left and of the right hand in the order of `finger_rotations`."""
+    s = humanoid()
+    rows = [[side + f + j for f in FINGERS for j in ("Proximal", "Intermediate", "Distal")] for side in ("left", "right")]
+    thumbs = [[side + "Thumb" + j for j in ("Metacarpal", "Proximal", "Distal")] for side in ("left", "right")]
+    left, right = ([s.index[n] for n in t + r] for t, r in zip(thumbs, rows, strict=True))
+    return left, right
+
+
+_COUPLING = 2 / 3  # the last joint follows the middle one (Rijpkema & Girard 1991)
 _THUMB_HINGE = _unit(np.array([-0.35, 0.87, 0.35]))  # at right angles to the thumb, mostly normal to the palm
 
 

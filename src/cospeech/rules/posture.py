@@ -11,14 +11,12 @@ import numpy as np
 from ..rotations import Array
 from .bodytrack import BODY_CHANNELS, Body
 from .heard import Accent, Phrase
+from .legs import STANCE, TOE_OUT
 from .manners import Manner
 from .styles import Style
 from .track import Track
 
 __all__ = ["Posture"]
-
-_STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
-_TOE_OUT = 9.0  # degrees
 
 
 class Posture:
@@ -29,8 +27,8 @@ class Posture:
         self.size = max(intensity, 0.25) ** 0.5  # stillness of the hands does not freeze the body (ours)
         base = np.zeros(BODY_CHANNELS)
         forward = 0.0 if style.seated else 0.03
-        base[Body.LEFT_FOOT] = (_STANCE, forward * random.uniform(-1, 1), _TOE_OUT)
-        base[Body.RIGHT_FOOT] = (-_STANCE, forward * random.uniform(-1, 1), -_TOE_OUT)
+        base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT)
+        base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT)
         base[Body.PITCH] = style.lean
         self.track = Track(base)
         self._next = {
@@ -146,10 +144,10 @@ class Posture:
         side = 1 if left_free else -1
         still = self.track.target[other]
         goal = np.array(
-            [still[0] + side * 2 * _STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0]
+            [still[0] + side * 2 * STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0]
         )
         goal[0] = np.clip(goal[0], -0.24, 0.24)
-        goal[2] = side * (_TOE_OUT + self._random.uniform(-4, 8))
+        goal[2] = side * (TOE_OUT + self._random.uniform(-4, 8))
         length = self._random.uniform(0.42, 0.55)
         onset = now + 0.34
         self._lean_over(now, other)

@@ -59,15 +59,6 @@ def _offsets() -> dict[str, Array]:
     return {n: s.offsets[s.index[n]] for n in names} | {"t:" + n: s.tpose[s.index[n]] for n in names}
 
 
-@lru_cache(1)
-def _finger_joints() -> tuple[list[int], list[int]]:
-    s = humanoid()
-    rows = [[side + f + j for f in arms.FINGERS for j in ("Proximal", "Intermediate", "Distal")] for side in ("left", "right")]
-    thumbs = [[side + "Thumb" + j for j in ("Metacarpal", "Proximal", "Distal")] for side in ("left", "right")]
-    left, right = ([s.index[n] for n in t + r] for t, r in zip(thumbs, rows, strict=True))
-    return left, right
-
-
 def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: Array) -> Pieces:
     """Pose the whole body.
 
@@ -323,6 +314,6 @@ def _write_arms(rotations: Array, clavicle: Array, upper: Array, forearm: Array,
         rotations[:, joint["left" + name]] = q[:, 0]
         rotations[:, joint["right" + name]] = q[:, 1] * _MIRROR_Q
     fingers = arms.finger_rotations(h)
-    left, right = _finger_joints()
+    left, right = arms.finger_joints()
     rotations[:, left] = fingers[:, 0]
     rotations[:, right] = fingers[:, 1] * _MIRROR_Q

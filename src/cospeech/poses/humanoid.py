@@ -126,7 +126,7 @@ class Humanoid:
         channels[..., _ANGLES] = np.degrees(vectors[:, _HANDS].reshape(frames, 2, _GRIPS) @ basis + mean)
         hands = arms.finger_rotations(channels)
         hands[:, 1] *= _FLIP
-        rotations[:, fingers] = hands.reshape(frames, -1, 4)
+        rotations[:, fingers] = hands.reshape(frames, 30, 4)
         legs, steps, place = plant(turns[:, 0], vectors[:, :3] + body.offsets[0])
         rotations[:, legs] = steps
         return Motion(fps, rotations, place.astype(np.float32), start=start)

@@ -1,0 +1,96 @@
+"""Feature net: a trained gesture autoencoder as the named function that metrics take (FGD, clustering, multimodality)."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+
+import numpy as np
+import torch
+from torch import nn
+
+from ..corpora.clip import Points
+from ..errors import InputError
+from ..metrics.sample import FeatureNet, Sample
+from ..motion import Motion
+from ..poses import Pose, find_pose
+from ..rotations import Array
+from ..skeleton import named_skeleton
+from . import NETWORKS
+from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
+
+__all__ = ["feature_net", "fingerprint", "vectors_of"]
+
+HOP = 10  # frames between windows; stride of the published data of TED (and of BEAT's FGD)
+RATE = 1e-3  # ours: relative difference of frame rates that is none
+BATCH = 512  # windows at a time; ours
+
+
+def fingerprint(net: nn.Module) -> str:
+    """Eight hexadecimal digits that tell a network from all others: SHA-256 of its parameters and buffers."""
+    digest = sha256()
+    for name, value in sorted(net.state_dict().items()):
+        digest.update(name.encode() + str(tuple(value.shape)).encode())
+        digest.update(value.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:8]
+
+
+def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
+    """(T, D) the vectors of a sample that a network of this representation and rate sees.
+
+    Raises:
+        InputError: another frame rate, or the sample lacks key points or joints.
+    """
+    if abs(sample.fps / fps - 1) > RATE:
+        raise InputError(f"{sample.name!r} at {sample.fps:g} frames per second", f"the feature network was made for {fps:g}")
+    if pose.source == "points":
+        values, layout = (sample.positions, "ted") if sample.points is None else (sample.points, "pats")
+        if values is None or (layout == "ted") is not (pose.name == "direction-vectors"):
+            raise InputError(f"{sample.name!r} has not the key points of {pose.name}", "a feature network of this body")
+        return pose.encode(Points(sample.fps, values, layout))
+    skeleton = named_skeleton(getattr(pose, "skeleton"))  # noqa: B009 - only representations of motion have one
+    if sample.rotations is None or sample.positions is None:
+        raise InputError(f"{sample.name!r} has no joint rotations", f"the feature network sees {pose.name}")
+    rotations = np.broadcast_to(skeleton.rest, (len(sample), len(skeleton), 4)).copy()
+    known = [(k, skeleton.index[name]) for k, name in enumerate(sample.names) if name in skeleton.index]
+    if len(known) < len(sample.names):
+        strange = next(name for name in sample.names if name not in skeleton.index)
+        raise InputError(f"{sample.name!r} has a joint {strange!r}", f"the feature network sees {skeleton.kind} skeletons")
+    rotations[:, [there for _, there in known]] = sample.rotations[:, [here for here, _ in known]]
+    return pose.encode(Motion(sample.fps, rotations, np.array(sample.positions[:, 0]), skeleton=skeleton))
+
+
+def feature_net(
+    net: GestureAutoencoder | FgdAutoencoder, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP
+) -> FeatureNet:
+    """The codes of a trained autoencoder, in evaluation mode, as the features of metrics.
+
+    Args:
+        net: of `cospeech.models.gesture_autoencoder`; ``net.encode`` gives the features of ``net.window`` frames.
+        name: its registry name or its run; the printed name has the network's `fingerprint` too.
+        pose, fps: representation and rate that it was trained on.
+        mean, std: (D,) with which its vectors were standardised.
+        hop: frames between windows.
+
+    Raises:
+        InputError: the statistics do not fit the representation, or the network has no codes.
+    """
+    representation = find_pose(pose)
+    mean, std = np.asarray(mean, np.float64), np.asarray(std, np.float64)
+    if not isinstance(net, GestureAutoencoder | FgdAutoencoder):
+        raise InputError(f"{name!r} is no feature network", f"train one of {', '.join(NETWORKS)}")
+    if net.pose != representation.dimensions:
+        raise InputError(f"{name!r} sees {net.pose} numbers a pose", f"{pose} has {representation.dimensions}")
+    if mean.shape != (representation.dimensions,) or std.shape != mean.shape or not (std > 0).all():
+        raise InputError(
+            f"statistics of shapes {mean.shape} and {std.shape} for {pose}", f"({representation.dimensions},), > 0"
+        )
+    net.eval()
+
+    @torch.no_grad()
+    def codes(windows: Array) -> Array:
+        device = next(net.parameters()).device
+        standard = torch.from_numpy(((windows - mean) / std).astype(np.float32))
+        return np.concatenate([net.encode(part.to(device)).cpu().double().numpy() for part in standard.split(BATCH)])
+
+    full = f"{name} {fingerprint(net)}, {pose} at {fps:g} fps"
+    return FeatureNet(full, codes, net.window, hop, lambda sample: vectors_of(sample, representation, fps))

@@ -19,7 +19,7 @@ from cospeech.corpora.augment import faster, mirrored, mirrored_motion, shifted
 from cospeech.corpora.clip import Clip, Points, Semantic
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
-from cospeech.features import analyse
+from cospeech.features import AUDIO_NAMES, analyse, audio_features
 from cospeech.motion import Motion
 from cospeech.poses import direction_vectors, find_pose
 from cospeech.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
@@ -321,8 +321,8 @@ def test_ted_filters_find_what_they_are_for():
 def test_audio_features_are_those_of_the_frames_own_time():
     speech = voice(3.0)
     heard = analyse(speech, mel=True)
-    features = pieces.audio_features(speech, 45, 15.0)
-    assert features.shape == (45, len(pieces.AUDIO_NAMES))
+    features = audio_features(speech, 45, 15.0)
+    assert features.shape == (45, len(AUDIO_NAMES))
     rows = slice(round(19.5 / 15 * 100), round(20.5 / 15 * 100))
     np.testing.assert_allclose(features[20, :80], heard.mel[rows].mean(0), rtol=1e-4)
     voiced = heard.pitch[rows][heard.pitch[rows] > 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +14,17 @@ from ..corpora.clip import Clip, Points, Semantic
 from ..corpora.store import Entry
 from ..corpora.store_writer import Piece
 from ..errors import CospeechError, InputError
-from ..features import analyse
+from ..features import AUDIO_NAMES, audio_features
 from ..files import atomic
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..rotations import Array
 from ..rules import EMOTIONS
-from ..speech import Speech, Word
+from ..speech import Word
 from .filters import FILTERS, keep
 
 __all__ = [
-    "AUDIO_NAMES",
     "Plan",
-    "audio_features",
     "audio_names",
     "encode",
     "make_part",
@@ -36,8 +34,6 @@ __all__ = [
     "split_of",
 ]
 
-AUDIO_NAMES = (*(f"mel{k}" for k in range(80)), "energy", "pitch", "voicing", "onset")
-"""Columns of the audio features: `cospeech.features.analyse` at the rate of the poses."""
 _READY = {"pats": ("audio/log_mel_400", tuple(f"log_mel_400.{k}" for k in range(64)))}
 """Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
@@ -159,26 +155,6 @@ def _sampled(values: Array, rate: float, frames: int, fps: float) -> Array:
 
 def _face(motion: Motion | None) -> tuple[Array | None, float | None]:
     return (None, None) if motion is None else (motion.face, motion.fps)
-
-
-def audio_features(speech: Speech, frames: int, fps: float) -> Array:
-    """(frames, 84) float32: log-mel bands and prosody, the mean over a frame's own time (of pitch: its voiced part)."""
-    if speech.rate != 16_000:
-        from soxr import resample
-
-        speech = replace(speech, samples=resample(speech.samples, speech.rate, 16_000, "HQ"), rate=16_000)
-    heard = analyse(speech, mel=True)
-    assert heard.mel is not None
-    columns = np.concatenate(
-        [heard.mel, np.stack([heard.energy, heard.pitch, heard.voicing, heard.onset, heard.pitch > 0], 1)], 1
-    )
-    sums = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(columns, 0, dtype=np.float64)])
-    edges = np.clip(np.round((np.arange(frames + 1) - 0.5) * heard.fps / fps).astype(int), 0, len(columns) - 1)
-    low, high = edges[:-1], np.maximum(edges[1:], edges[:-1] + 1)
-    total = sums[high] - sums[low]
-    mean = total[:, :-1] / (high - low)[:, None]
-    mean[:, 81] = total[:, 81] / np.maximum(total[:, -1], 1)
-    return mean.astype(np.float32)
 
 
 def _scores(semantics: tuple[Semantic, ...], frames: int, fps: float) -> Array:

@@ -1,0 +1,135 @@
+"""What of the audio features a network hears: functions of (T, 84) rows of `AUDIO_NAMES`, the same in training and at run time.
+
+Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
+
+Fewer mel bands are made of the 80 by pooling: the mel axis is cut into equal parts, and a part's power is the mean of the
+powers of the bands that lie in it, those on its edge counting as much as they reach into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, nearest
+from .frames import AUDIO_NAMES
+from .mel import Bands, Floats, log_power
+from .prosody import N_MELS
+
+__all__ = ["REDUCTIONS", "Reduction", "audio_names", "audio_width", "reduce_audio"]
+
+_SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
+_LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
+_PROSODY = tuple(AUDIO_NAMES[N_MELS:])
+
+
+class Reduction(NamedTuple):
+    """A choice of audio features.
+
+    Args:
+        what: one line.
+        names: one per column.
+        apply: (T, 84) float32 → (T, A) float32.
+    """
+
+    what: str
+    names: tuple[str, ...]
+    apply: Callable[[Floats], Floats]
+
+
+@cache
+def _pool(count: int) -> Bands:
+    """(count, 80) shares of the mel bands in as many equal parts of their axis; each row's sum is 1."""
+    edges = np.linspace(0, N_MELS, count + 1)
+    band = np.arange(N_MELS)
+    overlap = np.minimum(edges[1:, None], band + 1) - np.maximum(edges[:-1, None], band)
+    shares = np.maximum(overlap, 0)
+    return Bands((shares / shares.sum(1, keepdims=True)).astype(np.float32))
+
+
+def _powers(columns: Floats, count: int) -> Floats:
+    return _pool(count)(np.exp(np.minimum(columns[:, :N_MELS], np.float32(_LOUDEST))))
+
+
+def _log_powers(columns: Floats, count: int) -> Floats:
+    return log_power(_powers(columns, count))
+
+
+def _prosody(columns: Floats) -> Floats:
+    out = columns[:, N_MELS:].copy()
+    pitch = out[:, 1]
+    out[:, 1] = np.where(pitch > 0, np.log2(np.maximum(pitch, 1) / np.float32(_SPEAKER)), 0)
+    return out
+
+
+def _log_powers_and_prosody(columns: Floats, count: int) -> Floats:
+    return np.concatenate([_log_powers(columns, count), _prosody(columns)], 1)
+
+
+def _mels(count: int) -> tuple[str, ...]:
+    return tuple(f"mel{k}" for k in range(count))
+
+
+REDUCTIONS: dict[str, Reduction] = {
+    "mel29-linear": Reduction(
+        "29 mel powers, not their logarithm: what the stylised flow's code feeds in the end",
+        _mels(29),
+        partial(_powers, count=29),
+    ),
+    "mel29": Reduction("log of 29 mel powers (stylised flow, TED)", _mels(29), partial(_log_powers, count=29)),
+    "mel27": Reduction("log of 27 mel powers (stylised flow and MoGlow, Trinity)", _mels(27), partial(_log_powers, count=27)),
+    "mel20-prosody": Reduction(
+        "log of 20 mel powers; energy, pitch, voicing, onset",
+        (*_mels(20), *_PROSODY),
+        partial(_log_powers_and_prosody, count=20),
+    ),
+    "prosody": Reduction("energy in dB, pitch in octaves from 120 Hz (0 without voice), voicing, onset", _PROSODY, _prosody),
+}
+"""Name → what it keeps; the names that recipes and bundles use."""
+
+
+def _find(name: str) -> Reduction:
+    if name not in REDUCTIONS:
+        raise InputError(f"no reduction of audio is called {name!r}", nearest(str(name), REDUCTIONS))
+    return REDUCTIONS[name]
+
+
+def audio_names(name: str) -> tuple[str, ...]:
+    """Names of the columns that `reduce_audio` gives.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).names
+
+
+def audio_width(name: str) -> int:
+    """How many columns `reduce_audio` gives.
+
+    >>> audio_width("mel29-linear"), audio_width("mel20-prosody"), audio_width("prosody")
+    (29, 24, 4)
+
+    Raises:
+        InputError: unknown name.
+    """
+    return len(_find(name).names)
+
+
+def reduce_audio(columns: Floats, name: str) -> Floats:
+    """(T, 84) rows of `AUDIO_NAMES` → (T, A) float32; row t depends on row t alone.
+
+    Raises:
+        InputError: unknown name, another number of columns, or values that are not finite.
+    """
+    reduction = _find(name)
+    columns = np.asarray(columns, np.float32)
+    if columns.ndim != 2 or columns.shape[1] != len(AUDIO_NAMES):
+        raise InputError(
+            f"audio features of shape {columns.shape}", f"(frames, {len(AUDIO_NAMES)}) as FrameFeatures gives them"
+        )
+    if not np.isfinite(columns).all():
+        raise InputError("audio features hold values that are not finite")
+    return reduction.apply(columns)

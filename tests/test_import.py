@@ -28,9 +28,10 @@ def test_public_names_resolve():
 
 
 def test_import_is_light():
-    code = "import sys, cospeech; print(sorted({'numpy', 'scipy', 'soundfile', 'pydantic', 'typer'} & set(sys.modules)))"
+    code = "import sys, cospeech; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert "cospeech" in done.stdout.split()
+    assert {"numpy", "onnxruntime", "pydantic", "soundfile", "torch", "typer"}.isdisjoint(done.stdout.split())
 
 
 # What the core does not install (the extras and the tools of development), and who runs as if it were not there.

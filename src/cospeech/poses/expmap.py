@@ -47,7 +47,7 @@ def to_rotations(rotvecs: Array) -> Array:
 
 
 def walk(motion: Motion) -> tuple[Array, Array]:
-    """The smoothed point that walks below the hips, of a motion of a frame or more: (T, 3) metres on the floor and (T,) its turn about Y in radians."""
+    """The smoothed point that walks below the hips, T > 0: (T, 3) metres on the floor, (T,) its turn about Y in radians."""
     since = quat_multiply(np.asarray(motion.rotations[:, 0], float), quat_conjugate(motion.skeleton.rest[0]))
     front = quat_rotate(since, np.array([0.0, 0.0, 1.0]))
     turn = np.unwrap(np.arctan2(front[:, 0], front[:, 2]))

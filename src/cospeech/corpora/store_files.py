@@ -16,8 +16,11 @@ from ..rotations import Array
 __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", "read_entry", "read_index"]
 
 FORMAT = "cospeech-store-1"
-ARRAYS = {"pose": "<f4", "audio": "<f4", "face": "<f4", "semantic": "<f4", "emotion": "|i1", "word": "<i4"}
-"""Name → type of the arrays that run along the frames; only the pose is always there."""
+ARRAYS = {
+    "pose": "<f4", "audio": "<f4", "face": "<f4", "semantic": "<f4", "emotion": "|i1", "word": "<i4", "control": "<f4",
+}  # fmt: skip
+"""Name → type of the arrays that run along the frames; only the pose is always there. ``control`` is in no file: it is worked
+out of the poses (`cospeech.poses.controls`)."""
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
 """Those that have statistics."""

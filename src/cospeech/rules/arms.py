@@ -15,7 +15,10 @@ from ..rotations import Array, matrix_to_quat, quat_conjugate, quat_identity, qu
 from ..skeleton import humanoid
 from .hands import Channel
 
-__all__ = ["FINGERS", "ArmLengths", "arm_lengths", "finger_angles", "finger_joints", "finger_rotations", "reach", "solve_arm"]
+__all__ = [
+    "FINGERS", "ArmLengths", "arm_lengths", "bone_frame", "finger_angles", "finger_joints", "finger_rotations", "reach",
+    "solve_arm",
+]  # fmt: skip
 
 MOST_REACH = 0.985  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
 FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
@@ -85,10 +88,10 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
     elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     normal = _unit(np.cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
-    return _frame(elbow, normal), _frame(target - elbow, normal)
+    return bone_frame(elbow, normal), bone_frame(target - elbow, normal)
 
 
-def _frame(direction: Array, hinge: Array) -> Array:
+def bone_frame(direction: Array, hinge: Array) -> Array:
     """Rotation whose x-axis lies along ``direction`` and whose y-axis is ``hinge`` (at right angles to it)."""
     x = _unit(direction)
     return matrix_to_quat(np.stack([x, hinge, np.cross(x, hinge)], -1))

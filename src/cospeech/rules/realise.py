@@ -31,10 +31,10 @@ from .styles import Style
 from .track import Track
 from .volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
 
-__all__ = ["Pieces", "realise"]
+__all__ = ["NECK_SHARE", "SPINE", "Pieces", "realise"]
 
-_SPINE = (("spine", 0.28), ("chest", 0.34), ("upperChest", 0.38))  # shares of the torso's bend (ours: more towards the chest)
-_NECK_SHARE = 0.42  # of the head's turn
+SPINE = (("spine", 0.28), ("chest", 0.34), ("upperChest", 0.38))  # shares of the torso's bend (ours: more towards the chest)
+NECK_SHARE = 0.42  # of the head's turn
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BREATHS = 15.0 / 60  # per second (motion.md: 12–18 per minute)
 _GAZE_LIMIT = np.radians([28.0, 20.0])  # eyes in the head: sideways, up and down
@@ -83,7 +83,7 @@ def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed
     bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), torso))
     position, world = root, hips
     places = {"hips": (root, hips)}
-    for name, share in _SPINE:
+    for name, share in SPINE:
         local = rotvec_to_quat(bend * share)
         rotations[:, joint[name]] = local
         position = position + quat_rotate(world, _offsets()[name])
@@ -138,8 +138,8 @@ def _head(b: Array, torso: Array, rotations: Array, turn: float) -> Array:
     carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
     head = quat_multiply(carried, head)
     bend = quat_to_rotvec(quat_multiply(quat_conjugate(torso), head))
-    rotations[:, joint["neck"]] = rotvec_to_quat(bend * _NECK_SHARE)
-    rotations[:, joint["head"]] = rotvec_to_quat(bend * (1 - _NECK_SHARE))
+    rotations[:, joint["neck"]] = rotvec_to_quat(bend * NECK_SHARE)
+    rotations[:, joint["head"]] = rotvec_to_quat(bend * (1 - NECK_SHARE))
     yaw, up = np.radians(b[:, Body.GAZE_YAW]), np.radians(b[:, Body.GAZE_UP])
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)

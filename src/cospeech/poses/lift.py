@@ -1,8 +1,8 @@
 """Key points → motion of our humanoid, so that a network trained on TED's or PATS's points can leave as BVH, GLB or VRMA.
 
-What the points say is kept: where the neck, shoulders, elbows and wrists lie as seen from one another (TED: in depth, too; PATS:
-in the picture), and the turn of the head (TED). What they do not say is filled in: hips and legs rest; the torso bends as a whole;
-upper arms are twisted so that elbows bend about their hinge; forearms and hands are not twisted; fingers are relaxed.
+What the points say is kept: where the neck, shoulders, elbows and wrists lie as seen from one another (TED: in depth, too;
+PATS: in the picture), and the turn of the head (TED). What they do not say is filled in: hips and legs rest; the torso bends as
+a whole; upper arms are twisted so that elbows bend about their hinge; forearms and hands are not twisted; fingers are relaxed.
 """
 
 from __future__ import annotations

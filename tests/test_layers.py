@@ -12,8 +12,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 # Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
 LAYERS = [
     {"errors", "_decode"},
-    {"files", "rotations", "skeletons"},
-    {"decoding"},
+    {"files", "interrupts", "rotations", "skeletons"},
+    {"decoding", "recipe", "runlog"},
     {"skeleton", "speech"},
     {"motion", "features", "recognise_shape"},
     {"recognise", "tpose", "alignment"},
@@ -24,19 +24,23 @@ LAYERS = [
     {"corpora"},
     {"poses"},
     {"models", "avatar"},
+    {"checkpoint"},
+    {"training_set"},
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
     {"train", "evaluation", "runtime"},
     {"contest"},
     {"generate"},
     {"convert", "demo", "catalogue"},
-    {"bench", "cli_corpora", "cli_evaluate"},
+    {"bench", "cli_corpora", "cli_evaluate", "cli_train"},
     {"studio", "cli"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript; render_motion.
+# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript; render_motion;
+# models.load and .bundle_run of a run folder.
 FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
-TORCH = {"nn", "models", "train"}
+FACADES |= {("models", "checkpoint")}
+TORCH = {"nn", "models", "checkpoint", "training_set", "train"}
 
 
 def part(path: Path) -> str:

@@ -17,7 +17,7 @@ from cospeech.catalogue import catalogue
 from cospeech.how_to_open import HOW_TO_OPEN
 
 ROOT = Path(__file__).resolve().parents[1]
-COMMANDS = ("generate", "convert", "render", "list", "demo", "bench", "prepare", "synthesise", "evaluate")
+COMMANDS = ("generate", "convert", "render", "list", "demo", "bench", "prepare", "synthesise", "evaluate", "train", "bundle")
 BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
 
 CLI_HEAD = """\

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer import Argument, Option
 
-from . import __version__, cli_corpora, cli_evaluate
+from . import __version__, cli_corpora, cli_evaluate, cli_train
 from .errors import CospeechError, InputError, InternalError
 from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
@@ -299,7 +299,7 @@ def _show_outputs(result: Report) -> None:
 
 
 @contextmanager
-def _progress(title: str, quiet: bool) -> Iterator[Callable[[float, float | None], None] | None]:
+def _progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
     """A bar on stderr from the second second on; None where nobody would see it."""
     if quiet or not sys.stderr.isatty():
         yield None
@@ -312,10 +312,10 @@ def _progress(title: str, quiet: bool) -> Iterator[Callable[[float, float | None
     bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
     task = bar.add_task(title, total=None)
 
-    def tell(done: float, total: float | None) -> None:
+    def tell(done: float, total: float | None, word: str = "") -> None:
         if not bar.live.is_started and monotonic() - began > 1:
             bar.start()
-        bar.update(task, completed=done, total=total)
+        bar.update(task, completed=done, total=total, description=f"{title} {word}".rstrip())
 
     try:
         yield tell
@@ -325,6 +325,7 @@ def _progress(title: str, quiet: bool) -> Iterator[Callable[[float, float | None
 
 cli_corpora.register(app, _progress)
 cli_evaluate.register(app)
+cli_train.register(app, _progress)
 
 
 def _usage_error(error: typer.TyperException) -> InputError:

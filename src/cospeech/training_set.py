@@ -1,0 +1,129 @@
+"""What a run begins with: a recipe and a store, checked against each other and made into facts, statistics and batches."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from . import __version__
+from .checkpoint import load_run, network, read_tensors
+from .corpora.feed import Feed, Reduce, Standard, check_mirror, sizes, standard_audio, standard_pose
+from .corpora.store import Store
+from .corpora.windows import Windows
+from .errors import InputError
+from .recipe import Data, Recipe, build, changed
+
+__all__ = ["TrainingSet", "check_same", "open_set"]
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Facts of a run, its statistics, the trained models that it needs, and its batches."""
+
+    facts: dict[str, Any]
+    statistics: dict[str, Tensor]
+    needs: dict[str, nn.Module]
+    store: Store
+    data: Data
+    standards: dict[str, Standard]
+    reduce: Reduce | None
+
+    def feed(self, model: Any, split: str, balanced: bool) -> Feed:
+        """Batches of a split, as a model wants them."""
+        windows = Windows(
+            self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
+            held_out=self.data.validation,
+        )  # fmt: skip
+        return Feed(windows, self.standards, self.reduce)
+
+
+def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
+    """Recipe and store together.
+
+    Raises:
+        InputError: they do not fit, or the model has no such settings.
+    """
+    data, kind = recipe.data, network(recipe.model)
+    config = build(kind.Config, recipe.config, "model")
+    for what, wanted in (("corpus", data.corpus), ("pose", data.pose), ("fps", data.fps)):
+        if wanted and wanted != getattr(store, what):
+            problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {getattr(store, what)!r}"
+            raise InputError(problem, f"prepare one that fits, or set data.{what}")
+    check_mirror(store, data.mirror)
+    reduce = _reduction(data.audio)
+    standards = {"pose": standard_pose(store)}
+    if "audio" in store.arrays:
+        standards["audio"] = standard_audio(store, reduce)
+    statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
+    needs, known = _needs(recipe, store, statistics)
+    facts = {
+        "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
+        "sizes": sizes(store, standards.get("audio")), "needs": known,
+        "recipe": recipe.to_dict(), "store": _facts_of(store),
+    }  # fmt: skip
+    return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce)
+
+
+def _reduction(name: str | None) -> Reduce | None:
+    """A reduction of the audio columns by its name."""
+    if name is None:
+        return None
+    from .features.reduce import reduce_audio
+
+    return partial(reduce_audio, name=name)
+
+
+def _facts_of(store: Store) -> dict[str, Any]:
+    """What a run has to say of its store, without where it lay."""
+    names = {name: list(columns) for name, columns in store.names.items()}
+    seconds = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps
+    return {
+        "corpus": store.corpus, "pose": store.pose, "fps": store.fps, "clips": len(store.clips), "frames": len(store),
+        "train_seconds": seconds, "speakers": list(store.speakers), "columns": names,
+    }  # fmt: skip
+
+
+def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dict[str, nn.Module], dict[str, Any]]:
+    """The trained models of [needs], frozen, and what has to be known to build them again."""
+    models, known = {}, {}
+    for name, folder in recipe.needs.items():
+        model, facts = load_run(folder)
+        theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
+        if facts["store"]["pose"] != store.pose or not _alike(theirs, own, "pose"):
+            raise InputError(
+                f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
+            )
+        models[name] = model.requires_grad_(False)
+        known[name] = {key: facts[key] for key in ("model", "config", "sizes", "needs")}
+    return models, known
+
+
+def _alike(a: Mapping[str, Tensor], b: Mapping[str, Tensor], array: str) -> bool:
+    """Whether two statistics of an array are the same but for rounding."""
+    names = [f"{array}_{what}" for what in ("mean", "std")]
+    return all(n in a and n in b and a[n].shape == b[n].shape and torch.allclose(a[n], b[n], 1e-4, 1e-5) for n in names)
+
+
+def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str, Tensor], now: Mapping[str, Tensor]) -> None:
+    """Whether a run may go on: the same recipe, model and data, except what does not matter.
+
+    Raises:
+        InputError: says what differs.
+    """
+    new = json.loads(json.dumps(new))
+    found = changed(old["recipe"], new["recipe"])
+    for part in ("config", "sizes", "store"):
+        found += changed({part: old[part]}, {part: new[part]})
+    if found:
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+    for array in {name.rpartition("_")[0] for name in now}:
+        if not _alike(was, now, array):
+            raise InputError(f"the {array} statistics of the store are not those that the run began with", "has it changed?")

@@ -28,15 +28,15 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..nn.conditioning import GlobalEncoder, drop_history, frame_windows
+from ..nn.conditioning import GlobalEncoder, StyleEncoder, drop_history, frame_windows
 from ..nn.flow import Flow, RecurrentNet, State
 from ..nn.objective import Batch, Objective
 
-__all__ = ["Config", "StylisedFlow"]
+__all__ = ["FlowConfig", "StylisedFlow"]
 
 
 @dataclass(frozen=True)
-class Config:
+class FlowConfig:
     """Sizes and weights; the defaults are the paper's for TED."""
 
     steps: int = 16
@@ -75,6 +75,13 @@ class Config:
     """Nats of the unit in which the NLL of a frame is summed with the other terms; the authors' code has bits (0.6931)."""
     pose_noise: float = 0.0
     """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
+    style: int = 0
+    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. Ours: it is what a longer stretch of
+    the same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
+    style_window: int = 80
+    """Frames of that stretch, which lies before the history; ours."""
+    residual: bool = False
+    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours, small networks learn it in fewer steps."""
 
 
 class StylisedFlow(nn.Module):
@@ -88,9 +95,9 @@ class StylisedFlow(nn.Module):
     """
 
     arrays = ("pose", "audio")
-    Config = Config
+    Config = FlowConfig
 
-    def __init__(self, config: Config, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
+    def __init__(self, config: FlowConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
         super().__init__()
         if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
             raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
@@ -101,7 +108,8 @@ class StylisedFlow(nn.Module):
                 pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
                 oldest=config.encoder_oldest,
             )  # fmt: skip
-        context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0)
+        self.stylist = StyleEncoder(pose, channels=config.encoder_channels, style=config.style) if config.style else None
+        context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0) + config.style
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
         self.omega = [omega.eval().requires_grad_(False)] if omega is not None else []  # a list: no part of this model
 
@@ -115,17 +123,27 @@ class StylisedFlow(nn.Module):
 
     @property
     def window(self) -> int:
-        """Frames of a training window: history, trained frames, look-ahead."""
-        return self.config.history + self.config.frames + self.config.look_ahead
+        """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
+        return self.shown + self.config.history + self.config.frames + self.config.look_ahead
+
+    @property
+    def shown(self) -> int:
+        """Frames before the history that the style is taken from."""
+        return self.config.style_window if self.config.style else 0
 
     # the density ----------------------------------------------------------------------------------------------------
 
-    def condition(self, poses: Tensor, audio: Tensor) -> Tensor:
+    def style(self, poses: Tensor) -> Tensor | None:
+        """(B, S, D) any stretch of poses → (B, style) its code; None for a model without."""
+        return None if self.stylist is None else self.stylist(poses)
+
+    def condition(self, poses: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
         """c_t of equation 8.
 
         Args:
             poses: (B, F, τ, D), oldest first.
             audio: (B, F, τ + 1 + l, A).
+            style: (B, style) of the whole stretch, for a model that has one.
 
         Returns:
             (B, F, C).
@@ -133,10 +151,13 @@ class StylisedFlow(nn.Module):
         parts = [poses.flatten(2), audio.flatten(2)]
         if self.encoder is not None:
             parts.append(self.encoder(poses, audio))
+        if style is not None:
+            parts.append(style.unsqueeze(1).expand(-1, poses.shape[1], -1))
         return torch.cat(parts, -1)
 
     def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Trained poses (B, F, D), their histories (B, F, τ, D) and the speech about them (B, F, τ + 1 + l, A)."""
+        pose, audio = pose[:, self.shown :], audio[:, self.shown :]
         tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
         if frames < 1 or audio.shape[1] != pose.shape[1]:
             raise InputError(f"{pose.shape[1]} poses and {audio.shape[1]} frames of speech", f"both {self.window}")
@@ -147,19 +168,26 @@ class StylisedFlow(nn.Module):
         """Exact log-likelihood (equation 5) of each frame after the history.
 
         Args:
-            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
-            audio: (B, τ + F + l, A).
+            pose: (B, S + τ + F + l, D); the first S (0 in a model without style codes) and the τ after them are given, the
+                last l are not looked at.
+            audio: (B, S + τ + F + l, A).
 
         Returns:
             (B, F) nats, of standardised poses.
         """
         x, histories, heard = self._windows(pose, audio)
-        return self.flow.log_prob(x, self.condition(histories, heard))
+        return self.flow.log_prob(
+            x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown]))
+        )
 
     def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
         x, histories, heard = self._windows(pose, audio)
-        return self.flow(x, self.condition(histories, heard))[0]
+        return self.flow(x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown])))[0]
+
+    def _base(self, histories: Tensor) -> Tensor:
+        """(B, F, D) what the flow's output is added to: the last pose of each history, or nothing."""
+        return histories[:, :, -1] if self.config.residual else torch.zeros_like(histories[:, :, -1])
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -173,13 +201,14 @@ class StylisedFlow(nn.Module):
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
         x, histories, heard = self._windows(pose, batch["audio"])
+        base = self._base(histories)
         if self.training:
             histories = drop_history(histories, self.config.history_dropout, batch.chance)
-        c = self.condition(histories, heard)
-        terms = {"nll": -self.flow.log_prob(x, c).mean() / self.config.nll_unit}
+        c = self.condition(histories, heard, self.style(pose[:, : self.shown]))
+        terms = {"nll": -self.flow.log_prob(x - base, c).mean() / self.config.nll_unit}
         if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
             z = self.flow.latent.sample(batch.chance.normal, len(x), x.shape[1])
-            made, _ = self.flow.inverse(z, c)
+            made = base + self.flow.inverse(z, c)[0]
             terms["reconstruction"] = self.config.reconstruction * (made - x).abs().mean()
             if self.omega:
                 terms["perceptual"] = self.config.perceptual * (self.omega[0](made) - self.omega[0](x)).abs().mean()
@@ -188,19 +217,22 @@ class StylisedFlow(nn.Module):
     # generation -----------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
-    def step(self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
+    def step(
+        self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
+    ) -> tuple[Tensor, list[State]]:
         """One frame: latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A), states → pose (B, D), states."""
-        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None]), states)
-        return made[:, 0], states
+        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
+        return made[:, 0] + self._base(history[:, None])[:, 0], states
 
     @torch.no_grad()
-    def sample(self, z: Tensor, history: Tensor, audio: Tensor) -> Tensor:
+    def sample(self, z: Tensor, history: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
         """Poses that follow a history, each fed back (equation 6).
 
         Args:
             z: (B, F, D) latents, drawn (`Latent.sample`) or those of an example.
             history: (B, τ, D).
             audio: (B, τ + F + l, A).
+            style: (B, style), see `style`.
 
         Returns:
             (B, F, D).
@@ -208,12 +240,12 @@ class StylisedFlow(nn.Module):
         poses, states = history, None
         heard = frame_windows(audio, self.heard)
         for t in range(z.shape[1]):
-            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states)
+            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states, style)
             poses = torch.cat([poses, made[:, None]], 1)
         return poses[:, self.config.history :]
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow_graph` wants them; sizes are in the `Config`."""
+        """Arrays by name, as `cospeech.runtime.flow_graph` wants them; sizes are in the `FlowConfig`."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from .norm import BatchNorm1d
 from .objective import Chance
 
-__all__ = ["TCN", "GlobalEncoder", "drop_history", "frame_windows"]
+__all__ = ["TCN", "GlobalEncoder", "StyleEncoder", "drop_history", "frame_windows"]
 
 CODE = 64  # width of a TCN's result; flow paper: not stated, authors' code 64
 
@@ -82,3 +82,24 @@ class GlobalEncoder(nn.Module):
         rows, frames = poses.shape[:2]
         codes = [tcn(window.flatten(0, 1).transpose(1, 2)) for tcn, window in ((self.poses, poses), (self.speech, audio))]
         return self.full(torch.cat(codes, -1)).view(rows, frames, -1)
+
+
+class StyleEncoder(nn.Module):
+    """A stretch of poses of any length from 8 frames on → a style code: (B, S, D) → (B, style). Ours.
+
+    Three convolutions with stride 2, then mean and deviation over what is left of time: how a person holds themselves, and how
+    much and how fast they move, not when.
+    """
+
+    def __init__(self, pose: int, *, channels: int, style: int) -> None:
+        super().__init__()
+        self.convolutions = nn.Sequential(
+            nn.Conv1d(pose, channels, 4, stride=2, padding=1), nn.ReLU(),
+            nn.Conv1d(channels, channels, 4, stride=2, padding=1), nn.ReLU(),
+            nn.Conv1d(channels, channels, 4, stride=2, padding=1), nn.ReLU(),
+        )  # fmt: skip
+        self.full = nn.Linear(2 * channels, style)
+
+    def forward(self, poses: Tensor) -> Tensor:
+        x = self.convolutions(poses.transpose(1, 2))
+        return torch.tanh(self.full(torch.cat([x.mean(-1), (x.var(-1, unbiased=False) + 1e-6).sqrt()], -1)))

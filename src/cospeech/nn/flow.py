@@ -208,7 +208,8 @@ class Flow(nn.Module):
 
     def forward(self, x: Tensor, c: Tensor, states: Sequence[State] | None = None) -> tuple[Tensor, Tensor, list[State]]:
         """Poses (B, T, D) → latents (B, T, D), log-determinants (B, T), states."""
-        total, kept = x.new_zeros(x.shape[:-1]), []
+        total = x.new_zeros(x.shape[:-1])
+        kept: list[State] = []
         for k, step in enumerate(self.steps):
             x, ladj, state = step(x, c, None if states is None else states[k])
             total, kept = total + ladj, [*kept, state]

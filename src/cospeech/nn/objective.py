@@ -8,6 +8,7 @@ GAN (two, each with parameters of its own) and a cascade (two, one after the oth
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import torch
@@ -47,7 +48,8 @@ class Chance:
         return self._own(torch.rand(rows * self.parts, *shape, generator=self._generator))
 
 
-class Batch(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Batch:
     """What a loss sees: standardised windows of a store, and the step's random numbers.
 
     Args:
@@ -58,8 +60,8 @@ class Batch(NamedTuple):
     arrays: Mapping[str, Tensor]
     chance: Chance
 
-    def __getitem__(self, name: str | int) -> Tensor:  # type: ignore[override]
-        return self.arrays[name]  # type: ignore[index]
+    def __getitem__(self, name: str) -> Tensor:
+        return self.arrays[name]
 
     def __len__(self) -> int:
         return len(next(iter(self.arrays.values())))

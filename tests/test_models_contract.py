@@ -17,23 +17,21 @@ from cospeech.nn.objective import Batch, Chance  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
-FLOWS = {
-    "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
-}
 _FLOW = {"steps": 2, "hidden": 8, "history": 4, "look_ahead": 2, "frames": 4}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
     "stylised-flow": _FLOW | {"encoder_channels": 8, "encoder_blocks": 2, "feature": 4},
+    "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
 }
 
 
 def network_class(name: str):
-    module, _, attribute = (FLOWS | NETWORKS | MODELS)[name].partition(":")
+    module, _, attribute = (NETWORKS | MODELS)[name].partition(":")
     return getattr(import_module(module), attribute)
 
 
-NAMES = sorted(name for name in FLOWS | NETWORKS | MODELS if hasattr(network_class(name), "objectives"))
+NAMES = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(name), "objectives"))
 
 
 def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **changes):
@@ -48,13 +46,12 @@ def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **ch
     return net
 
 
-def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS, pose: int = POSE, audio: int = AUDIO) -> Batch:
+def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
     """Walks, not noise: something that can be learnt."""
     draw = torch.Generator().manual_seed(seed)
-    widths = {"pose": pose, "audio": audio}
+    widths = {"pose": net.pose, "audio": AUDIO, "control": 3}
     arrays = {
-        name: torch.randn(rows, net.window, widths.get(name, 1), generator=draw).cumsum(1) / net.window**0.5
-        for name in net.arrays
+        name: torch.randn(rows, net.window, widths[name], generator=draw).cumsum(1) / net.window**0.5 for name in net.arrays
     }
     return Batch(arrays, Chance(seed, step))
 
@@ -171,6 +168,9 @@ def test_sizes_that_are_none_are_told(name):
         # Ye et al. 2022, authors' code at 27 and 69 numbers a pose
         ("stylised-flow", {}, 27, 29, 123_611_408),
         ("stylised-flow", {"history": 10, "look_ahead": 10, "frames": 100}, 69, 27, 146_478_480),
+        # Alexanderson et al. 2020, authors' code on the upper body: "preferred" and as in the paper
+        ("moglow", {"hidden": 512}, 45, 27, 82_004_080),
+        ("moglow", {}, 45, 27, 172_330_096),
     ],
     ids=lambda value: str(value) if isinstance(value, int | str) else "",
 )
@@ -179,3 +179,114 @@ def test_parameters_at_paper_size(name, config, pose, audio, count):
     with torch.device("meta"):
         net = kind(kind.Config(**config), pose=pose, audio=audio)
     assert sum(value.numel() for value in net.parameters()) == count
+
+
+def flows() -> list[str]:
+    return [name for name in NAMES if hasattr(network_class(name), "log_prob")]
+
+
+def given(data: Batch) -> tuple:
+    return tuple(data[name] for name in ("pose", "audio", "control") if name in data.arrays)
+
+
+def trained_flow(name: str, **options):
+    """A flow far from the identity: all its parameters moved."""
+    net = ready(name, **options)
+    with torch.no_grad():
+        for key, value in net.named_parameters():
+            if "flow" in key:
+                value.add_(torch.randn_like(value), alpha=0.02 if value.ndim > 1 else 0.1)
+    return net
+
+
+@pytest.mark.parametrize("name", flows())
+@pytest.mark.parametrize("nu", [50, 3])
+@pytest.mark.parametrize("residual", [False, True])
+def test_poses_are_what_their_latents_generate(name, nu, residual):
+    net = trained_flow(name, steps=16, pose=27, hidden=32, nu=nu, residual=residual, frames=12)
+    data = batch(net)
+    with torch.no_grad():
+        z = net.latents(*given(data))
+        history = net.config.history
+        poses, *rest = given(data)
+        made = net.sample(z, poses[:, :history], *rest)
+        again = net.latents(torch.cat([poses[:, :history], made, poses[:, history + made.shape[1] :]], 1), *rest)
+    assert (z - poses[:, history : history + 12]).abs().mean() > 0.1
+    assert (made - poses[:, history : history + 12]).abs().max() <= 1e-4
+    assert (again - z).abs().max() <= 1e-3
+
+
+@pytest.mark.parametrize("name", flows())
+@pytest.mark.parametrize("pose", [5, 6])
+def test_the_log_determinant_is_that_of_the_jacobian(name, pose):
+    net = trained_flow(name, pose=pose).double()
+    data = batch(net, rows=1)
+    poses, *rest = (value.double() for value in given(data))
+    history, frames = net.config.history, net.config.frames
+
+    def latents(x):
+        window = torch.cat([poses[0, :history], x.view(frames, pose), poses[0, history + frames :]])
+        return net.latents(window[None], *rest).flatten()
+
+    jacobian = torch.autograd.functional.jacobian(latents, poses[0, history : history + frames].flatten())
+    sign, expected = torch.linalg.slogdet(jacobian)
+    z = latents(poses[0, history : history + frames].flatten()).view(frames, pose)
+    with torch.no_grad():
+        got = (net.log_prob(poses, *rest)[0] - net.flow.latent.log_prob(z)).sum()
+    assert sign.abs() == 1
+    assert torch.allclose(got, expected, rtol=1e-7, atol=1e-7)
+    later = jacobian.view(frames, pose, frames, pose)
+    assert all(later[t, :, s].abs().max() == 0 for t in range(frames) for s in range(t + 1, frames))  # no pose sees the next
+
+
+@pytest.mark.parametrize(("name", "nu"), [*((name, nu) for name in flows() for nu in (50, 4)), ("moglow", 0)])
+@pytest.mark.parametrize("dimensions", [1, 2])
+def test_the_density_integrates_to_one(name, nu, dimensions):
+    net = trained_flow(name, pose=dimensions, nu=nu, frames=1).double()
+    data = batch(net, rows=1)
+    axis = torch.linspace(-60, 60, 200_001 if dimensions == 1 else 601, dtype=torch.float64)
+    grid = torch.cartesian_prod(*[axis] * dimensions).view(-1, 1, dimensions)
+    poses, *rest = (value.double().expand(len(grid), -1, -1) for value in given(data))
+    history = net.config.history
+    with torch.no_grad():
+        filled = torch.cat([poses[:, :history], grid, poses[:, history + 1 :]], 1)
+        log_prob = torch.cat([net.log_prob(*part) for part in zip(*(v.split(20_000) for v in (filled, *rest)), strict=True)])
+    assert log_prob.shape == (len(grid), 1)
+    assert abs(log_prob.exp().sum().item() * (axis[1] - axis[0]).item() ** dimensions - 1) < 0.01
+
+
+@pytest.mark.parametrize("name", flows())
+def test_frame_by_frame_is_all_at_once(name):
+    net = trained_flow(name)
+    data = batch(net)
+    poses, *rest = given(data)
+    z = torch.randn(ROWS, net.config.frames, POSE, generator=torch.Generator().manual_seed(5))
+    made = net.sample(z, poses[:, : net.config.history], *rest)
+    alone = torch.cat([net.sample(z[row : row + 1], poses[row : row + 1, : net.config.history],
+                                  *(v[row : row + 1] for v in rest)) for row in range(ROWS)])  # fmt: skip
+    assert made.isfinite().all()
+    assert torch.allclose(made, alone, atol=1e-5)
+    cut = [v[:, : -net.config.look_ahead - 1].clone() for v in rest]
+    cut = [torch.cat([c, torch.zeros_like(v[:, c.shape[1] :])], 1) for c, v in zip(cut, rest, strict=True)]
+    other = net.sample(z, poses[:, : net.config.history], *cut)
+    assert not torch.equal(other[:, -1], made[:, -1])
+    assert torch.equal(*(one[:, : net.config.frames - net.config.look_ahead - 1] for one in (other, made)))
+
+
+def test_moglow_needs_the_controls_that_it_was_trained_with_and_they_move_it():
+    net = trained_flow("moglow")
+    data = batch(net)
+    poses, audio, control = given(data)
+    with pytest.raises(InputError, match="hand_height, hand_radius"):
+        net.log_prob(poses, audio)
+    z, history = torch.zeros(ROWS, net.config.frames, POSE), poses[:, : net.config.history]
+    first = net.sample(z, history, audio, control)
+    height, speed = control.clone(), control.clone()
+    height[..., 0] += 1
+    speed[..., 1] += 1  # not one of its own
+    assert (net.sample(z, history, audio, height) - first).abs().max() > 1e-3
+    assert torch.equal(net.sample(z, history, audio, speed), first)
+    kind = network_class("moglow")
+    for wrong in (("hand_heights",), ("hand_height", "hand_height")):
+        with pytest.raises(InputError, match="style controls"):
+            kind(kind.Config(**_FLOW, controls=wrong), pose=POSE, audio=AUDIO)

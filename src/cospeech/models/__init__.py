@@ -18,10 +18,12 @@ MODELS: dict[str, str] = {"rules": "cospeech.rules:RuleGesturer"}
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
 
 NETWORKS: dict[str, str] = {
+    "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
+    "moglow": "cospeech.models.moglow:MoGlow",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
 }
-"""Name → ``module:Class`` of networks that are trained as models are but make no motion: features for losses and metrics."""
+"""Name → ``module:Class`` of what recipes train: networks of systems, and those whose features are for losses and metrics."""
 
 DEFAULT = "rules"
 """The best that ships: what ``generate`` uses when no model is named."""

@@ -1,8 +1,8 @@
 """Style controls of MoGlow (Alexanderson et al. 2020, section 4.4): how high, how fast and how far out the hands are.
 
-Each is a mean over the 4 seconds about a frame, of both wrists, relative to the hips as they stand in the T-pose: height in
-metres, speed in metres per second, horizontal distance from the hips' axis in metres (of TED: from its lowest point). A system is trained with them as it
-moves, and generates with constant ones, told as quantiles of the training data: ``hand_height:0.85``.
+Each is a mean over the 4 seconds about a frame, of both wrists, relative to the hips as they stand in the T-pose (of TED: to
+the lowest point): height in metres, speed in metres per second, horizontal distance in metres. A system is trained with them
+as it moves, and generates with constant ones, told as quantiles of the training data: ``hand_height:0.85``.
 """
 
 from __future__ import annotations

@@ -1,0 +1,218 @@
+"""MoGlow: Henter, Alexanderson and Beskow 2020, "MoGlow: Probabilistic and Controllable Motion Synthesis Using Normalising
+Flows", as Alexanderson et al. 2020, "Style-Controllable Speech-Driven Gesture Synthesis Using Normalising Flows", use it.
+
+A normalising flow gives the exact density of the next pose, given the poses before it, the speech around it and style controls:
+
+    p(x | a, s) = ∏ₜ p(xₜ | xₜ₋τ…ₜ₋₁, aₜ₋τ…ₜ₊ₗ, sₜ₋τ…ₜ₊ₗ, hₜ₋₁)                    (gestures: 5; h: states of the LSTMs)
+    ln p(xₜ | …) = ln p_Z(zₜ) + Σₖ ln |det ∂hₖ/∂hₖ₋₁|,  z = f(x), p_Z normal      (gestures: 2)
+
+         poses t−τ … t−1 ───────────────┐
+         speech t−τ … t+l ──────────────┼─► c_t
+         controls (hand height, …) ─────┘    │      none of the poses with probability 0.4, each by itself: data dropout
+                                             ▼
+      x_t ─►[ ActNorm ─ 1×1 convolution ─ affine coupling(LSTM(x₁, c_t)) ] × K ─► z_t
+
+Objective: the negative log-likelihood, L = −(1/T) Σₜ ln p(xₜ | …), and no other term.
+
+Followed, changed, not said in the papers: docs/models/moglow.md, by number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError, nearest
+from ..nn.conditioning import drop_history, frame_windows
+from ..nn.flow import Flow, RecurrentNet, State
+from ..nn.objective import Batch, Objective
+from ..poses.controls import CONTROLS
+
+__all__ = ["MoGlow", "MoGlowConfig"]
+
+
+@dataclass(frozen=True)
+class MoGlowConfig:
+    """Sizes; the defaults are those of the paper on gestures (Alexanderson et al. 2020)."""
+
+    steps: int = 16
+    """K; section 5.2."""
+    hidden: int = 800
+    """Units of an LSTM layer; section 5.2 (the authors' code prefers 512 since)."""
+    layers: int = 2
+    """LSTM layers of a coupling; section 5.2."""
+    history: int = 5
+    """τ, poses that condition a frame; section 5.2."""
+    look_ahead: int = 20
+    """l, frames of speech after the one that is made; section 5.2."""
+    frames: int = 95
+    """Frames trained in a window, after the history; section 5.1: 6 s in all, at 20 frames per second."""
+    nu: int = 0
+    """Degrees of freedom of a Student's t latent; 0: a normal one, as in the paper. The authors' code offers 50."""
+    history_dropout: float = 0.4
+    """Probability that a pose of the history is blanked; section 5.2."""
+    controls: tuple[str, ...] = ()
+    """Style controls by name (`cospeech.poses.controls.CONTROLS`); section 4.4 trains one system for each."""
+    nll_unit: float = 1.0
+    """Nats of the unit in which the loss is told; the authors' code has bits (0.6931)."""
+    pose_noise: float = 0.0
+    """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
+    residual: bool = False
+    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours: small networks learn it sooner."""
+
+    @property
+    def arrays(self) -> tuple[str, ...]:
+        """Arrays of a store that training takes."""
+        return ("pose", "audio", "control") if self.controls else ("pose", "audio")
+
+
+class MoGlow(nn.Module):
+    """The model; poses, audio and controls are standardised vectors.
+
+    Args:
+        config: sizes.
+        pose: D, numbers of a pose.
+        audio: A, numbers of a frame of speech.
+    """
+
+    arrays: tuple[str, ...] = ("pose", "audio")
+    Config = MoGlowConfig
+
+    def __init__(self, config: MoGlowConfig, *, pose: int, audio: int) -> None:
+        super().__init__()
+        if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
+            raise InputError(f"a MoGlow of {config}"[:200], "sizes are positive")
+        unknown = [name for name in config.controls if name not in CONTROLS]
+        if unknown or len({*config.controls}) < len(config.controls):
+            raise InputError(
+                f"style controls {', '.join(config.controls)}", nearest((unknown or ["twice the same"])[0], CONTROLS)
+            )
+        self.config, self.pose, self.audio, self.arrays = config, pose, audio, config.arrays
+        context = config.history * pose + self.heard * (audio + len(config.controls))
+        self.flow = Flow(pose, context, config.steps, self._net, float(config.nu or "inf"))
+
+    def _net(self, inputs: int, outputs: int) -> RecurrentNet:
+        return RecurrentNet(nn.LSTM, inputs, self.config.hidden, outputs, self.config.layers)
+
+    @property
+    def heard(self) -> int:
+        """Frames of speech that condition a frame: τ + 1 + l."""
+        return self.config.history + 1 + self.config.look_ahead
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window: history, trained frames, look-ahead."""
+        return self.config.history + self.config.frames + self.config.look_ahead
+
+    # the density ----------------------------------------------------------------------------------------------------
+
+    def hear(self, audio: Tensor, control: Tensor | None = None) -> Tensor:
+        """Speech and the controls of the configuration: (B, T, A), (B, T, 3) → (B, T, A + controls).
+
+        Raises:
+            InputError: the system has controls, and none are given.
+        """
+        if not self.config.controls:
+            return audio
+        if control is None:
+            raise InputError("no style controls for a MoGlow that has them", ", ".join(self.config.controls))
+        return torch.cat([audio, control[..., [CONTROLS.index(name) for name in self.config.controls]]], -1)
+
+    def condition(self, poses: Tensor, heard: Tensor) -> Tensor:
+        """c_t.
+
+        Args:
+            poses: (B, F, τ, D), oldest first.
+            heard: (B, F, τ + 1 + l, A + controls), see `hear`.
+
+        Returns:
+            (B, F, C).
+        """
+        return torch.cat([poses.flatten(2), heard.flatten(2)], -1)
+
+    def _windows(self, pose: Tensor, heard: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Trained poses (B, F, D), their histories (B, F, τ, D) and what is heard (B, F, τ + 1 + l, A + controls)."""
+        tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
+        if frames < 1 or heard.shape[1] != pose.shape[1]:
+            raise InputError(f"{pose.shape[1]} poses and {heard.shape[1]} frames of speech", f"both {self.window}")
+        x = pose[:, tau : tau + frames]
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(heard, self.heard)
+
+    def _base(self, histories: Tensor) -> Tensor:
+        """(B, F, D) what the flow's output is added to: the last pose of each history, or nothing."""
+        return histories[:, :, -1] if self.config.residual else torch.zeros_like(histories[:, :, -1])
+
+    def log_prob(self, pose: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
+        """Exact log-likelihood of each frame after the history.
+
+        Args:
+            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
+            audio: (B, τ + F + l, A).
+            control: (B, τ + F + l, 3), where the system has controls.
+
+        Returns:
+            (B, F) nats, of standardised poses.
+        """
+        x, histories, heard = self._windows(pose, self.hear(audio, control))
+        return self.flow.log_prob(x - self._base(histories), self.condition(histories, heard))
+
+    def latents(self, pose: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
+        """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
+        x, histories, heard = self._windows(pose, self.hear(audio, control))
+        return self.flow(x - self._base(histories), self.condition(histories, heard))[0]
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """One: the likelihood."""
+        return {"flow": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The negative log-likelihood of a frame."""
+        pose = batch.arrays["pose"]
+        if self.training and self.config.pose_noise:
+            pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
+        x, histories, heard = self._windows(pose, self.hear(batch.arrays["audio"], batch.arrays.get("control")))
+        base = self._base(histories)
+        if self.training:
+            histories = drop_history(histories, self.config.history_dropout, batch.chance)
+        log_prob = self.flow.log_prob(x - base, self.condition(histories, heard))
+        return {"nll": -log_prob.mean() / self.config.nll_unit}
+
+    # generation -----------------------------------------------------------------------------------------------------
+
+    @torch.no_grad()
+    def step(self, z: Tensor, history: Tensor, heard: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
+        """One frame: latents (B, D), history (B, τ, D), what is heard (B, τ + 1 + l, A + controls), states → pose, states."""
+        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], heard[:, None]), states)
+        return made[:, 0] + self._base(history[:, None])[:, 0], states
+
+    @torch.no_grad()
+    def sample(self, z: Tensor, history: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
+        """Poses that follow a history, each fed back.
+
+        Args:
+            z: (B, F, D) latents (`Latent.sample`); N(0, 1) where the latent is normal.
+            history: (B, τ, D); zeros, the mean pose, begin a performance.
+            audio: (B, τ + F + l, A).
+            control: (B, τ + F + l, 3), constant for a style (`cospeech.poses.controls.control_row`).
+
+        Returns:
+            (B, F, D).
+        """
+        poses, states = history, None
+        heard = frame_windows(self.hear(audio, control), self.heard)
+        for t in range(z.shape[1]):
+            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states)
+            poses = torch.cat([poses, made[:, None]], 1)
+        return poses[:, self.config.history :]
+
+    # the runtime bundle ---------------------------------------------------------------------------------------------
+
+    def export(self) -> dict[str, Any]:
+        """Arrays by name, as `cospeech.runtime.flow_graph` wants them: controls are further numbers of a frame of speech."""
+        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

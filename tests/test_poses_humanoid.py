@@ -11,7 +11,7 @@ from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_continuous, 
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.rules.arms import finger_angles, finger_rotations
 from cospeech.rules.hands import CHANNELS, HAND_SHAPES
-from cospeech.rules.legs import SEAT, plant
+from cospeech.rules.legs import SEAT, STANCE, plant
 from cospeech.skeleton import named_skeleton
 from rules_laws import babble
 
@@ -133,6 +133,22 @@ def test_left_and_right_are_mirror_images(made):
     np.testing.assert_allclose(mirrored[:, 45:51], vectors[:, 51:57], atol=1e-5)
     left, right = (HUMANOID.names.index(f"{side}UpperArm.rx") for side in ("left", "right"))
     np.testing.assert_allclose(mirrored[:, left : left + 3], vectors[:, right : right + 3] * [1, -1, -1], atol=1e-5)
+
+
+def test_wild_numbers_give_motion_all_the_same():
+    """What an untrained network says."""
+    random = np.random.default_rng(3)
+    wild = random.normal(size=(500, 57)) * 10.0 ** random.uniform(-9, 1.2, (500, 1))
+    motion = HUMANOID.decode(np.clip(wild, -99, 99))
+    assert np.isfinite(motion.positions()).all()
+    for side in ("left", "right"):  # a hip on its ankle, and straight behind it
+        way = humanoid().tpose[INDEX[side + "UpperLeg"]] - humanoid().offsets[0]
+        foot = np.array([STANCE if side == "left" else -STANCE, *humanoid().tpose[INDEX["leftFoot"], 1:]])
+        ahead = np.array([0.0, 0.0, 0.42])
+        turn = np.array([np.sin(np.radians(9)) * (1 if side == "left" else -1), 0.0, np.cos(np.radians(9))])
+        places = foot + ahead - way - np.array([0.0, 0.2, 0.4, 1.0])[:, None] * turn
+        _, legs, _ = plant(np.broadcast_to([0.0, 0, 0, 1], (4, 4)), places)
+        np.testing.assert_allclose(np.linalg.norm(legs, axis=-1), 1, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body si
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
 _TILT = 32.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (ours)
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
+_FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
 _SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
@@ -83,13 +84,13 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, lift: Array) -> A
     """
     upper, lower = _lengths()
     rel = ankles - (root[:, None] + quat_rotate(hips[:, None], _leg()[0] * _SIDES))
-    d = np.sqrt(np.einsum("nsi,nsi->ns", rel, rel))
+    d = np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", rel, rel)), 1e-6)
     along = rel / d[..., None]
     turn = np.radians(yaw)
     pole = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], -1)
     pole = pole - np.einsum("nsi,nsi->ns", pole, along)[..., None] * along
-    pole /= np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None]
-    cosine = np.clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -1, 1)
+    pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
+    cosine = np.clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
     knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     hinge = np.cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])

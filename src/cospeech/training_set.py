@@ -18,6 +18,7 @@ from .corpora.feed import Feed, Reduce, Standard, check_mirror, sizes, standard_
 from .corpora.store import Store
 from .corpora.windows import Windows
 from .errors import InputError
+from .poses.controls import control_quantiles, with_controls
 from .recipe import Data, Recipe, build, changed
 
 __all__ = ["TrainingSet", "check_same", "open_set"]
@@ -61,7 +62,13 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     standards = {"pose": standard_pose(store)}
     if "audio" in store.arrays:
         standards["audio"] = standard_audio(store, reduce)
+    controlled = "control" in getattr(config, "arrays", kind.arrays)
+    if controlled:
+        store = with_controls(store)
+        standards["control"] = Standard(*store.statistics("control"))
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
+    if controlled:
+        statistics["control_quantiles"] = torch.from_numpy(control_quantiles(store))
     needs, known = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),

@@ -17,6 +17,7 @@ from rules_laws import babble
 
 HIPS_Y = HUMANOID.names.index("hips.y")
 INDEX = humanoid().index
+_FINGER = ("Proximal", "Intermediate", "Distal")
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +142,10 @@ def test_wild_numbers_give_motion_all_the_same():
     wild = random.normal(size=(500, 57)) * 10.0 ** random.uniform(-9, 1.2, (500, 1))
     motion = HUMANOID.decode(np.clip(wild, -99, 99))
     assert np.isfinite(motion.positions()).all()
+    wild[:, 3:45] = 0  # fingers bend as far as hands can
+    fingers = [INDEX[side + f + part] for side in ("left", "right") for f in ("Index", "Little") for part in _FINGER]
+    turned = HUMANOID.decode(np.clip(wild, -99, 99)).rotations[:, fingers]
+    assert np.degrees(quat_angle(turned, humanoid().rest[fingers])).max() < 115
     for side in ("left", "right"):  # a hip on its ankle, and straight behind it
         way = humanoid().tpose[INDEX[side + "UpperLeg"]] - humanoid().offsets[0]
         foot = np.array([STANCE if side == "left" else -STANCE, *humanoid().tpose[INDEX["leftFoot"], 1:]])

@@ -34,6 +34,10 @@ _GRIPS = 6  # numbers per hand; ours: leaves 2° of the table's angles, see test
 _TURNS = slice(3, 3 + 3 * len(JOINTS))
 _HANDS = slice(_TURNS.stop, _TURNS.stop + 2 * _GRIPS)
 _ANGLES = slice(Channel.KNUCKLES.start, Channel.THUMB.stop)  # columns of a hand's track
+_LEAST = np.array([-20.0] * 4 + [-10.0] * 4 + [-4.0, -20.0, -30.0, -10.0])
+_MOST = np.array([95.0] * 4 + [110.0] * 4 + [16.0, 60.0, 40.0, 60.0])
+"""Degrees that a hand's angles keep within when decoded, whatever a network says: active ranges of adult fingers (Hume et al.
+1990) and what of the rules' motion lies beyond after the projection; spread and thumb ours."""
 _FARTHEST = 100.0  # ours: metres or radians beyond which a number is a mistake
 _FLIP = np.array([1.0, -1.0, -1.0, 1.0])  # a rotation in the mirror, x → −x
 
@@ -99,7 +103,7 @@ class Humanoid:
         return np.concatenate([place, turns, _encode_hands(source)], -1)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None, start: float = 0.0) -> Motion:
-        """In float32; hips higher than the legs are long are lowered.
+        """In float32; hips higher than the legs are long are lowered, fingers bent beyond what hands can are held back.
 
         Args:
             vectors: (T, 57).
@@ -123,7 +127,8 @@ class Humanoid:
         rotations[:, turned] = turns
         mean, basis = hand_basis()
         channels = np.zeros((frames, 2, CHANNELS))
-        channels[..., _ANGLES] = np.degrees(vectors[:, _HANDS].reshape(frames, 2, _GRIPS) @ basis + mean)
+        angles = np.degrees(vectors[:, _HANDS].reshape(frames, 2, _GRIPS) @ basis + mean)
+        channels[..., _ANGLES] = np.minimum(np.maximum(angles, _LEAST), _MOST)
         hands = arms.finger_rotations(channels)
         hands[:, 1] *= _FLIP
         rotations[:, fingers] = hands.reshape(frames, 30, 4)

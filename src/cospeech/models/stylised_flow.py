@@ -76,12 +76,12 @@ class FlowConfig:
     pose_noise: float = 0.0
     """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
     style: int = 0
-    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. Ours: it is what a longer stretch of
-    the same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
+    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. Ours: what a longer stretch of the
+    same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
     style_window: int = 80
     """Frames of that stretch, which lies before the history; ours."""
     residual: bool = False
-    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours, small networks learn it in fewer steps."""
+    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours, quicker to learn."""
 
 
 class StylisedFlow(nn.Module):

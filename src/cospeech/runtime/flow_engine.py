@@ -1,0 +1,301 @@
+"""Steps a flow frame by frame for a batch of takes, and runs it backwards over an example; NumPy and onnxruntime."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
+from .onnx_check import check_onnx
+
+__all__ = ["FlowEngine", "StudentT", "Takes", "open_session"]
+
+BLOCK = 64  # ours: frames whose speech is worked off at once, which bounds the memory
+
+
+class StudentT:
+    """Latents of one take: N(0, 1) / √(χ²_ν / ν), one χ² per frame; normal where ν is 0.
+
+    The same seed gives the same latents, in whatever pieces they are drawn.
+
+    Args:
+        width: D.
+        nu: ν.
+        seed: of the take.
+        temperature: their scale.
+    """
+
+    def __init__(self, width: int, nu: float, *, seed: int, temperature: float = 1.0) -> None:
+        self._normal, self._chi = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+        self._width, self._nu, self._temperature = width, nu, temperature
+
+    def draw(self, frames: int) -> Array:
+        """(frames, D) float32."""
+        z = self._normal.standard_normal((frames, self._width))
+        if self._nu:
+            z /= np.sqrt(self._chi.chisquare(self._nu, frames) / self._nu)[:, None]
+        return (self._temperature * z).astype(np.float32)
+
+
+def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
+    """An onnxruntime session on one core, its weights handed over by name.
+
+    Raises:
+        InputError: the graph is not one of ours, or the weights do not fit it.
+    """
+    import onnxruntime as ort
+
+    wanted = check_onnx(graph)
+    for name, (kind, shape) in wanted.items():
+        if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
+            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], "is the bundle damaged?")
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # what goes wrong is told by the error
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
+    try:
+        return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises classes of its own that have no common base
+        raise InputError(f"a graph cannot be used: {error}"[:200], "is the bundle damaged?") from None
+
+
+class FlowEngine:
+    """A flow ready to run; any number of performances may share it.
+
+    Poses and audio are standardised vectors, as the network was trained on.
+
+    Args:
+        sizes: of the network.
+        weights: of `cospeech.runtime.flow_weights.pack_weights`.
+        graphs: of `cospeech.runtime.flow_graph.build_graphs`.
+        low, high: (D,) bounds of every pose that is made: those of the training data and some more. What is fed back can
+            therefore not run away.
+
+    Raises:
+        InputError: these do not fit together.
+    """
+
+    def __init__(
+        self, sizes: FlowSizes, weights: Mapping[str, Array], graphs: Mapping[str, bytes], low: Array, high: Array
+    ) -> None:
+        check_weights(weights, sizes)
+        self.sizes, self.weights = sizes, weights
+        self.low, self.high = (np.ascontiguousarray(np.reshape(v, (1, -1)), np.float32) for v in (low, high))
+        if not self.low.shape == self.high.shape == (1, sizes.pose) or not (self.low < self.high).all():
+            raise InputError(f"bounds of poses of shapes {low.shape}, {high.shape}", f"({sizes.pose},), the lower ones lower")
+        missing = {"speech", "past", "frame", *(("style",) if sizes.style else ())} - set(graphs)
+        if missing:
+            raise InputError(f"no graph {', '.join(sorted(missing))}", "is the bundle damaged?")
+        self._graphs = graphs
+        self.speech, self.frame = (open_session(graphs[name], weights) for name in ("speech", "frame"))
+        self._check_ends()
+
+    def _check_ends(self) -> None:
+        """Inputs and outputs have the names and sizes that `Takes` binds memory to."""
+        s, width = self.sizes, self.sizes.steps * self.sizes.gates
+        wanted = {"z": s.pose, "history": s.history * s.pose, "gates": width, "low": s.pose, "high": s.pose}
+        wanted |= dict.fromkeys(state_kinds(s), s.states) | ({"code": s.channels} if s.feature else {})
+        wanted |= {"style": s.style} if s.style else {}
+        made = {"pose": s.pose} | {f"next_{kind}": s.states for kind in state_kinds(s)}
+        heard = {"gates": width} | ({"code": s.channels} if s.feature else {})
+        ends = [
+            (self.frame.get_inputs(), wanted), (self.frame.get_outputs(), made),
+            (self.speech.get_inputs(), {"windows": s.heard * s.audio}), (self.speech.get_outputs(), heard),
+        ]  # fmt: skip
+        for found, due in ends:
+            for end in found:
+                kind = "tensor(uint8)" if end.name in ("q", "next_q") else "tensor(float)"
+                if len(end.shape) != 2 or end.type != kind or end.shape[1] != due.get(end.name):
+                    raise InputError(f"a graph with {end.name!r} of {end.type} {end.shape}"[:200], "is the bundle damaged?")
+            if len(found) != len(due):
+                raise InputError(f"a graph with {len(found)} ends, {len(due)} are due", "is the bundle damaged?")
+
+    def begin(self, histories: Array, styles: Array | None = None) -> Takes:
+        """A batch of takes that begin with these poses.
+
+        Args:
+            histories: (N, τ, D), oldest first.
+            styles: (N, style) codes, for a network that has them; zeros where not given.
+        """
+        return Takes(self, np.asarray(histories, np.float32), self._styles(styles, len(histories)))
+
+    def _styles(self, styles: Array | None, rows: int) -> Array:
+        wanted = (rows, self.sizes.style)
+        styles = np.zeros(wanted, np.float32) if styles is None else np.array(styles, np.float32, ndmin=2)
+        if styles.shape != wanted:
+            raise InputError(f"style codes of shape {styles.shape}", f"{wanted}")
+        return styles
+
+    def style_code(self, poses: Array) -> Array:
+        """(S, D) any stretch of poses from 8 frames on → (style,) its code.
+
+        Raises:
+            InputError: the network has no style codes, or the poses have another shape.
+        """
+        if not self.sizes.style:
+            raise InputError("this system has no style codes")
+        if np.ndim(poses) != 2 or len(poses) < 8 or np.shape(poses)[1] != self.sizes.pose:
+            raise InputError(f"an example of shape {np.shape(poses)}", f"at least 8 × {self.sizes.pose}")
+        session = open_session(self._graphs["style"], self.weights)
+        code: Array = session.run(None, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
+        return code
+
+    def windows(self, audio: Array) -> Array:
+        """(T, A) rows of speech → (T − heard + 1, heard, A): a window for each frame that has one whole; a view."""
+        audio = np.asarray(audio, np.float32)
+        heard = self.sizes.heard
+        if len(audio) < heard:
+            return np.zeros((0, heard, self.sizes.audio), np.float32)
+        return np.lib.stride_tricks.sliding_window_view(audio, heard, axis=0).transpose(0, 2, 1)
+
+    def hear(self, windows: Array) -> list[Array]:
+        """What the frames' gates have of the speech, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
+        flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.heard * self.sizes.audio)
+        made: list[Array] = self.speech.run(None, {"windows": flat})
+        return made
+
+    def latents(self, poses: Array, audio: Array, style: Array | None = None) -> Array:
+        """The z that give these poses after these histories under this speech: the flow's normalising direction.
+
+        Args:
+            poses: (T, D).
+            audio: (T, A).
+            style: (style,) code, for a network that has them; zeros where not given.
+
+        Returns:
+            (T − τ − look-ahead, D): of frame τ and those after it.
+
+        Raises:
+            InputError: shapes, or fewer frames than one window.
+        """
+        s = self.sizes
+        poses, windows = np.asarray(poses, np.float32), self.windows(audio)
+        if poses.shape != (len(audio), s.pose) or np.shape(audio)[1] != s.audio or not len(windows):
+            wanted = f"(T, {s.pose}) and (T, {s.audio}), at least {s.heard} of each"
+            raise InputError(f"poses {poses.shape} and audio {np.shape(audio)}", wanted)
+        frames = len(windows)
+        histories = np.lib.stride_tricks.sliding_window_view(poses[: s.history + frames - 1], s.history, axis=0)
+        histories = np.ascontiguousarray(histories.transpose(0, 2, 1)).reshape(frames, -1)
+        session = open_session(self._graphs["past"], self.weights)
+        codes = {"style": np.repeat(self._styles(style, 1), frames, 0)} if s.style else {}
+        past = np.empty((frames, s.steps * s.gates), np.float32)
+        for first in range(0, frames, BLOCK):
+            rows = slice(first, first + BLOCK)
+            heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
+            heard |= {name: code[rows] for name, code in codes.items()}
+            (past[rows],) = session.run(None, {"history": histories[rows]} | heard)
+        x = poses[s.history : s.history + frames]
+        if s.residual:
+            x = x - poses[s.history - 1 : s.history + frames - 1]
+        for k in range(s.steps):
+            x = self._normalise(k, x, past[:, k * s.gates : (k + 1) * s.gates])
+        return x
+
+    def _normalise(self, k: int, x: Array, past: Array) -> Array:
+        """One step, all frames."""
+        s, w = self.sizes, self.weights
+        moved = s.pose - s.kept
+        x = np.linalg.solve(w[f"{k}.mix"].T.astype(np.float64), (x - w[f"{k}.mix.bias"]).T).T.astype(np.float32)
+        hidden = x[:, : s.kept] @ w[f"{k}.kept"] + past
+        for layer in range(s.layers):
+            if layer:
+                hidden = self._seen(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
+            hidden = self._cells(hidden, unpack(w, f"{k}.{layer}.hh"), w[f"{k}.{layer}.hh.bias"])
+        out = hidden @ w[f"{k}.out"] + w[f"{k}.out.bias"]
+        scale = _sigmoid(out[:, moved:]) + np.float32(SCALE_FLOOR)
+        return np.concatenate([x[:, : s.kept], (x[:, s.kept :] + out[:, :moved]) * scale], 1)
+
+    def _seen(self, hidden: Array) -> Array:
+        """Hidden states as the products of the graphs see them."""
+        return np.round(hidden * 127) / np.float32(127) if self.sizes.int8 else hidden
+
+    def _cells(self, gates: Array, weight: Array, bias: Array) -> Array:
+        """(T, G) inputs' share of the gates → (T, hidden)."""
+        size = self.sizes.hidden
+        out, h, cell = np.empty((len(gates), size), np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32)
+        for t, x in enumerate(gates):
+            product = self._seen(h) @ weight + bias
+            if self.sizes.cell == "gru":
+                both = _sigmoid(x[: 2 * size] + product[: 2 * size])
+                new = np.tanh(x[2 * size :] + both[:size] * product[2 * size :])
+                h = new + both[size:] * (h - new)
+            else:
+                take, keep, show = np.split(_sigmoid((x + product)[: 3 * size]), 3)
+                cell = keep * cell + take * np.tanh((x + product)[3 * size :])
+                h = show * np.tanh(cell)
+            out[t] = h
+        return out
+
+
+def _silence(kind: str, shape: tuple[int, int]) -> Array:
+    """States before the first frame: zeros, which as bytes are 128."""
+    return np.full(shape, 128, np.uint8) if kind == "q" else np.zeros(shape, np.float32)
+
+
+def _sigmoid(x: Array) -> Array:
+    with np.errstate(over="ignore"):
+        return 1 / (1 + np.exp(-x))  # type: ignore[no-any-return]
+
+
+class Takes:
+    """N takes of one speech under way, in one pass; none depends on the others.
+
+    Memory is bound once; states go to and fro between two halves of it.
+    """
+
+    def __init__(self, engine: FlowEngine, histories: Array, styles: Array) -> None:
+        s = engine.sizes
+        if histories.ndim != 3 or histories.shape[1:] != (s.history, s.pose) or not len(histories):
+            raise InputError(f"histories of shape {histories.shape}", f"(takes, {s.history}, {s.pose})")
+        self._engine, self._styles, takes = engine, styles, len(histories)
+        self._history = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
+        self._z, self._pose = np.zeros((takes, s.pose), np.float32), np.zeros((takes, s.pose), np.float32)
+        self._heard = [np.zeros((1, s.steps * s.gates), np.float32)]
+        self._heard += [np.zeros((1, s.channels), np.float32)] if s.feature else []
+        kinds = state_kinds(s)
+        states = [{kind: _silence(kind, (takes, s.states)) for kind in kinds} for _ in range(2)]
+        self._bindings = [self._bind(*pair) for pair in (states, states[::-1])]
+
+    def _bind(self, before: dict[str, Array], after: dict[str, Array]) -> tuple[Any, object]:
+        """Inputs and outputs of a frame; the memory is kept beside, for onnxruntime knows only addresses."""
+        binding, engine = self._engine.frame.io_binding(), self._engine
+        given = {"z": self._z, "history": self._history, "low": engine.low, "high": engine.high}
+        given |= dict(zip(("gates", "code"), self._heard, strict=False)) | before
+        given |= {"style": self._styles} if engine.sizes.style else {}
+        for name, array in given.items():
+            binding.bind_input(name, "cpu", 0, array.dtype, array.shape, array.ctypes.data)
+        for name, array in {"pose": self._pose, **{f"next_{kind}": array for kind, array in after.items()}}.items():
+            binding.bind_output(name, "cpu", 0, array.dtype, array.shape, array.ctypes.data)
+        return binding, (given, after)
+
+    def frames(self, windows: Array, z: Array) -> Array:
+        """The next poses of every take.
+
+        Args:
+            windows: (F, heard, A) of speech, one per frame; see `FlowEngine.windows`.
+            z: (N, F, D) latents.
+
+        Returns:
+            (N, F, D).
+        """
+        width, run = self._engine.sizes.pose, self._engine.frame.run_with_iobinding
+        out = np.empty((len(self._pose), len(windows), width), np.float32)
+        if np.shape(z) != out.shape:
+            raise InputError(f"latents of shape {np.shape(z)}", f"{out.shape}")
+        for first in range(0, len(windows), BLOCK):
+            heard = self._engine.hear(windows[first : first + BLOCK])
+            for t in range(len(heard[0])):
+                self._z[:] = z[:, first + t]
+                for buffer, rows in zip(self._heard, heard, strict=True):
+                    buffer[0] = rows[t]
+                run(self._bindings[0][0])
+                self._bindings.reverse()
+                out[:, first + t] = self._pose
+                self._history[:, :-width] = self._history[:, width:]
+                self._history[:, -width:] = self._pose
+        return out

@@ -111,7 +111,8 @@ class StylisedFlow(nn.Module):
         self.stylist = StyleEncoder(pose, channels=config.encoder_channels, style=config.style) if config.style else None
         context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0) + config.style
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
-        self.omega = [omega.eval().requires_grad_(False)] if omega is not None else []  # a list: no part of this model
+        ears = getattr(omega, "omega", omega)  # of a whole gesture autoencoder its fourth layer
+        self.omega = [ears.eval().requires_grad_(False)] if ears is not None else []  # a list: no part of this model
 
     def _net(self, inputs: int, outputs: int) -> RecurrentNet:
         return RecurrentNet(nn.GRU, inputs, self.config.hidden, outputs, self.config.layers)

@@ -1,0 +1,100 @@
+"""Playing: trained networks that make poses frame by frame, driven in batches of windows: arrays in, arrays out.
+
+For tables and figures, where hundreds of windows are wanted at once; what generates for users is `cospeech.runtime`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..rotations import Array
+
+__all__ = ["codes", "context_of", "perform", "threads"]
+
+BATCH = 512  # windows at a time; ours
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """PyTorch with so many threads on the CPU; 0: as many as it likes."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def context_of(net: nn.Module) -> tuple[int, int]:
+    """(τ, l): poses before a frame, and frames of speech after it, that a network wants.
+
+    Raises:
+        InputError: it is no network that makes poses frame by frame.
+    """
+    config: Any = getattr(net, "config", None)
+    try:
+        return int(config.history), int(config.look_ahead)
+    except AttributeError:
+        raise InputError(f"{type(net).__name__} is not played frame by frame", "a flow is") from None
+
+
+def _tensor(x: Array, device: torch.device) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(x, np.float32)).to(device)
+
+
+def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
+    """Poses that follow given ones, from latents drawn at random.
+
+    Args:
+        net: with ``sample`` and ``flow.latent``, such as `cospeech.models.stylised_flow.StylisedFlow`.
+        history: (B, τ, D), standardised.
+        audio: (B, τ + F + l, A), standardised.
+        seed: of the latents; the same seed gives the same poses, whatever the size of the batches.
+
+    Returns:
+        (B, F, D) float32, standardised.
+
+    Raises:
+        InputError: no frame is left to make, or what comes out is not finite.
+    """
+    tau, ahead = context_of(net)
+    frames = audio.shape[1] - tau - ahead
+    if frames < 1 or history.shape[1] != tau:
+        raise InputError(f"{history.shape[1]} poses and {audio.shape[1]} frames of speech", f"{tau} and more than {tau + ahead}")
+    device = next(net.parameters()).device
+    generator = torch.Generator().manual_seed(seed)
+    latents = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)
+    parts = [slice(k, k + BATCH) for k in range(0, len(history), BATCH)]
+    with torch.no_grad():
+        made = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
+    poses = torch.cat(made).cpu().numpy()
+    if not np.isfinite(poses).all():
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return poses
+
+
+def codes(net: Any, pose: Array, audio: Array) -> Array:
+    """(B, F, D) latents of poses under their own conditions.
+
+    Args:
+        net: with ``latents``.
+        pose: (B, τ + F + l, D), standardised.
+        audio: (B, τ + F + l, A), standardised.
+
+    Raises:
+        InputError: the latents are not finite.
+    """
+    device = next(net.parameters()).device
+    parts = [slice(k, k + BATCH) for k in range(0, len(pose), BATCH)]
+    with torch.no_grad():
+        found = torch.cat([net.latents(_tensor(pose[p], device), _tensor(audio[p], device)).cpu() for p in parts]).numpy()
+    if not np.isfinite(found).all():
+        raise InputError(f"{type(net).__name__} has latents that are not finite", "train it longer, or at a lower rate")
+    return found

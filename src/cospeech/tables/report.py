@@ -1,0 +1,139 @@
+"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts on the paper's claims.
+
+The table is a plain dictionary, which is what the JSON file holds; text and markdown are made of it alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from .designs import Claim, Design, Part
+from .scores import Cells
+
+__all__ = ["LEAST_SEEDS", "summary", "to_markdown", "to_text", "verdict", "verdicts"]
+
+LEAST_SEEDS = 3  # evidence of an order takes three seeds at least
+_T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
+      2.101, 2.093)  # fmt: skip
+"""97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
+REPRODUCED, NOT, OPEN = "reproduced", "not reproduced", "not told"
+
+
+def _half(values: Sequence[float]) -> float | None:
+    """Half of the 95 % interval of a mean over seeds; None for one seed."""
+    if len(values) < 2:
+        return None
+    t = _T[len(values) - 2] if len(values) - 2 < len(_T) else 1.96
+    return float(t * np.std(values, ddof=1) / sqrt(len(values)))
+
+
+def summary(runs: Sequence[Cells], metric: str) -> dict[str, Any]:
+    """One cell over seeds: ``mean``, ``half``, ``values``, ``note``; or ``why`` there is none."""
+    values = [cells[metric]["value"] for cells in runs if "value" in cells[metric]]
+    if len(values) < len(runs) or not values:
+        return {"why": next((cells[metric]["why"] for cells in runs if "why" in cells[metric]), "no run")}
+    note = runs[0][metric].get("note", "")
+    return {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
+
+
+def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[str, str]) -> dict[str, Any] | None:
+    """Whether a claim's order holds, with intervals over seeds that do not overlap; None where a row was not run.
+
+    Args:
+        claim: of the paper.
+        rows: name → row of the table.
+        heads: metric → head of its column; a claim about another metric is left out.
+    """
+    names = (claim.better, claim.worse)
+    if claim.metric not in heads or any(not rows.get(name, {}).get("cells") for name in names):
+        return None
+    better, worse = (rows[name]["cells"][claim.metric] for name in names)
+    sign = ">" if claim.higher else "<"
+    text = f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
+    if "mean" not in better or "mean" not in worse:
+        return {"claim": text, "verdict": OPEN, "because": better.get("why") or worse.get("why")}
+    told = f"{_number(better)} and {_number(worse)}"
+    if min(len(better["values"]), len(worse["values"])) < LEAST_SEEDS:
+        return {"claim": text, "verdict": OPEN, "because": f"{told}: fewer than {LEAST_SEEDS} seeds"}
+    gap = (better["mean"] - worse["mean"]) * (1 if claim.higher else -1)
+    if gap <= 0:
+        return {"claim": text, "verdict": NOT, "because": f"{told}: the order is the other way round"}
+    if gap <= better["half"] + worse["half"]:
+        return {"claim": text, "verdict": NOT, "because": f"{told}: the order holds, but the intervals overlap"}
+    return {"claim": text, "verdict": REPRODUCED, "because": told}
+
+
+def verdicts(design: Design, part: Part, rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Of all claims whose rows were run."""
+    found = (verdict(claim, rows, design.columns) for claim in part.claims)
+    return [told for told in found if told is not None]
+
+
+def _number(cell: Mapping[str, Any]) -> str:
+    half = cell.get("half")
+    return f"{cell['mean']:.3g}" + ("" if half is None else f" ± {half:.2g}")
+
+
+def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
+    """Rows of text: head, then for each row ours and, where the paper has figures, theirs."""
+    columns = table["columns"]
+    yield ["", *columns.values()]
+    for name, row in table["rows"].items():
+        if row.get("cells"):
+            yield [name, *(_number(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
+        if row["published"]:
+            label = f"{name}, published" if row.get("cells") else f"{name}, published (not built yet)"
+            yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
+    for name, cells in table["controls"].items():
+        yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
+
+
+def _notes(table: Mapping[str, Any]) -> list[str]:
+    """Below the table: what the figures mean and do not."""
+    notes = [
+        f"± half of the 95 % interval over {len(table['seeds'])} seeds (Student's t)." if len(table["seeds"]) > 1 else
+        "One seed: no intervals.",
+        "Figures in brackets are the paper's, of its own data and feature networks: not comparable with ours.",
+    ]  # fmt: skip
+    if table.get("note"):
+        notes.append(table["note"])
+    for name, row in table["rows"].items():
+        if row.get("facts"):
+            notes.append(f"{name}: {row['facts']}")
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for name, cells in [(n, r["cells"]) for n, r in table["rows"].items() if r.get("cells")] + [*table["controls"].items()]:
+        for metric, cell in cells.items():
+            if "why" in cell:
+                reasons.setdefault((metric, cell["why"]), []).append(name)
+    notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
+    faults = {m: told for m, told in table.get("faults", {}).items() if told}
+    notes += [f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()]
+    return notes
+
+
+def _verdict_lines(table: Mapping[str, Any]) -> list[str]:
+    return [f"{told['verdict']}: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+
+
+def to_text(table: Mapping[str, Any]) -> str:
+    """For the terminal."""
+    rows = [*_cells(table)]
+    sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = [table["title"], table["head"], ""]
+    lines += ["  ".join([row[0].ljust(sizes[0]), *(c.rjust(s) for c, s in zip(row[1:], sizes[1:], strict=True))]) for row in rows]
+    return "\n".join([*lines, "", *_notes(table), "", *_verdict_lines(table)]).rstrip()
+
+
+def to_markdown(table: Mapping[str, Any]) -> str:
+    """For the documentation."""
+    head, *rows = _cells(table)
+    lines = [f"### {table['title']}", "", table["head"], ""]
+    lines += ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    lines += ["", *(f"* {note}" for note in _notes(table)), ""]
+    lines += [f"* **{told['verdict']}**: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+    return "\n".join(lines).rstrip() + "\n"

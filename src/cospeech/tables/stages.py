@@ -1,0 +1,213 @@
+"""Stages: the runs that a table is made of: the feature networks first, then every row with every seed.
+
+A run that is there is not trained again, one that was cut off goes on. Torch is imported when the first run is wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..corpora.store import Store
+from ..errors import InputError
+from ..files import describe_os_error
+from ..metrics import FeatureNet
+from ..recipe import Recipe, load_recipe
+from ..rotations import Array
+
+__all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder"]
+
+OMEGA, FEATURES = "flow_omega", "flow_fgd"
+"""Recipes, before ``_CORPUS``: the network of the perceptual loss, and that of FGD."""
+
+_SHORT = {"steps": 500, "batch": 64, "warmup": 100, "validate_every": 0, "save_every": 100}
+SMALL: dict[str, dict[str, dict[str, Any]]] = {
+    "stylised-flow": {"model": {"steps": 6, "hidden": 64, "encoder_channels": 32}, "train": _SHORT},
+    "moglow": {"model": {"steps": 6, "hidden": 64}, "train": _SHORT},
+    "gesture-autoencoder": {"model": {"width": 64}, "train": _SHORT},
+    "fgd-autoencoder": {"model": {}, "train": _SHORT | {"steps": 2000}},
+}
+"""Model → what ``--small`` changes in its recipes: a row and seed train in about two minutes on one core. Ours, to show that
+the way works and which order comes out; no figure of it is the paper's system."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Player:
+    """A trained run, ready to be played on a store's windows.
+
+    Args:
+        net: the network.
+        facts: of its run.
+        statistics: ``pose_mean`` and so on.
+        print: tells this run from all others.
+    """
+
+    net: Any
+    facts: Mapping[str, Any]
+    statistics: Mapping[str, Array]
+    print: str
+
+    @property
+    def context(self) -> tuple[int, int]:
+        """Poses before a frame and frames of speech after it."""
+        from ..models.playing import context_of
+
+        return context_of(self.net)
+
+    def pose(self, rows: Array) -> Array:
+        """Rows of a store, standardised."""
+        return (rows - self.statistics["pose_mean"]) / self.statistics["pose_std"]
+
+    def unpose(self, made: Array) -> Array:
+        """What the network makes, in the units of the store."""
+        return made * self.statistics["pose_std"] + self.statistics["pose_mean"]
+
+    def audio(self, rows: Array) -> Array:
+        """(B, T, 84) rows of a store, reduced and standardised."""
+        from ..features.reduce import reduce_audio
+
+        name = self.facts["recipe"]["data"].get("audio")
+        if name is not None:
+            rows = reduce_audio(rows.reshape(-1, rows.shape[-1]), name).reshape(*rows.shape[:2], -1)
+        return (rows - self.statistics["audio_mean"]) / self.statistics["audio_std"]
+
+
+def _digest(*parts: bytes) -> str:
+    digest = blake2b(digest_size=6)
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.hexdigest()
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder where it is missing.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
+
+
+@dataclass(frozen=True)
+class Stages:
+    """How and where a table's runs are made.
+
+    Args:
+        folder: of the store.
+        runs: where run folders lie, or are made.
+        recipes: folder of the recipes.
+        small: whether `SMALL` holds.
+        overrides: ``"train.steps=…"``, of every row; see `cospeech.recipe.load_recipe`.
+        threads: of PyTorch; 0: as many as it likes.
+        tell: is told what is being done.
+    """
+
+    folder: str | PathLike[str]
+    runs: str | PathLike[str] = "runs/tables"
+    recipes: str | PathLike[str] = "recipes"
+    small: bool = False
+    overrides: tuple[str, ...] = ()
+    threads: int = 0
+    tell: Tell = field(default=lambda text: None)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.folder)
+
+    @property
+    def scale(self) -> str:
+        """Part of the names of run folders: "paper" or "small", and a mark where more was changed."""
+        mark = f"-{_digest(*(text.encode() for text in self.overrides))}" if self.overrides else ""
+        return f"{'small' if self.small else 'paper'}{mark}"
+
+    def place(self, name: str, seed: int) -> Path:
+        """Folder of a run: corpus and poses of the store and a mark of its index, scale, recipe, seed."""
+        store = self.store
+        mark = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
+        return Path(self.runs) / f"{store.corpus}-{store.pose}-{mark}" / self.scale / f"{name}-{seed}"
+
+    def recipe(self, name: str, seed: int = 0) -> Recipe:
+        """A recipe as it is trained here.
+
+        Raises:
+            InputError: there is no such recipe, or it cannot be changed so.
+        """
+        path = Path(self.recipes) / f"{name}.toml"
+        if not path.is_file():
+            raise InputError(f"there is no recipe {str(path)!r}", "--recipes names the folder of the repository's recipes")
+        plain = load_recipe(path)
+        texts: list[str] = []
+        if self.small:
+            for section, values in SMALL.get(plain.model, {}).items():
+                texts += [f"{section}.{key}={value}" for key, value in values.items()]
+        texts += [*(self.overrides if not name.startswith((OMEGA, FEATURES)) else ()), f"train.seed={seed}"]
+        if self.threads:
+            texts.append(f"train.threads={self.threads}")
+        recipe = load_recipe(path, texts)
+        if "omega" in recipe.needs:
+            omega = self.place(f"{OMEGA}_{self.store.corpus}", 0)
+            recipe = replace(recipe, needs={**recipe.needs, "omega": str(omega)})
+        if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
+            recipe = replace(recipe, data=replace(recipe.data, mirror=None))
+        return recipe
+
+    def run(self, name: str, seed: int = 0) -> Path:
+        """The folder of a run that is trained to its last step."""
+        recipe, folder = self.recipe(name, seed), self.place(name, seed)
+        for what, path in recipe.needs.items():
+            if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
+                self.run(f"{OMEGA}_{self.store.corpus}")
+        if not self._done(folder, recipe):
+            from ..train import train
+
+            label = f"{name}, seed {seed}"
+            every = max(1, recipe.train.steps // 10)
+
+            def progress(step: float, total: float | None, text: str) -> None:
+                if step % every == 0:
+                    self.tell(f"{label}: step {step:g} of {total:g}, {text}")
+
+            train(recipe, self.store, folder, resume=True, progress=progress)
+        return folder
+
+    def _done(self, folder: Path, recipe: Recipe) -> bool:
+        """Whether a run is there, of this recipe, with all its steps."""
+        if not (folder / "last.safetensors").exists():
+            return False
+        from ..checkpoint import read_facts, read_tensors
+        from ..recipe import changed
+
+        if changed(read_facts(folder)["recipe"], recipe.to_dict()):
+            return False  # resuming says what differs
+        return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
+
+    def player(self, name: str, seed: int = 0) -> Player:
+        """A row's run, trained where it is not there."""
+        folder = self.run(name, seed)
+        from ..checkpoint import load_run, read_tensors
+
+        net, facts = load_run(folder)
+        tensors, _ = read_tensors(folder / "statistics.safetensors")
+        statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
+        return Player(net, facts, statistics, _digest((folder / "best.safetensors").read_bytes()))
+
+    def features(self) -> FeatureNet:
+        """The feature network of FGD, of this store's training split; one for all rows and seeds."""
+        from ..models.feature_net import feature_net
+
+        player = self.player(f"{FEATURES}_{self.store.corpus}")
+        return feature_net(
+            player.net, name="fgd-autoencoder", pose=self.store.pose, fps=self.store.fps,
+            mean=player.statistics["pose_mean"], std=player.statistics["pose_std"],
+        )  # fmt: skip

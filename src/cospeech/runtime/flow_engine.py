@@ -245,7 +245,8 @@ def _sigmoid(x: Array) -> Array:
 class Takes:
     """N takes of one speech under way, in one pass; none depends on the others.
 
-    Memory is bound once; states go to and fro between two halves of it.
+    Memory is bound once; states go to and fro between two halves of it. ``history`` (N, τ·D) are the poses made last; what is
+    written into it conditions the next frame.
     """
 
     def __init__(self, engine: FlowEngine, histories: Array, styles: Array) -> None:
@@ -253,7 +254,7 @@ class Takes:
         if histories.ndim != 3 or histories.shape[1:] != (s.history, s.pose) or not len(histories):
             raise InputError(f"histories of shape {histories.shape}", f"(takes, {s.history}, {s.pose})")
         self._engine, self._styles, takes = engine, styles, len(histories)
-        self._history = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
+        self.history: Array = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
         self._z, self._pose = np.zeros((takes, s.pose), np.float32), np.zeros((takes, s.pose), np.float32)
         self._heard = [np.zeros((1, s.steps * s.gates), np.float32)]
         self._heard += [np.zeros((1, s.channels), np.float32)] if s.feature else []
@@ -264,7 +265,7 @@ class Takes:
     def _bind(self, before: dict[str, Array], after: dict[str, Array]) -> tuple[Any, object]:
         """Inputs and outputs of a frame; the memory is kept beside, for onnxruntime knows only addresses."""
         binding, engine = self._engine.frame.io_binding(), self._engine
-        given = {"z": self._z, "history": self._history, "low": engine.low, "high": engine.high}
+        given = {"z": self._z, "history": self.history, "low": engine.low, "high": engine.high}
         given |= dict(zip(("gates", "code"), self._heard, strict=False)) | before
         given |= {"style": self._styles} if engine.sizes.style else {}
         for name, array in given.items():
@@ -296,6 +297,6 @@ class Takes:
                 run(self._bindings[0][0])
                 self._bindings.reverse()
                 out[:, first + t] = self._pose
-                self._history[:, :-width] = self._history[:, width:]
-                self._history[:, -width:] = self._pose
+                self.history[:, :-width] = self.history[:, width:]
+                self.history[:, -width:] = self._pose
         return out

@@ -37,8 +37,8 @@ def build_graphs(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, by
     """Name → ONNX file; needs the package onnx.
 
     speech: windows (F, W·A) → gates (F, K·G) and, with an encoder, code (F, channels). past: history (F, τ·D), gates, code,
-    style → share (F, K·G). frame: z (N, D), history (N, τ·D), gates (1, K·G), code (1, channels), style (N, style), states, low and
-    high (1, D) → pose (N, D) within low … high, and the next states, called next_…. style: poses (1, S, D) → style.
+    style → share (F, K·G). frame: z (N, D), history (N, τ·D), gates (1, K·G), code (1, channels), style (N, style), states,
+    low and high (1, D) → pose (N, D) within low … high, and the next states, called next_…. style: poses (1, S, D) → style.
     """
     made = {"speech": _speech_graph(weights, sizes), "past": _past_graph(weights, sizes), "frame": _frame_graph(weights, sizes)}
     return made | ({"style": _style_graph(weights, sizes)} if sizes.style else {})

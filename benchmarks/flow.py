@@ -1,0 +1,270 @@
+"""How fast a flow is stepped frame by frame on one core: ``python benchmarks/flow.py [--endless [frames]]``.
+
+The paper's size (TED: D = 27, K = 16, GRU-800 × 2, τ = 12; 123,611,408 parameters) and that of the system that ships. Weights
+are random and the last layer of every coupling is not zero; speech, latents and histories are normal noise. Each figure is the
+median of runs that take turns, so that other work on the machine hits all alike. Eager PyTorch, where it is installed, steps
+the same network with `torch.nn.GRU` and its kept state, in float32 on one thread, with the inverse matrices kept (and, for
+comparison, worked out in each frame, as the authors' code does).
+
+``--endless`` makes 10⁶ frames with a hostile small network instead, and looks for what is not finite, too large, or stands
+still.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cospeech.runtime.flow_engine import FlowEngine, StudentT
+from cospeech.runtime.flow_graph import build_graphs
+from cospeech.runtime.flow_weights import CODE, FlowSizes, pack_weights
+
+PAPER = FlowSizes(
+    pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, heard=13, nu=50, feature=32, blocks=5, channels=256
+)
+SHIPPED = FlowSizes(
+    pose=57, audio=24, steps=8, hidden=128, layers=2, history=10, heard=21, nu=50, feature=32, blocks=2, channels=64
+)
+BOUND = 8.0  # deviations; poses of the training data lie within
+FRAMES, ROUNDS = 8, 9  # of a run; runs of each kind
+
+
+def random_arrays(s: FlowSizes, seed: int = 0, strength: float = 1.0) -> dict[str, np.ndarray]:
+    """Weights as PyTorch draws them for recurrent and linear layers, the couplings' last layer too (times ``strength``)."""
+    rng = np.random.default_rng(seed)
+    edge = s.hidden**-0.5
+    context = s.kept + s.history * s.pose + s.heard * s.audio + s.feature
+    out: dict[str, np.ndarray] = {}
+
+    def uniform(*shape: int, scale: float = edge) -> np.ndarray:
+        return rng.uniform(-scale, scale, shape).astype(np.float32)
+
+    for k in range(s.steps):
+        at = f"flow.steps.{k}."
+        for layer in range(s.layers):
+            for name, shape in (("weight_ih", (s.gates, s.hidden if layer else context)), ("weight_hh", (s.gates, s.hidden))):
+                out[f"{at}coupling.net.rnn.{name}_l{layer}"] = uniform(*shape)
+                out[f"{at}coupling.net.rnn.{name.replace('weight', 'bias')}_l{layer}"] = uniform(s.gates)
+        moved = s.pose - s.kept
+        out |= {f"{at}coupling.net.out.weight": uniform(2 * moved, s.hidden) * strength}
+        out |= {f"{at}coupling.net.out.bias": uniform(2 * moved) * strength}
+        # a rotation times one near it: L U with unit diagonals, and signs all positive
+        lower, upper = (np.tril(rng.normal(0, 0.1, (s.pose, s.pose)), -1).astype(np.float32) for _ in range(2))
+        out |= {f"{at}mix.permutation": np.eye(s.pose, dtype=np.float32)[rng.permutation(s.pose)], f"{at}mix.lower": lower}
+        out |= {f"{at}mix.upper": upper.T, f"{at}mix.sign": np.ones(s.pose, np.float32)}
+        out |= {f"{at}mix.log_s": uniform(s.pose, scale=0.1), f"{at}norm.bias": uniform(s.pose, scale=0.1)}
+        out |= {f"{at}norm.logs": uniform(s.pose, scale=0.1)}
+    return out | (_encoder(s, uniform) if s.feature else {})
+
+
+def _encoder(s: FlowSizes, uniform: Callable[..., np.ndarray]) -> dict[str, np.ndarray]:
+    out: dict[str, np.ndarray] = {}
+    shapes = {"first": (s.channels, 0, 4), "last": (CODE, s.channels, 4)}
+    for side, width in (("poses", s.pose), ("speech", s.audio)):
+        blocks = {f"blocks.{n}.conv": (s.channels, s.channels, 3) for n in range(s.blocks)}
+        for name, (made, taken, kernel) in (shapes | blocks).items():
+            taken = taken or width
+            norm = f"{name}_norm" if "." not in name else name.replace("conv", "norm")
+            out[f"encoder.{side}.{name}.weight"] = uniform(made, taken, kernel, scale=(taken * kernel) ** -0.5)
+            at = f"encoder.{side}.{norm}."
+            out |= {f"{at}weight": np.ones(made, np.float32), f"{at}bias": uniform(made, scale=0.1)}
+            out |= {f"{at}running_mean": uniform(made, scale=0.1), f"{at}running_var": np.ones(made, np.float32)}
+    for number, (taken, made) in {0: (2 * CODE, s.channels), 2: (s.channels,) * 2, 4: (s.channels, s.feature)}.items():
+        out[f"encoder.full.{number}.weight"] = uniform(made, taken, scale=taken**-0.5)
+        out[f"encoder.full.{number}.bias"] = uniform(made, scale=0.1)
+    return out
+
+
+def make_engine(arrays: dict[str, np.ndarray], sizes: FlowSizes) -> FlowEngine:
+    weights = pack_weights(arrays, sizes)
+    edge = np.full(sizes.pose, BOUND)
+    return FlowEngine(sizes, weights, build_graphs(weights, sizes), -edge, edge)
+
+
+class Material:
+    """Noise to run on."""
+
+    def __init__(self, s: FlowSizes, takes: int, frames: int, seed: int = 1) -> None:
+        rng = np.random.default_rng(seed)
+        self.audio = rng.normal(size=(frames + s.heard - 1, s.audio)).astype(np.float32)
+        self.history = rng.normal(size=(takes, s.history, s.pose)).astype(np.float32)
+        self.z = rng.normal(size=(takes, frames, s.pose)).astype(np.float32)
+
+
+def stepping(engine: FlowEngine, takes: int) -> Callable[[], None]:
+    """One run of ``FRAMES`` frames, speech included."""
+    made = Material(engine.sizes, takes, FRAMES)
+    performance = engine.begin(made.history)
+    windows = engine.windows(made.audio)
+    return lambda: _drop(performance.frames(windows, made.z))
+
+
+def _drop(_: object) -> None:
+    """Nothing: runs are only timed."""
+
+
+def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -> Callable[[], None] | None:
+    """The same network in PyTorch, frame by frame; None without PyTorch."""
+    try:
+        import torch
+
+        from cospeech.models.stylised_flow import FlowConfig, StylisedFlow
+    except ImportError:
+        return None
+    torch.set_num_threads(1)
+    config = FlowConfig(
+        steps=s.steps, hidden=s.hidden, layers=s.layers, history=s.history, look_ahead=s.heard - s.history - 1,
+        feature=s.feature, encoder_channels=s.channels, encoder_blocks=s.blocks,
+    )  # fmt: skip
+    model = StylisedFlow(config, pose=s.pose, audio=s.audio).eval()
+    model.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()}, strict=False)
+    if keep_inverses:
+        for step in model.flow.steps:
+            step.mix.inverse = _kept(torch.linalg.inv(step.mix.weight().detach()).T.contiguous())
+    made = Material(s, 1, FRAMES)
+    z, history, audio = (torch.from_numpy(v) for v in (made.z, made.history, made.audio[None]))
+    return lambda: _drop(model.sample(z, history, audio))
+
+
+def _kept(inverse: Any) -> Callable[[Any], Any]:
+    return lambda z: z @ inverse
+
+
+def medians(runs: dict[str, Callable[[], None]], rounds: int = ROUNDS) -> dict[str, float]:
+    """Milliseconds a frame, runs taking turns."""
+    taken: dict[str, list[float]] = {name: [] for name in runs}
+    for turn in range(rounds + 1):
+        for name, run in runs.items():
+            begun = time.perf_counter()
+            run()
+            if turn:  # the first one warms up
+                taken[name].append((time.perf_counter() - begun) / FRAMES * 1e3)
+    return {name: float(np.median(values)) for name, values in taken.items()}
+
+
+def errors(engines: dict[bool, FlowEngine], frames: int = 30) -> tuple[float, float]:
+    """Relative errors |int8 − float32| / |float32| of generated poses: a free run, and each frame after the true history."""
+    s = engines[True].sizes
+    made = Material(s, 1, frames, seed=2)
+    free, fed = {}, {}
+    for kind, engine in engines.items():
+        windows = engine.windows(made.audio)
+        free[kind] = engine.begin(made.history).frames(windows, made.z)
+    truth = np.concatenate([made.history, free[False]], 1)
+    for kind, engine in engines.items():
+        windows = engine.windows(made.audio)
+        takes = engine.begin(made.history)
+        rows = []
+        for t in range(frames):
+            takes.history[:] = truth[:, t : t + s.history].reshape(1, -1)
+            rows.append(takes.frames(windows[t : t + 1], made.z[:, t : t + 1]))
+        fed[kind] = np.concatenate(rows, 1)
+    return tuple(float(np.linalg.norm(x[True] - x[False]) / np.linalg.norm(x[False])) for x in (free, fed))  # type: ignore[return-value]
+
+
+def paced(engine: FlowEngine, fps: float = 60.0, seconds: float = 10.0) -> tuple[float, float]:
+    """Median and 99th percentile of milliseconds a frame in a loop that sleeps until each is due, as a stage would run it."""
+    s, count = engine.sizes, int(fps * seconds)
+    made = Material(s, 1, count)
+    takes, windows = engine.begin(made.history), engine.windows(made.audio)
+    taken, due = [], time.perf_counter()
+    for t in range(count):
+        due += 1 / fps
+        time.sleep(max(0.0, due - time.perf_counter()))
+        begun = time.perf_counter()
+        takes.frames(windows[t : t + 1], made.z[:, t : t + 1])
+        taken.append((time.perf_counter() - begun) * 1e3)
+    return float(np.median(taken)), float(np.percentile(taken, 99))
+
+
+def processor() -> str:
+    """Its name, and what matters to us."""
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return platform.processor() or platform.machine()
+    name = next((line.split(":")[1].strip() for line in text.splitlines() if line.startswith("model name")), platform.machine())
+    extensions = [
+        e for e in ("avx2", "avx512f", "avx512_vnni", "avx_vnni", "amx_int8") if f" {e} " in f"{text.replace(chr(10), ' ')} "
+    ]
+    return f"{name} ({', '.join(extensions)})"
+
+
+def verdict(what: str, value: float, target: float, unit: str, *, at_least: bool = False) -> None:
+    good = value >= target if at_least else value <= target
+    print(f"  {'pass' if good else 'FAIL'}  {what}: {value:.3g}{unit} (target {'≥' if at_least else '≤'} {target:g}{unit})")
+
+
+def paper_size() -> None:
+    arrays = random_arrays(PAPER)
+    engines = {int8: make_engine(arrays, replace(PAPER, int8=int8)) for int8 in (True, False)}
+    runs = {
+        "int8": stepping(engines[True], 1),
+        "int8, 8 takes": stepping(engines[True], 8),
+        "float32": stepping(engines[False], 1),
+    }
+    for name, keep in (("PyTorch eager, inverses kept", True), ("PyTorch eager, inverses each frame", False)):
+        run = eager(arrays, PAPER, keep_inverses=keep)
+        runs |= {name: run} if run else {}
+    ms = medians(runs)
+    print(
+        "paper size (TED), random weights, ms a frame, median: "
+        + "; ".join(f"{name} {value:.2f}" for name, value in ms.items())
+    )
+    if "PyTorch eager, inverses kept" in ms:
+        verdict("faster than PyTorch eager", ms["PyTorch eager, inverses kept"] / ms["int8"], 4, "×", at_least=True)
+    else:
+        print("  skip  faster than PyTorch eager: PyTorch is not installed")
+    verdict("a frame", ms["int8"], 14, " ms")
+    verdict("8 takes, in single ones", ms["int8, 8 takes"] / ms["int8"], 2.5, "×")
+    free, fed = errors(engines)
+    verdict("relative error of int8, 30 frames running free", 100 * free, 2, " %")
+    verdict("relative error of int8, a frame after the true history", 100 * fed, 2, " %")
+
+
+def shipped_size() -> None:
+    engine = make_engine(random_arrays(SHIPPED), SHIPPED)
+    ms = medians({"int8": stepping(engine, 1), "int8, 8 takes": stepping(engine, 8)}, rounds=60)
+    print("size of the shipped system, random weights, ms a frame, median: " + "; ".join(f"{n} {v:.3f}" for n, v in ms.items()))
+    verdict("a frame", ms["int8"], 0.6, " ms")
+    middle, late = paced(engine)
+    verdict(f"60 frames a second, paced (median {middle:.2f} ms): 99th percentile", late, 2, " ms")
+
+
+def endless(frames: int) -> None:
+    """A network whose weights are far too large, under loud noise."""
+    sizes = replace(SHIPPED, pose=9, steps=2, hidden=16, feature=0, channels=0, blocks=0)
+    arrays = {name: v * (30 if "rnn" in name else 1) for name, v in random_arrays(sizes, strength=10).items()}
+    engine = make_engine(arrays, sizes)
+    draw, block = StudentT(sizes.pose, 1, seed=0), 1000
+    takes = engine.begin(np.zeros((1, sizes.history, sizes.pose)))
+    begun, still = time.perf_counter(), 0
+    for number in range(frames // block):
+        audio = 100 * Material(sizes, 1, block, seed=number).audio
+        made = takes.frames(engine.windows(audio), draw.draw(block)[None])[0]
+        if not np.isfinite(made).all() or np.abs(made).max() > BOUND:
+            sys.exit(f"FAIL  frame {number * block} … : not finite or beyond the bounds")
+        still += int((made.std(0) < 1e-3).any())
+    seconds = time.perf_counter() - begun
+    print(f"  {'pass' if not still else 'FAIL'}  {frames:,} frames of a hostile network: all finite and within bounds, "
+          f"{still} of {frames // block} stretches stood still, {seconds:.0f} s")  # fmt: skip
+
+
+def main() -> None:
+    print(f"flow, one core of {processor()}, onnxruntime")
+    if "--endless" in sys.argv:
+        endless(next((int(a) for a in sys.argv[1:] if a.isdigit()), 1_000_000))
+        return
+    shipped_size()
+    paper_size()
+
+
+if __name__ == "__main__":
+    main()

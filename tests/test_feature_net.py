@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import shutil
+import sys
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+import typer
+from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
+from cospeech.checkpoint import write_facts, write_tensors  # noqa: E402
+from cospeech.cli_evaluate import register  # noqa: E402
+from cospeech.contest import evaluate as cospeech_evaluate  # noqa: E402
+from cospeech.corpora import Clip  # noqa: E402
+from cospeech.corpora.store_files import Entry  # noqa: E402
+from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
-from cospeech.models.feature_net import feature_net, fingerprint, vectors_of  # noqa: E402
+from cospeech.models.feature_net import feature_net, fingerprint, load_features, vectors_of  # noqa: E402
 from cospeech.models.gesture_autoencoder import (  # noqa: E402
     AutoencoderConfig,
     FgdAutoencoder,
@@ -141,3 +152,73 @@ def test_omega_sees_five_frames_and_can_use_statistics_of_the_batch_as_the_autho
     before = {key: value.clone() for key, value in theirs.state_dict().items()}
     assert torch.allclose(theirs.omega(x), net.train().omega(x), atol=1e-6)
     assert all(torch.equal(before[key], value) for key, value in theirs.state_dict().items())
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run folder of a feature network: nothing learnt, statistics of noise."""
+    folder = tmp_path_factory.mktemp("run")
+    config = FgdConfig(channels=4, hidden=16, code=4)
+    facts = {"model": "fgd-autoencoder", "config": asdict(config), "sizes": {"pose": 27}, "needs": {}}
+    write_facts(
+        folder,
+        facts | {"store": {"pose": "direction-vectors", "fps": FPS}},
+        {"pose_mean": torch.zeros(27), "pose_std": torch.ones(27)},
+    )
+    torch.manual_seed(0)
+    write_tensors(folder / "best.safetensors", FgdAutoencoder(config, pose=27).state_dict(), {})
+    return folder
+
+
+def recordings(fps: float = FPS) -> list[Clip]:
+    pose = find_pose("direction-vectors")
+    return [Clip(f"clip{k}", "a", "ted", points=pose.decode(walk(k), fps)) for k in range(4)]
+
+
+def test_evaluate_takes_the_folder_of_a_run(run):
+    table = cospeech_evaluate(None, recordings(), metrics=["fgd"], features=run)
+    assert "features: fgd-autoencoder " in table.about
+    assert table.cells["ground truth"]["fgd"].value < 1e-9 < table.cells["frozen pose"]["fgd"].value
+    again = cospeech_evaluate(None, recordings(), metrics=["fgd"], features=load_features(run))
+    assert again.cells["frozen pose"]["fgd"].value == table.cells["frozen pose"]["fgd"].value
+    assert cospeech_evaluate(None, recordings(), metrics=["fgd"]).about != table.about
+
+
+def test_the_command_evaluate_takes_it_too(run, tmp_path):
+    pose = find_pose("direction-vectors")
+    entries = [
+        Piece(
+            Entry(f"c{k}", "a", "test", 0, 120, 0.0, ("pose",)),
+            (),
+            lambda k=k: {"pose": pose.encode(recordings()[k].points).astype(np.float32)},
+        )
+        for k in range(3)
+    ]
+    write_store(tmp_path / "s", entries, corpus="ted", pose=pose.name, fps=FPS, names={"pose": pose.names})
+    app = typer.Typer()
+    app.callback()(lambda: None)
+    register(app)
+    done = CliRunner().invoke(
+        app, ["evaluate", "--corpus", str(tmp_path / "s"), "--metrics", "fgd", "--features", str(run), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "features: fgd-autoencoder " in json.loads(done.stdout)["about"]
+
+
+def test_a_run_that_is_no_feature_network_or_another_one_is_refused(run, tmp_path):
+    with pytest.raises(InputError, match="is not a run"):
+        cospeech_evaluate(None, recordings(), metrics=["fgd"], features=tmp_path)
+    with pytest.raises(InputError, match="made for 15"):
+        cospeech_evaluate(None, recordings(20.0), metrics=["fgd"], features=run)
+    for name in ("best.safetensors", "statistics.safetensors"):
+        shutil.copytree(run, tmp_path / name)
+        (tmp_path / name / name).write_bytes(b"nothing")
+        with pytest.raises(InputError, match="damaged"):
+            load_features(tmp_path / name)
+
+
+def test_without_torch_it_says_what_to_install(run, monkeypatch):
+    monkeypatch.delitem(sys.modules, "cospeech.models.feature_net")
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(InputError, match=r"need torch.*cospeech\[train\]"):
+        cospeech_evaluate(None, recordings(), metrics=["fgd"], features=run)

@@ -27,6 +27,9 @@ Metrics = Annotated[str | None, Option("--metrics", metavar="LIST", help="Separa
 Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Performances of a model, for metrics of variety.")]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Of a model's first performance.")]
 Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="First frames that were given to the systems.")]
+Features = Annotated[
+    Path | None, Option("--features", metavar="RUN", help="Network of FGD: the folder of a trained one (recipes/fgd_ted.toml).")
+]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write the table as JSON.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
@@ -58,6 +61,7 @@ def register(app: typer.Typer) -> None:
         takes: Takes = 1,
         seed: Seed = 0,
         seed_frames: Given = 0,
+        features: Features = None,
         out: Out = None,
         as_json: Json = False,
         debug: Debug = False,
@@ -74,7 +78,7 @@ def register(app: typer.Typer) -> None:
         table = contest(
             _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
             metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
-            seed_frames=seed_frames,
+            seed_frames=seed_frames, features=features,
         )  # fmt: skip
         if out is not None:
             with atomic(out) as path:

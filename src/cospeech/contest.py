@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,13 @@ import numpy as np
 from .corpora.clip import Clip, Points
 from .corpora.keypoints import resample_points
 from .errors import InputError
-from .evaluation import DEFAULT, Table, stored_clips
+from .evaluation import DEFAULT, Table, sample_of, stored_clips
 from .evaluation import evaluate as judge
+from .metrics import FeatureNet, Tools
 from .models import MODELS, Gesturer, load
 from .motion import Motion
 
-__all__ = ["contest", "evaluate", "play"]
+__all__ = ["contest", "evaluate", "feature_tools", "play"]
 
 
 def _pats(motion: Motion) -> Points:
@@ -64,6 +66,32 @@ def _seen(motion: Motion, clip: Clip) -> Clip:
     return replace(clip, points=Points(clip.points.fps, values[frames], clip.points.layout))
 
 
+def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequence[Clip]) -> Tools | None:
+    """What metrics get: a feature network that was trained (`cospeech.models.feature_net`), for FGD and its like.
+
+    Args:
+        features: the network, the folder of its run (which needs torch), or None: what `cospeech.evaluation` has without any.
+        clips: what it has to see.
+
+    Raises:
+        InputError: not the run of a feature network, one for other bodies or rates than the clips', or torch is missing.
+    """
+    if features is None:
+        return None
+    net = features
+    if not isinstance(net, FeatureNet):
+        try:
+            net = import_module("cospeech.models.feature_net").load_features(net)
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] != "torch":
+                raise
+            raise InputError("feature networks need torch, which is not installed", "pip install 'cospeech[train]'") from None
+    assert isinstance(net, FeatureNet)
+    for clip in clips[:1]:
+        net.poses(sample_of(clip, track=False))
+    return Tools(features=net)
+
+
 def contest(
     targets: Mapping[str, str],
     store: str | PathLike[str],
@@ -74,6 +102,7 @@ def contest(
     takes: int = 1,
     seed: int = 0,
     seed_frames: int = 0,
+    features: str | PathLike[str] | FeatureNet | None = None,
 ) -> Table:
     """A table of systems and the control rows on the recordings of a prepared store.
 
@@ -86,6 +115,7 @@ def contest(
         takes: so many performances of a model, for metrics of variety.
         seed: of the first.
         seed_frames: so many first frames of each motion were given to the systems.
+        features: the network of FGD, or the run folder of one; see `feature_tools`.
 
     Raises:
         InputError: anything of these cannot be used.
@@ -96,10 +126,11 @@ def contest(
         if target not in MODELS and not Path(target).is_dir():
             raise InputError(f"{target!r} is no folder of motions and no model", f"models: {', '.join(MODELS)}")
     clips = stored_clips(store, split=split, raw=raw)
+    tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
         name: play(target, clips, takes=takes, seed=seed) if target in MODELS else target for name, target in targets.items()
     }
-    return judge(systems, clips, metrics=metrics, seed_frames=seed_frames)
+    return judge(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
 
 
 def evaluate(
@@ -111,22 +142,26 @@ def evaluate(
     split: str | None = "test",
     takes: int = 1,
     seed: int = 0,
+    features: str | PathLike[str] | FeatureNet | None = None,
 ) -> Table:
     """A table of one system and the control rows: ``cospeech.evaluate(model, "stores/beat", raw="raw/beat")``.
 
     Args:
         model: what `cospeech.load` gives, a model by name, a folder of motions, or None: the control rows alone.
         corpus: a prepared store, or recordings with speech and motion.
-        metrics, raw, split, takes, seed: see `contest`.
+        metrics, raw, split, takes, seed, features: see `contest`.
 
     Raises:
         InputError: anything of these cannot be used.
     """
     if isinstance(model, str) and isinstance(corpus, str | PathLike):
-        return contest({Path(model).name: model}, corpus, raw=raw, metrics=metrics, split=split, takes=takes, seed=seed)
+        return contest(
+            {Path(model).name: model}, corpus,
+            raw=raw, metrics=metrics, split=split, takes=takes, seed=seed, features=features,
+        )  # fmt: skip
     clips = stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
     systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
-    return judge(systems, clips, metrics=metrics)
+    return judge(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
 
 
 def _name(model: str | Gesturer) -> str:

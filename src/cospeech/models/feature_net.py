@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from hashlib import sha256
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -18,7 +20,7 @@ from ..skeleton import named_skeleton
 from . import NETWORKS
 from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
 
-__all__ = ["feature_net", "fingerprint", "vectors_of"]
+__all__ = ["feature_net", "fingerprint", "load_features", "vectors_of"]
 
 HOP = 10  # frames between windows; stride of the published data of TED (and of BEAT's FGD)
 RATE = 1e-3  # ours: relative difference of frame rates that is none
@@ -47,7 +49,7 @@ def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
         if values is None or (layout == "ted") is not (pose.name == "direction-vectors"):
             raise InputError(f"{sample.name!r} has not the key points of {pose.name}", "a feature network of this body")
         return pose.encode(Points(sample.fps, values, layout))
-    skeleton = named_skeleton(getattr(pose, "skeleton"))  # noqa: B009 - only representations of motion have one
+    skeleton = named_skeleton(pose.skeleton)  # type: ignore[attr-defined]  # all representations of motion have one
     if sample.rotations is None or sample.positions is None:
         raise InputError(f"{sample.name!r} has no joint rotations", f"the feature network sees {pose.name}")
     rotations = np.broadcast_to(skeleton.rest, (len(sample), len(skeleton), 4)).copy()
@@ -59,9 +61,7 @@ def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
     return pose.encode(Motion(sample.fps, rotations, np.array(sample.positions[:, 0]), skeleton=skeleton))
 
 
-def feature_net(
-    net: GestureAutoencoder | FgdAutoencoder, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP
-) -> FeatureNet:
+def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
     """The codes of a trained autoencoder, in evaluation mode, as the features of metrics.
 
     Args:
@@ -94,3 +94,25 @@ def feature_net(
 
     full = f"{name} {fingerprint(net)}, {pose} at {fps:g} fps"
     return FeatureNet(full, codes, net.window, hop, lambda sample: vectors_of(sample, representation, fps))
+
+
+def load_features(run: str | PathLike[str], which: str = "best") -> FeatureNet:
+    """The features of a trained autoencoder, from the folder of its run.
+
+    Args:
+        run: folder made by ``cospeech train``, of recipes/fgd_ted.toml or its like.
+        which: "best" or "last".
+
+    Raises:
+        InputError: not such a run.
+    """
+    from ..checkpoint import load_run, read_tensors
+
+    net, facts = load_run(run, which)
+    statistics, _ = read_tensors(Path(run) / "statistics.safetensors")
+    try:
+        mean, std = (statistics[f"pose_{what}"].numpy() for what in ("mean", "std"))
+        name, pose, fps = str(facts["model"]), str(facts["store"]["pose"]), float(facts["store"]["fps"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the run {str(run)!r} is damaged: {error!r}"[:200], "train it again") from None
+    return feature_net(net, name=name, pose=pose, fps=fps, mean=mean, std=std)

@@ -9,7 +9,7 @@ No inception network is trained on gestures, so that two convolutional autoencod
     (B, T, D) ─►[conv 3 ─ BN ─ LReLU ─ conv 3]─► ω (B, T, 256) ─►[BN ─ LReLU ─ conv 3 …]─►[conv 4, stride 2 …] × 4 ─┐
                        (B, T, D) ◄─ conv 1 ◄─[conv 3 …] × 4 ◄─[×2 linear ─ conv 3 …] × n ◄─ code (B, 32) ◄─ mean ◄─┘
 
-`FgdAutoencoder`, whose code is what FGD is taken of (Yoon et al. 2020, section 4.1):
+`FgdAutoencoder`, whose code is what FGD is taken of (Yoon et al. 2020):
 
     (B, 34, D) ─►[conv 3] × 2 ─►[conv 4, stride 2]─► conv 3 ─► (B, 32·12) ─►[256]─►[128]─► 32 ─► code (B, 32)
                       (B, 34, D) ◄─ conv 3 ◄─ conv 3 ◄─[conv 3, transposed] × 2 ◄─ (B, 4, 34) ◄─[64]◄─┘
@@ -55,7 +55,7 @@ class FgdConfig:
     """Sizes of `FgdAutoencoder`; the paper gives none but the length, the defaults are the authors' code's."""
 
     frames: int = 34
-    """T of a window; section 5.1 of Yoon et al. 2020."""
+    """T of a window; Yoon et al. 2020 (2.27 s at their 15 frames per second)."""
     channels: int = 32
     """Of the first, the last and all decoding convolutions; those between have twice as many."""
     hidden: int = 256

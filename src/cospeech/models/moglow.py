@@ -3,8 +3,8 @@ Flows", as Alexanderson et al. 2020, "Style-Controllable Speech-Driven Gesture S
 
 A normalising flow gives the exact density of the next pose, given the poses before it, the speech around it and style controls:
 
-    p(x | a, s) = ∏ₜ p(xₜ | xₜ₋τ…ₜ₋₁, aₜ₋τ…ₜ₊ₗ, sₜ₋τ…ₜ₊ₗ, hₜ₋₁)                    (gestures: 5; h: states of the LSTMs)
-    ln p(xₜ | …) = ln p_Z(zₜ) + Σₖ ln |det ∂hₖ/∂hₖ₋₁|,  z = f(x), p_Z normal      (gestures: 2)
+    p(x | a, s) = ∏ₜ p(xₜ | xₜ₋τ…ₜ₋₁, aₜ₋τ…ₜ₊ₗ, sₜ₋τ…ₜ₊ₗ, hₜ₋₁)      h: states of the LSTMs
+    ln p(xₜ | …) = ln p_Z(zₜ) + Σₖ ln |det ∂hₖ/∂hₖ₋₁|,  z = f(x), p_Z normal
 
          poses t−τ … t−1 ───────────────┐
          speech t−τ … t+l ──────────────┼─► c_t
@@ -37,26 +37,26 @@ __all__ = ["MoGlow", "MoGlowConfig"]
 
 @dataclass(frozen=True)
 class MoGlowConfig:
-    """Sizes; the defaults are those of the paper on gestures (Alexanderson et al. 2020)."""
+    """Sizes; the defaults are those of the paper on gestures, in its version of the authors' configuration."""
 
     steps: int = 16
-    """K; section 5.2."""
+    """K; authors' configuration, paper version 16."""
     hidden: int = 800
-    """Units of an LSTM layer; section 5.2 (the authors' code prefers 512 since)."""
+    """Units of an LSTM layer; paper version 800, the authors prefer 512 since."""
     layers: int = 2
-    """LSTM layers of a coupling; section 5.2."""
+    """LSTM layers of a coupling; authors' configuration 2."""
     history: int = 5
-    """τ, poses that condition a frame; section 5.2."""
+    """τ, poses that condition a frame; authors' configuration 5."""
     look_ahead: int = 20
-    """l, frames of speech after the one that is made; section 5.2."""
+    """l, frames of speech after the one that is made; authors' configuration 20."""
     frames: int = 95
-    """Frames trained in a window, after the history; section 5.1: 6 s in all, at 20 frames per second."""
+    """Frames trained in a window, after the history; authors' configuration: 6 s in all, at 20 frames per second."""
     nu: int = 0
     """Degrees of freedom of a Student's t latent; 0: a normal one, as in the paper. The authors' code offers 50."""
     history_dropout: float = 0.4
-    """Probability that a pose of the history is blanked; section 5.2."""
+    """Probability that a pose of the history is blanked; authors' configuration 0.4."""
     controls: tuple[str, ...] = ()
-    """Style controls by name (`cospeech.poses.controls.CONTROLS`); section 4.4 trains one system for each."""
+    """Style controls by name (`cospeech.poses.controls.CONTROLS`); the paper trains one system for each."""
     nll_unit: float = 1.0
     """Nats of the unit in which the loss is told; the authors' code has bits (0.6931)."""
     pose_noise: float = 0.0

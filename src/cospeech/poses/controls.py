@@ -1,4 +1,4 @@
-"""Style controls of MoGlow (Alexanderson et al. 2020, section 4.4): how high, how fast and how far out the hands are.
+"""Style controls of MoGlow (Alexanderson et al. 2020): how high, how fast and how far out the hands are.
 
 Each is a mean over the 4 seconds about a frame, of both wrists, relative to the hips as they stand in the T-pose (of TED: to
 the lowest point): height in metres, speed in metres per second, horizontal distance in metres. A system is trained with them
@@ -29,7 +29,7 @@ CONTROLS = ("hand_height", "hand_speed", "hand_radius")
 """In the order of the columns; the authors' MG-H, MG-V and MG-R."""
 QUANTILES = 101
 """How many quantiles of a control a bundle keeps: 0, 0.01 … 1."""
-SECONDS = 4.0  # of the running mean; Alexanderson et al. 2020, section 4.4
+SECONDS = 4.0  # of the running mean; Alexanderson et al. 2020 and the authors' code
 _TINY = 1e-6  # a control that varies by less is constant, and has deviation 1 as in a store
 
 

@@ -1,0 +1,203 @@
+"""Bundles on stage: the calls of every gesturer, streams and takes to the bit, parts, options."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.motion import Motion
+from cospeech.rules import RuleGesturer
+from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.skeleton import humanoid
+from cospeech.speech import Speech
+from runtime_bundles import write_small
+
+EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
+FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
+BODY = [k for k in range(len(humanoid())) if k not in {*FINGERS, *EYES}]
+
+
+@cache
+def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> BundleGesturer:
+    folder = Path(mkdtemp(prefix="cospeech-test-"))
+    return BundleGesturer.open(write_small(folder / "small.cospeech", pose, audio, fps))
+
+
+def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
+    """Noise in bursts, such as syllables are."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
+    return Speech((0.3 * sound + 0.001 * rng.normal(size=len(t))).astype(np.float32), rate)
+
+
+def same(a: Motion, b: Motion) -> bool:
+    face = a.face is b.face is None or (a.face is not None and b.face is not None and a.face.tobytes() == b.face.tobytes())
+    return a.rotations.tobytes() == b.rotations.tobytes() and a.root.tobytes() == b.root.tobytes() and face
+
+
+def cut(speech: Speech, edges: list[int]) -> list[Speech]:
+    bounds = [0, *edges, len(speech)]
+    return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
+
+
+@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
+def test_frames_and_clothes(fps):
+    speech = talk()
+    motion = gesturer().generate(speech, fps=fps, seed=1)
+    assert len(motion) == speech.frames(fps)
+    assert motion.fps == fps
+    assert motion.skeleton == humanoid()
+    assert motion.rotations.dtype == np.float32
+    assert motion.face is not None
+    assert motion.face.shape == (len(motion), 52)
+    assert motion.rotations[:, BODY].std(0).max() > 0.01  # it moves
+
+
+@pytest.mark.parametrize(
+    ("pose", "fps", "audio"),
+    [("expmap-humanoid", 20.0, "mel20-prosody"), ("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")],
+)
+def test_pieces_do_not_show(pose, fps, audio):
+    speech = talk()
+    whole = gesturer(pose, fps, audio).generate(speech, seed=3)
+    for edges in ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600))):
+        pieces = list(gesturer(pose, fps, audio).stream(cut(speech, edges), seed=3))
+        assert same(Motion.concatenate(pieces), whole)
+        starts = [piece.start for piece in pieces]
+        np.testing.assert_allclose(starts, np.cumsum([0, *map(len, pieces)])[:-1] / 30)
+    assert len(pieces) > 3  # it does stream
+
+
+def test_pieces_at_another_rate():
+    speech = talk(2.5, rate=44_100)
+    whole = gesturer().generate(speech)
+    assert same(Motion.concatenate(list(gesturer().stream(cut(speech, [999, 30_000, 30_441, 80_000])))), whole)
+
+
+def test_seeds_and_takes():
+    speech = talk(2.0)
+    first = gesturer().generate(speech, seed=5)
+    assert same(first, gesturer().generate(speech, seed=5))
+    takes = gesturer().generate_takes(speech, takes=4, seed=4)
+    assert same(takes[1], first)
+    assert not np.allclose(takes[2].rotations, takes[3].rotations, atol=1e-3)
+
+
+def test_it_hears():
+    a, b = (gesturer().generate(s, seed=1, parts=("body",)) for s in (talk(2.0), Speech(np.zeros(32_000, np.float32))))
+    assert np.abs(a.rotations - b.rotations).max() > 1e-3
+
+
+def test_parts_rest():
+    speech = talk(2.0)
+    whole = gesturer().generate(speech)
+    rest = np.array([0, 0, 0, 1], np.float32)
+    body = gesturer().generate(speech, parts=("body",))
+    assert body.face is None
+    assert np.array_equal(body.rotations[:, BODY], whole.rotations[:, BODY])
+    assert (body.rotations[:, FINGERS] == rest).all()
+    hands = gesturer().generate(speech, parts="hands")
+    assert (hands.rotations[:, BODY] == rest).all()
+    assert np.ptp(hands.root, 0).max() == 0
+    assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
+    face = gesturer().generate(speech, parts=("face",))
+    assert (face.rotations[:, BODY + FINGERS] == rest).all()
+    ruled = RuleGesturer().generate(speech, parts=("face",))
+    assert np.array_equal(face.face, ruled.face)
+    assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
+
+
+def test_intensity_scales_from_the_mean_pose():
+    speech = talk(2.0)
+    still, half, full = (gesturer().generate(speech, intensity=k, parts=("body",)).root for k in (0.0, 0.5, 1.0))
+    assert np.ptp(still, 0).max() < 1e-6
+    s = gesturer().system.statistics
+    away = (still[0] - humanoid().offsets[0])[[0, 2]]  # not the height: legs may be too short for it
+    np.testing.assert_allclose(away, s.pose_mean[[0, 2]], atol=1e-5)
+    np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
+
+
+def test_temperature_and_emotion():
+    speech = talk(2.0)
+    a, b = (gesturer().generate(speech, temperature=0.0, seed=1, parts=("hands",)) for _ in range(2))
+    assert same(a, b)
+    warm = gesturer().generate(speech, temperature=2.0, seed=1, parts=("hands",))
+    assert not same(a, warm)
+    happy, sad = (gesturer().generate(speech, emotion=e) for e in ("happiness", "sadness"))
+    assert np.abs(happy.face - sad.face).max() > 0.05
+    assert np.array_equal(happy.rotations[:, BODY], sad.rotations[:, BODY])
+    session = gesturer().session()
+    list(session.push(speech))
+    assert sum(session.emotion.values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("fps", [20.0, 47.0])
+def test_resampling_keeps_poses_and_holds_ends(fps):
+    """A straight line stays one; smoothing and the cubic add up to one everywhere."""
+    from cospeech.runtime.performance import _Poses
+
+    system = gesturer().system
+    sources = [gesturer()._source(None, 0, 1.0)]
+    poses = _Poses(system, sources, fps, 1.0)
+    line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones(system.engine.sizes.pose, np.float32)
+    poses._made = line
+    count = int(40 * fps / 20)
+    made = (poses.push(np.zeros((0, 8, 24)), count, 39) - system.statistics.pose_mean) / system.statistics.pose_std
+    at = np.arange(count) * 20 / fps
+    inner = (at > 3) & (at < 36)
+    np.testing.assert_allclose(made[0, inner, 0], at[inner], atol=2e-4)
+    assert made[0, 0, 0] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
+    assert (np.diff(made[0, :, 0]) >= -1e-4).all()
+
+
+def test_odd_speech():
+    tiny = gesturer().generate(Speech(np.zeros(1, np.float32)))
+    assert len(tiny) == 1
+    silent = gesturer().generate(Speech(np.zeros(48_000, np.float32)))
+    assert np.isfinite(silent.rotations).all()
+    loud = gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)))
+    assert len(loud) == 30
+    with pytest.raises(InputError, match="no speech"):
+        list(gesturer().session().finish())
+    session = gesturer().session()
+    list(session.push(talk(0.5)))
+    with pytest.raises(InputError, match="Hz"):
+        list(session.push(talk(0.5, rate=8000)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"style": "calm"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan}, {"temperature": 3},
+        {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_options(options):
+    with pytest.raises(InputError):
+        gesturer().session(**options)
+
+
+def test_poses_that_add_up_are_refused(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", "expmap-full", "mel27")
+    with pytest.raises(InputError, match="expmap-full"):
+        BundleGesturer.open(path)
+
+
+def test_no_torch_and_no_onnx(tmp_path):
+    path = write_small(tmp_path / "a.cospeech")
+    code = (
+        "import sys, numpy as np; from cospeech.runtime.gesturer import BundleGesturer; from cospeech.speech import Speech;"
+        f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)));"
+        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -1,6 +1,8 @@
-"""Trains a tiny model in a process of its own: ``python train_worker.py '{"store": …, "out": …, "recipe": {…}}'``.
+"""Trains in processes of its own: ``python train_worker.py '{"jobs": [{"store": …, "out": …, "recipe": {…}}, …]}'``.
 
-With ``rank``, ``size`` and ``meet`` (a file) it is one of several processes; with ``die`` it kills itself after so many steps.
+A job with ``die`` kills its process after so many steps, one with ``interrupt`` sends it what Ctrl-C sends; each job has a
+process of its own. With ``rank``, ``size`` and ``meet`` (a file) this is one of several processes that do all jobs together.
+The exit codes are told as JSON.
 """
 
 from __future__ import annotations
@@ -11,31 +13,52 @@ import signal
 import sys
 
 import torch
+import torch._dynamo  # the optimisers import it: here once, before the jobs fork
 from torch import distributed as dist
 
 import tiny_models
-from cospeech.models import MODELS
+from cospeech.models import NETWORKS
 from cospeech.recipe import read_recipe
 from cospeech.train import train
 
 
-def main(job: dict) -> None:
-    torch.set_num_threads(1)
-    MODELS.update(tiny_models.MODELS)
-    if "size" in job:
-        dist.init_process_group("gloo", init_method=f"file://{job['meet']}", rank=job["rank"], world_size=job["size"])
-
+def do(job: dict) -> None:
     def progress(done: float, total: float | None, word: str) -> None:
         if done == job.get("die"):
             os.kill(os.getpid(), signal.SIGKILL)
         if done == job.get("interrupt"):
             os.kill(os.getpid(), signal.SIGINT)
 
+    train(read_recipe(job["recipe"]), job["store"], job["out"], resume=job.get("resume", False), progress=progress)
+
+
+def alone(job: dict) -> int:
+    """The exit code of a job in a process of its own; minus the signal that ended it; 130 for Ctrl-C."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            do(job)
+            code = 0
+        except KeyboardInterrupt:
+            code = 130
+        finally:
+            os._exit(code)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def main(work: dict) -> None:
+    torch.set_num_threads(1)
+    NETWORKS.update(tiny_models.MODELS)
+    if "size" not in work:
+        sys.stdout.write(json.dumps([alone(job) for job in work["jobs"]]))
+        return
+    dist.init_process_group("gloo", init_method=f"file://{work['meet']}", rank=work["rank"], world_size=work["size"])
     try:
-        train(read_recipe(job["recipe"]), job["store"], job["out"], resume=job.get("resume", False), progress=progress)
+        for job in work["jobs"]:
+            do(job)
     finally:
-        if "size" in job:
-            dist.destroy_process_group()
+        dist.destroy_process_group()
 
 
 if __name__ == "__main__":

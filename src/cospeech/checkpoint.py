@@ -24,7 +24,7 @@ from torch import Tensor, nn
 
 from .errors import InputError, nearest
 from .files import atomic, describe_os_error
-from .models import MODELS
+from .models import NETWORKS
 from .recipe import build
 
 __all__ = [
@@ -46,18 +46,16 @@ _LARGEST = 1 << 26  # bytes of a config.json; ours
 
 
 def network(name: str) -> Any:
-    """The class of a trainable model by its registry name.
+    """The class of a network by its registry name.
 
     Raises:
-        InputError: no such model, or one that is not trained.
+        InputError: there is no such network.
     """
-    if name not in MODELS:
-        raise InputError(f"no model is called {name!r}", nearest(name, MODELS))
-    module, _, attribute = MODELS[name].partition(":")
-    kind = getattr(import_module(module), attribute)
-    if not hasattr(kind, "Config"):
-        raise InputError(f"the model {name!r} is not trained", "it works as it is")
-    return kind
+    registry = {**NETWORKS, **NETWORKS}
+    if name not in registry:
+        raise InputError(f"no network is called {name!r}", nearest(name, registry))
+    module, _, attribute = registry[name].partition(":")
+    return getattr(import_module(module), attribute)
 
 
 def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Any:

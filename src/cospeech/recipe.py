@@ -154,7 +154,9 @@ def _kind(hint: Any) -> str:
     """What is expected, in words."""
     if get_origin(hint) in (Union, UnionType):
         return " or ".join(_kind(option) for option in get_args(hint) if option is not NoneType)
-    return _KINDS.get(hint, "a list")
+    if get_origin(hint) is tuple:
+        return "a list" if Ellipsis in get_args(hint) else f"a list of {len(get_args(hint))}"
+    return _KINDS.get(hint, "something else")
 
 
 def _fit(value: Any, hint: Any, where: str) -> Any:
@@ -202,15 +204,11 @@ def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:
 def _train(values: Mapping[str, Any]) -> Train:
     """[train] and its parts [train.NAME], which begin as [train] has it."""
     own = {name: value for name, value in values.items() if not isinstance(value, Mapping)}
-    shared = {f.name: own[f.name] for f in fields(Optimiser) if f.name in own}
-    parts = {
-        name: build(Optimiser, shared | dict(value), f"train.{name}")
-        for name, value in values.items()
-        if isinstance(value, Mapping)
-    }
     if "objectives" in own:
         raise InputError("no key train.objectives", "a section [train.NAME] is for one objective")
-    return replace(build(Train, own, "train"), objectives=parts)
+    whole, shared = build(Train, own, "train"), {f.name: own[f.name] for f in fields(Optimiser) if f.name in own}
+    sections = {name: value for name, value in values.items() if name not in own}
+    return replace(whole, objectives={n: build(Optimiser, shared | dict(v), f"train.{n}") for n, v in sections.items()})
 
 
 def read_recipe(sections: Mapping[str, Any]) -> Recipe:

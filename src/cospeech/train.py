@@ -18,7 +18,6 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch import distributed as dist
 
 from .checkpoint import build_model, clean, read_facts, read_tensors, write_facts, write_tensors
 from .corpora.feed import Feed
@@ -82,8 +81,8 @@ class _Run:
         if there and (folder / "last.safetensors").exists():
             self._restore()
         self.resumed = self.done
-        if team.size > 1:
-            dist.barrier()  # all have looked before one writes
+        if mean_values([self.done], team) != [self.done]:  # all have looked before one writes
+            raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")
         if team.rank == 0 and not there:
             write_facts(folder, work.facts, work.statistics)
 
@@ -233,6 +232,7 @@ class _Run:
                 self.save()
             if progress is not None:
                 progress(self.done, last, self._told())
+        mean_values([self.done], self.team)  # nobody leaves before all is saved
         return stopping
 
 

@@ -60,7 +60,7 @@ class Windows:
         self._speakers = np.array([place[store.clips[k].speaker] for k in self.clips])
         order = np.argsort(self._speakers, kind="stable")  # so that the windows of a speaker are one range
         self.clips, self._offsets, self._counts = self.clips[order], self._offsets[order], self._counts[order]
-        self._speakers, self._ends = self._speakers[order], np.cumsum(self._counts[order])
+        self._speakers, self._ends = self._speakers[order], np.cumsum(self._counts)
 
     def __len__(self) -> int:
         return int(self._ends[-1])

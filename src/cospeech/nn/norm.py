@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch import distributed as dist
 
-__all__ = ["BatchNorm1d", "global_moments", "global_sum", "is_shared"]
+__all__ = ["BatchNorm1d", "batch_norm", "global_moments", "global_sum", "is_shared"]
 
 
 def is_shared() -> bool:
@@ -62,6 +62,25 @@ def global_moments(x: Tensor, dims: tuple[int, ...]) -> tuple[Tensor, Tensor]:
     return mean, variance.sqrt()
 
 
+def batch_norm(x: Tensor, weight: Tensor | None, bias: Tensor | None, eps: float = 1e-5) -> Tensor:
+    """(B, C, T) or (B, C) normalised per channel by the statistics of the global batch, of which nothing is kept.
+
+    Alone it is `torch.nn.functional.batch_norm` in training.
+    """
+    if not is_shared():
+        return nn.functional.batch_norm(x, None, None, weight, bias, training=True, eps=eps)
+    mean, variance, _ = _moments(x, (0, *range(2, x.dim())))
+    return _affine(x, mean, variance, weight, bias, eps)
+
+
+def _affine(x: Tensor, mean: Tensor, variance: Tensor, weight: Tensor | None, bias: Tensor | None, eps: float) -> Tensor:
+    shape = (1, -1, *[1] * (x.dim() - 2))
+    y = (x - mean.view(shape)) * torch.rsqrt(variance + eps).view(shape)
+    if weight is not None and bias is not None:
+        y = y * weight.view(shape) + bias.view(shape)
+    return y.to(x.dtype)
+
+
 class BatchNorm1d(nn.BatchNorm1d):
     """`torch.nn.BatchNorm1d` for (B, C, T) or (B, C), trained with the statistics of the global batch.
 
@@ -75,11 +94,7 @@ class BatchNorm1d(nn.BatchNorm1d):
         mean, variance, count = _moments(x, (0, *range(2, x.dim())))
         if self.track_running_stats:
             self._track(mean.detach(), (variance * count / (count - 1)).detach())
-        shape = (1, -1, *[1] * (x.dim() - 2))
-        y = (x - mean.view(shape)) * torch.rsqrt(variance + self.eps).view(shape)
-        if self.affine:
-            y = y * self.weight.view(shape) + self.bias.view(shape)
-        return y.to(x.dtype)
+        return _affine(x, mean, variance, self.weight, self.bias, self.eps)
 
     @torch.no_grad()
     def _track(self, mean: Tensor, variance: Tensor) -> None:

@@ -61,7 +61,24 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     try:
         return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError(f"a graph cannot be used: {error}"[:200], "is the bundle damaged?") from None
+        raise InputError(f"a graph cannot be used: {str(error).splitlines()[0]}"[:200], "is the bundle damaged?") from None
+
+
+def _run(session: Any, given: Mapping[str, Array]) -> list[Array]:
+    """Outputs for inputs.
+
+    Raises:
+        InputError: it fails, as only a graph of somebody else's does.
+    """
+    try:
+        made: list[Array] = session.run(None, given)
+    except (RuntimeError, ValueError) as error:
+        raise _failed(error) from None
+    return made
+
+
+def _failed(error: Exception) -> InputError:
+    return InputError(f"a graph fails: {str(error).splitlines()[0]}"[:200], "is the bundle damaged?")
 
 
 class FlowEngine:
@@ -94,6 +111,10 @@ class FlowEngine:
         self._graphs = graphs
         self.speech, self.frame = (open_session(graphs[name], weights) for name in ("speech", "frame"))
         self._check_ends()
+        z = np.zeros((2, 1, sizes.pose), np.float32)  # a graph that fails, fails here
+        self.begin(np.zeros((2, sizes.history, sizes.pose), np.float32)).frames(
+            self.windows(np.zeros((sizes.heard, sizes.audio))), z
+        )
 
     def _check_ends(self) -> None:
         """Inputs and outputs have the names and sizes that `Takes` binds memory to."""
@@ -142,8 +163,7 @@ class FlowEngine:
         if np.ndim(poses) != 2 or len(poses) < 8 or np.shape(poses)[1] != self.sizes.pose:
             raise InputError(f"an example of shape {np.shape(poses)}", f"at least 8 × {self.sizes.pose}")
         session = open_session(self._graphs["style"], self.weights)
-        code: Array = session.run(None, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
-        return code
+        return _run(session, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
 
     def windows(self, audio: Array) -> Array:
         """(T, A) rows of speech → (T − heard + 1, heard, A): a window for each frame that has one whole; a view."""
@@ -156,8 +176,7 @@ class FlowEngine:
     def hear(self, windows: Array) -> list[Array]:
         """What the frames' gates have of the speech, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
         flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.heard * self.sizes.audio)
-        made: list[Array] = self.speech.run(None, {"windows": flat})
-        return made
+        return _run(self.speech, {"windows": flat})
 
     def latents(self, poses: Array, audio: Array, style: Array | None = None) -> Array:
         """The z that give these poses after these histories under this speech: the flow's normalising direction.
@@ -188,7 +207,7 @@ class FlowEngine:
             rows = slice(first, first + BLOCK)
             heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
             heard |= {name: code[rows] for name, code in codes.items()}
-            (past[rows],) = session.run(None, {"history": histories[rows]} | heard)
+            (past[rows],) = _run(session, {"history": histories[rows]} | heard)
         x = poses[s.history : s.history + frames]
         if s.residual:
             x = x - poses[s.history - 1 : s.history + frames - 1]
@@ -294,7 +313,10 @@ class Takes:
                 self._z[:] = z[:, first + t]
                 for buffer, rows in zip(self._heard, heard, strict=True):
                     buffer[0] = rows[t]
-                run(self._bindings[0][0])
+                try:
+                    run(self._bindings[0][0])
+                except RuntimeError as error:
+                    raise _failed(error) from None
                 self._bindings.reverse()
                 out[:, first + t] = self._pose
                 self.history[:, :-width] = self.history[:, width:]

@@ -60,12 +60,15 @@ class FlowSizes:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value, low, high = getattr(self, field.name), *_RANGES.get(field.name, (0, 1))
+            value, (low, high) = getattr(self, field.name), _RANGES.get(field.name, (False, True))
+            kinds = (int, float) if field.name == "nu" else (type(low),)
             if field.name == "cell":
-                if value not in GATES:
-                    raise InputError(f"a flow of {value!r} cells"[:200], f"one of {', '.join(GATES)}")
-            elif not isinstance(value, int | float) or not low <= value <= high:
-                raise InputError(f"{field.name} = {value!r} of a flow"[:200], f"{low} … {high}")
+                if not isinstance(value, str) or value not in GATES:
+                    raise InputError(f"a flow of {str(value)[:60]!r} cells", f"one of {', '.join(GATES)}")
+            elif type(value) not in kinds or not low <= value <= high:
+                raise InputError(f"{field.name} = {str(value)[:60]} of a flow", f"{low} … {high}")
+        if self.heard <= self.history:
+            raise InputError(f"a flow that hears {self.heard} frames", f"more than its history of {self.history}")
 
     @property
     def gates(self) -> int:

@@ -31,6 +31,7 @@ LAYERS = [
     {"prepare", "synthesise"},
     {"train", "evaluation"},
     {"contest"},
+    {"tables"},
     {"generate"},
     {"convert", "demo", "catalogue"},
     {"bench", "cli_corpora", "cli_evaluate", "cli_train"},

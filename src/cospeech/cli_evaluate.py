@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
@@ -20,7 +21,7 @@ Systems = Annotated[
         help="A model, or FOLDER or NAME=FOLDER of motions: CLIP.bvh or CLIP.npz for every clip; more takes: CLIP.2.bvh.",
     ),
 ]
-Store = Annotated[Path, Option("--corpus", metavar="STORE", help="Folder made by `cospeech prepare`.")]
+Store = Annotated[Path, Option("--corpus", "--store", metavar="STORE", help="Folder made by `cospeech prepare`.")]
 Raw = Annotated[Path | None, Option("--raw", metavar="RAW", help="The corpus of the store, for models and metrics that hear.")]
 Split = Annotated[str, Option("--split", metavar="NAME", help="train, validation, test or all.")]
 Metrics = Annotated[str | None, Option("--metrics", metavar="LIST", help="Separated by commas; see `cospeech list metrics`.")]
@@ -32,6 +33,20 @@ Features = Annotated[
 ]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write the table as JSON.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
+Table = Annotated[
+    str | None,
+    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1, flow-2 or flow-3; docs/tables.md."),
+]
+Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="Of --table: one run of every row with each.")]
+Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="Of --table: where its runs lie, or are made, and its files.")]
+Recipes = Annotated[Path, Option("--recipes", metavar="FOLDER", help="Of --table: the recipes of the repository.")]
+Small = Annotated[bool, Option("--small", help="Of --table: narrow networks and few steps, about two minutes a run.")]
+Change = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Of --table: change every row's recipe.")]
+Threads = Annotated[int, Option("--threads", metavar="NUMBER", min=0, help="Of --table: of PyTorch; 0: as many as it likes.")]
+About = Annotated[
+    str, Option("--about", metavar="TEXT", help="Of --table: what the store is, such as synthetic, for its head.")
+]
+Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="Of --table: draw its figure, a PNG.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -45,6 +60,42 @@ def _named(systems: list[str]) -> dict[str, str]:
             raise InputError(f"system {system!r}", "NAME=FOLDER, each name once")
         found[name] = folder
     return found
+
+
+def _numbers(text: str) -> list[int]:
+    """Whole numbers separated by commas."""
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"--seeds {text!r}", "whole numbers separated by commas, such as 0,1,2") from None
+
+
+def _table(
+    name: str, store: Path, *, raw: Path | None, seeds: str, runs: Path, recipes: Path, small: bool, changes: list[str],
+    threads: int, about: str, figure: Path | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Make a table of a paper, its files and its figure."""
+    from .tables import Stages, draw_table, make_table, write_table
+
+    def tell(text: str) -> None:
+        typer.echo(text, err=True)
+
+    stages = Stages(store, runs, recipes, small, tuple(changes), threads, about, tell)
+    table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), tell=tell)
+    for path in write_table(table, runs):
+        tell(f"wrote {path}")
+    if figure is not None:
+        draw_table(table, stages, figure, raw=raw)
+        tell(f"wrote {figure}")
+    return table
+
+
+def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:
+    """Print a table, and write it where that is wanted."""
+    if out is not None:
+        with atomic(out) as path:
+            path.write_text(data + "\n", "utf-8")
+    typer.echo(data if as_json else text)
 
 
 def register(app: typer.Typer) -> None:
@@ -62,6 +113,15 @@ def register(app: typer.Typer) -> None:
         seed: Seed = 0,
         seed_frames: Given = 0,
         features: Features = None,
+        table: Table = None,
+        seeds: Seeds = "0,1,2",
+        runs: Runs = Path("runs/tables"),
+        recipes: Recipes = Path("recipes"),
+        small: Small = False,
+        changes: Change = None,
+        threads: Threads = 0,
+        about: About = "",
+        figure: Figure = None,
         out: Out = None,
         as_json: Json = False,
         debug: Debug = False,
@@ -71,16 +131,25 @@ def register(app: typer.Typer) -> None:
         \b
         cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
+        cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
+        if table is not None:
+            if systems:
+                raise InputError(f"system {systems[0]!r} in a table of a paper", "leave it out: the table has its own rows")
+            from .tables import to_text
+
+            made = _table(
+                table, corpus, raw=raw, seeds=seeds, runs=runs, recipes=recipes, small=small, changes=changes or [],
+                threads=threads, about=about, figure=figure,
+            )  # fmt: skip
+            _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
+            return
         from .contest import contest
         from .evaluation import DEFAULT
 
-        table = contest(
+        result = contest(
             _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
             metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
             seed_frames=seed_frames, features=features,
         )  # fmt: skip
-        if out is not None:
-            with atomic(out) as path:
-                path.write_text(table.to_json() + "\n", "utf-8")
-        typer.echo(table.to_json() if as_json else table.to_text())
+        _show(result.to_json(), result.to_text(), out, as_json)

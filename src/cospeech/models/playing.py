@@ -67,7 +67,9 @@ def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
     tau, ahead = context_of(net)
     frames = audio.shape[1] - tau - ahead
     if frames < 1 or history.shape[1] != tau:
-        raise InputError(f"{history.shape[1]} poses and {audio.shape[1]} frames of speech", f"{tau} and more than {tau + ahead}")
+        raise InputError(
+            f"{history.shape[1]} poses and {audio.shape[1]} frames of speech", f"{tau} and more than {tau + ahead}"
+        )
     device = next(net.parameters()).device
     generator = torch.Generator().manual_seed(seed)
     latents = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)

@@ -1,6 +1,8 @@
 """Tables of the papers, made again on a store: ``cospeech evaluate --table flow-2 --store STORE``; see docs/tables.md."""
 
 from .designs import TABLES
-from .making import make_table, write_table
+from .making import draw_table, make_table, write_table
+from .report import to_text
+from .stages import Stages
 
-__all__ = ["TABLES", "make_table", "write_table"]
+__all__ = ["TABLES", "Stages", "draw_table", "make_table", "to_text", "write_table"]

@@ -140,8 +140,8 @@ TABLES: dict[str, Design] = {
         "flow-1",
         f"{PAPER}: table 1, comparison",
         {
-            "fgd": "FGD ↓", "pck_gfge": "PCK ↑", "pck": "PCK, made ↑", "diversity_gfge": "Div ↑", "diversity": "Div, all pairs →",
-            "beat_align_gfge": "BA ↑", "beat_align": "BA, lift ↑", "multimodality": "MM →",
+            "fgd": "FGD ↓", "pck_gfge": "PCK ↑", "pck": "PCK, made ↑", "diversity_gfge": "Div ↑",
+            "diversity": "Div, all pairs →", "beat_align_gfge": "BA ↑", "beat_align": "BA, lift ↑", "multimodality": "MM →",
         },
         {"ted": _TED_1, "trinity": _TRINITY_1},
     ),

@@ -62,7 +62,8 @@ def _restricted(sample: Sample, joints: tuple[str, ...]) -> Sample:
     """Without the joints that a representation does not move (legs, fingers), which would always be right."""
     keep = [0, *(sample.names.index(name) for name in joints if sample.names.index(name))]
     positions, rotations = sample.positions, sample.rotations
-    assert positions is not None and rotations is not None
+    assert positions is not None
+    assert rotations is not None
     names = tuple(sample.names[k] for k in keep)
     return replace(sample, positions=positions[:, keep], rotations=rotations[:, keep], names=names)
 
@@ -173,4 +174,3 @@ class Excerpts:
         rows = control_rows([self._true_clips[k] for k in order])
         back = np.argsort(order)
         return {name: [self._sample(clips[k], str(n)) for n, k in enumerate(back)] for name, clips in rows.items()}
-

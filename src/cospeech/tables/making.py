@@ -16,11 +16,12 @@ from ..metrics import Score, Tools, load_metric
 from ..metrics.controls import faults_of_order
 from .designs import TABLES, Design, Part, Row
 from .excerpts import Excerpts
+from .figures import draw_latents, draw_poses, write_picture
 from .report import summary, to_markdown, verdicts
 from .scores import Cells, controls_of_latents, judge, judge_latents, kept, latents, score
 from .stages import Player, Stages, make_folder
 
-__all__ = ["make_table", "part_of", "write_table"]
+__all__ = ["draw_table", "make_table", "part_of", "write_table"]
 
 Tell = Callable[[str], None]
 
@@ -63,7 +64,9 @@ class _Judge:
     def row(self, player: Player, seed: int) -> Cells:
         """Scores of a system with one seed."""
         if self.design.figure == "map":
-            return self._kept([player.print], lambda: judge_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents"))  # type: ignore[no-any-return]
+            return self._kept(
+                [player.print], lambda: judge_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents")
+            )  # type: ignore[no-any-return]
         return self._kept(  # type: ignore[no-any-return]
             [player.print, seed],
             lambda: score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=self.stages.threads),
@@ -125,12 +128,15 @@ def _head(stages: Stages, excerpts: Excerpts, seeds: Sequence[int], features: st
     """Of what and with what the table was made, in a line."""
     store = excerpts.store
     scale = (
-        "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)" if stages.small else "the recipes' own scale"
+        "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)"
+        if stages.small
+        else "the recipes' own scale"
     )
     more = f"; changed: {' '.join(stages.overrides)}" if stages.overrides else ""
     taken = f"{len(excerpts)}" + (f" of {excerpts.total}" if excerpts.total > len(excerpts) else "")
+    what = f"{stages.about}, " if stages.about else ""
     return (
-        f"Corpus: store of {store.corpus!r} layout, {store.pose} at {store.fps:g} fps, {len(store.speakers)} speakers, "
+        f"Corpus: {what}store of {store.corpus!r} layout, {store.pose} at {store.fps:g} fps, {len(store.speakers)} speakers, "
         f"{excerpts.hours:.2f} h for training; {scale}{more}; {taken} test windows of {excerpts.protocol.made} frames; "
         f"seeds {', '.join(map(str, seeds))}; features: {features}"
     )
@@ -170,6 +176,25 @@ def make_table(
         "faults": {} if design.figure == "map" else _faults(controls, judging.columns),
         "verdicts": verdicts(design, part, rows),
     }  # fmt: skip
+
+
+def draw_table(
+    table: Mapping[str, Any], stages: Stages, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
+) -> None:
+    """The figure of a table that was made, as PNG: of each row the run with the first seed.
+
+    Raises:
+        InputError: another suffix, or the picture cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
+    design, excerpts = TABLES[table["table"]], Excerpts(stages.folder, raw)
+    players = {name: stages.player(row["recipe"], table["seeds"][0]) for name, row in table["rows"].items() if row.get("cells")}
+    if design.figure == "map":
+        cells = {name: row["cells"] for name, row in table["rows"].items() if row.get("cells")} | dict(table["controls"])
+        write_picture(draw_latents(players, excerpts, cells), path)
+    else:
+        write_picture(draw_poses(players, excerpts, seed=table["seeds"][0]), path)
 
 
 def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:

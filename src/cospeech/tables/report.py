@@ -111,7 +111,9 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
     notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
-    notes += [f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()]
+    notes += [
+        f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()
+    ]
     return notes
 
 
@@ -124,7 +126,9 @@ def to_text(table: Mapping[str, Any]) -> str:
     rows = [*_cells(table)]
     sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = [table["title"], table["head"], ""]
-    lines += ["  ".join([row[0].ljust(sizes[0]), *(c.rjust(s) for c, s in zip(row[1:], sizes[1:], strict=True))]) for row in rows]
+    lines += [
+        "  ".join([row[0].ljust(sizes[0]), *(c.rjust(s) for c, s in zip(row[1:], sizes[1:], strict=True))]) for row in rows
+    ]
     return "\n".join([*lines, "", *_notes(table), "", *_verdict_lines(table)]).rstrip()
 
 

@@ -1,4 +1,4 @@
-"""Scores of one row and seed: what a system makes of the excerpts, judged by the columns of a table. Kept on disk by content."""
+"""Scores of one row and seed: what a system makes of the excerpts, judged by a table's columns. Kept on disk by content."""
 
 from __future__ import annotations
 

@@ -1,0 +1,137 @@
+"""Figures of a table: poses of all systems above their speech (figure 5 of the paper), latents in the plane (figure 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..corpora.store import Entry
+from ..errors import InputError
+from ..evaluation import stored_clips
+from ..files import atomic
+from ..motion import Motion
+from ..render.scatter import Panel, draw_map
+from ..render.sticks import Sticks, draw_sticks
+from ..render.strip import Sound
+from ..rotations import Array
+from ..skeletons.ted import JOINTS, PARENTS
+from ..speech import Word
+from .excerpts import AFTER, BEFORE, Excerpts
+from .scores import controls_of_latents, latents
+from .stages import Player
+from .tsne import tsne
+
+__all__ = ["draw_latents", "draw_poses", "write_picture"]
+
+Pictures = NDArray[np.uint8]
+
+SECONDS, CELLS = 6.0, 10  # of speech shown, and moments; ours
+SOUND_STEP = 0.02  # s, of the waveform
+_BARE = 0.08  # ours: how loud speech is drawn at its quietest where only its energy is known
+
+
+def _longest(excerpts: Excerpts) -> Entry:
+    """The test clip that is shown."""
+    clips = [clip for clip in excerpts.store.clips if clip.split == "test" and "audio" in clip.has]
+    return max(clips, key=lambda clip: clip.frames)
+
+
+def _words(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> list[Word]:
+    """Words of the frames shown, from the store; seconds from the first."""
+    store = excerpts.store
+    if "word" not in entry.has:
+        return []
+    numbers = np.asarray(store.arrays["word"][first : first + frames])
+    edges = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(numbers)]
+    runs = ((a, b, int(numbers[a])) for a, b in pairwise(edges))
+    return [Word(store.words[k], a / store.fps, b / store.fps) for a, b, k in runs if k > 0]
+
+
+def _sound(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> Sound:
+    """The waveform of the frames shown; where there is no sound, from the energy of the store's frames."""
+    fps = excerpts.store.fps
+    if excerpts.raw is None:
+        column = excerpts.store.names["audio"].index("energy") if "energy" in excerpts.store.names["audio"] else 0
+        energy = np.asarray(excerpts.store.arrays["audio"][first : first + frames, column], np.float64)
+        low, high = energy.min(), max(energy.max(), energy.min() + 1e-9)
+        level = _BARE + (1 - _BARE) * ((energy - low) / (high - low)) ** 3  # decibels, or nearly
+        return Sound(1 / fps, level, 0.6 * level)
+    speech = next(c.speech for c in stored_clips(excerpts.store.folder, split="test", raw=excerpts.raw) if c.name == entry.name)
+    assert speech is not None
+    start = speech.start + (first - entry.offset) / fps
+    part = speech.window(start, start + frames / fps)
+    size = max(1, round(SOUND_STEP * part.rate))
+    blocks = part.samples[: len(part.samples) // size * size].reshape(-1, size)
+    return Sound(size / part.rate, np.abs(blocks).max(1), np.sqrt(np.square(blocks).mean(1)))
+
+
+def _sticks(excerpts: Excerpts, label: str, vectors: Array) -> Sticks:
+    """Poses of the store as a row of figures."""
+    body = excerpts.pose.decode(np.asarray(vectors, np.float64), excerpts.store.fps)
+    if not isinstance(body, Motion):
+        if body.values.shape[2] != 3:
+            raise InputError(f"stick figures of {excerpts.store.pose}", "they are of bodies in space")
+        return Sticks(label, body.values, PARENTS, JOINTS)
+    skeleton = body.skeleton
+    shown = getattr(excerpts.pose, "joints", skeleton.names)
+    keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in shown]
+    parents = [keep.index(int(p)) if (p := skeleton.parents[k]) >= 0 else -1 for k in keep]
+    positions = body.positions()[:, keep]
+    return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
+
+
+def draw_poses(players: Mapping[str, Player], excerpts: Excerpts, *, seed: int = 0) -> Pictures:
+    """The recording and what each system makes of its speech, from the first poses of the longest test clip on.
+
+    Args:
+        players: label of a row → a trained system.
+        excerpts: of the store.
+        seed: of the latents.
+    """
+    from ..models.playing import perform
+
+    entry, store = _longest(excerpts), excerpts.store
+    frames = min(round(SECONDS * store.fps), entry.frames - BEFORE - AFTER)
+    first = entry.offset + BEFORE
+    pose, audio = store.arrays["pose"], store.arrays["audio"]
+    rows = [_sticks(excerpts, "recording", pose[first : first + frames])]
+    for label, player in players.items():
+        before, after = player.context
+        history = player.pose(np.asarray(pose[first - before : first])[None])
+        heard = player.audio(np.asarray(audio[first - before : first + frames + after])[None])
+        rows.append(_sticks(excerpts, label, player.unpose(perform(player.net, history, heard, seed=seed))[0]))
+    words, sound = _words(excerpts, entry, first, frames), _sound(excerpts, entry, first, frames)
+    return draw_sticks(rows, store.fps, cells=CELLS, sound=sound, words=words)
+
+
+def draw_latents(players: Mapping[str, Player], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:
+    """Latents by t-SNE, coloured by speaker, a panel for each system, and one for the mean poses themselves.
+
+    Args:
+        players: title of a panel → a trained system.
+        excerpts: of the store.
+        cells: title → column → cell of the table, whose silhouette stands below the title.
+    """
+    speakers = excerpts.speakers()
+    groups = [speakers[k].rstrip("_") for k in excerpts.apart]
+    points = {name: latents(player, excerpts) for name, player in players.items()}
+    name, poses = next(iter(controls_of_latents(excerpts).items()))
+    panels = []
+    for title, rows in {**points, name: poses}.items():
+        score = cells.get(title, {}).get("silhouette", {})
+        text = f"silhouette by speaker {score['mean']:.3f}" if "mean" in score else "t-SNE"
+        panels.append(Panel(title, text, tsne(rows), groups))
+    return draw_map(panels)
+
+
+def write_picture(picture: Pictures, path: str | PathLike[str]) -> None:
+    """As PNG."""
+    from PIL import Image
+
+    with atomic(path) as temporary:
+        Image.fromarray(picture).save(temporary, "PNG", optimize=True)

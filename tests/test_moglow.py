@@ -38,10 +38,7 @@ def test_the_engine_without_torch_makes_the_same_poses(nu, residual):
     with torch.no_grad():
         for value in net.parameters():
             value.add_(0.1 * torch.randn_like(value))
-    sizes = FlowSizes(
-        pose=7, audio=AUDIO + 2, steps=3, hidden=12, layers=2, history=4, heard=7, cell="lstm", nu=nu, residual=residual,
-        int8=False,
-    )  # fmt: skip
+    sizes = FlowSizes(**net.runtime_sizes(), int8=False)
     weights = pack_weights(net.export(), sizes)
     engine = FlowEngine(sizes, weights, build_graphs(weights, sizes), np.full(7, -50.0), np.full(7, 50.0))
     rng = np.random.default_rng(0)

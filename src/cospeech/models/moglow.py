@@ -213,6 +213,14 @@ class MoGlow(nn.Module):
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
+    def runtime_sizes(self) -> dict[str, Any]:
+        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        c = self.config
+        return {
+            "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
+            "history": c.history, "heard": self.heard, "cell": "lstm", "nu": float(c.nu), "residual": c.residual,
+        }  # fmt: skip
+
     def export(self) -> dict[str, Any]:
         """Arrays by name, as `cospeech.runtime.flow_graph` wants them: controls are further numbers of a frame of speech."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

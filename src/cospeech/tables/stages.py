@@ -5,6 +5,7 @@ A run that is there is not trained again, one that was cut off goes on. Torch is
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
@@ -154,7 +155,7 @@ class Stages:
         texts: list[str] = []
         if self.small:
             for section, values in SMALL.get(plain.model, {}).items():
-                texts += [f"{section}.{key}={value}" for key, value in values.items()]
+                texts += [f"{section}.{key}={json.dumps(value)}" for key, value in values.items()]
         texts += [*(self.overrides if not name.startswith((OMEGA, FEATURES)) else ()), f"train.seed={seed}"]
         if self.threads:
             texts.append(f"train.threads={self.threads}")

@@ -1,4 +1,7 @@
-"""What every network promises, whatever it is for; the tests iterate over the registries. Flows promise more: see the end."""
+"""What every network promises, whatever it is for; the tests iterate over the registries. Flows promise more: see the end.
+
+``NAME+VARIANT`` is a network in another configuration.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +25,18 @@ TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
     "stylised-flow": _FLOW | {"encoder_channels": 8, "encoder_blocks": 2, "feature": 4},
+    "stylised-flow+style": _FLOW | {"encoder": False, "encoder_channels": 8, "style": 3, "style_window": 12, "residual": True},
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
 }
 
 
 def network_class(name: str):
-    module, _, attribute = (NETWORKS | MODELS)[name].partition(":")
+    module, _, attribute = (NETWORKS | MODELS)[name.partition("+")[0]].partition(":")
     return getattr(import_module(module), attribute)
 
 
-NAMES = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(name), "objectives"))
+REGISTERED = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(name), "objectives"))
+NAMES = [*REGISTERED, *(name for name in TINY if "+" in name)]
 
 
 def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **changes):
@@ -182,7 +187,7 @@ def test_parameters_at_paper_size(name, config, pose, audio, count):
 
 
 def flows() -> list[str]:
-    return [name for name in NAMES if hasattr(network_class(name), "log_prob")]
+    return [name for name in REGISTERED if hasattr(network_class(name), "log_prob")]
 
 
 def given(data: Batch) -> tuple:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cospeech.features.reduce import audio_width
 from cospeech.poses import find_pose
+from cospeech.poses.controls import QUANTILES
 from cospeech.runtime.flow_bundle import Statistics, write_flow
 from cospeech.runtime.flow_weights import CODE, FlowSizes
 
 
-def small_sizes(pose: str, audio: str, **changes: object) -> FlowSizes:
+def small_sizes(pose: str, audio: str) -> FlowSizes:
     sizes = {
         "pose": find_pose(pose).dimensions, "audio": audio_width(audio), "steps": 2, "hidden": 8, "layers": 2, "history": 4,
-        "heard": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2, "residual": False,
+        "heard": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2,
     }  # fmt: skip
-    return FlowSizes(**sizes | changes)  # type: ignore[arg-type]
+    return FlowSizes(**sizes)
 
 
 def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
@@ -54,25 +56,33 @@ def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
     return {name: value.astype(np.float32) for name, value in (drawn | fixed).items()}
 
 
-def statistics(sizes: FlowSizes, seed: int = 1) -> Statistics:
+def statistics(sizes: FlowSizes, seed: int = 1, controls: int = 0) -> Statistics:
     """Poses near the rest pose, moving by tenths; what silence sounds like lies within the audio's range."""
     rng = np.random.default_rng(seed)
-    d, a = sizes.pose, sizes.audio
+    d, a = sizes.pose, sizes.audio - controls
     arrays = {
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
-        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "histories": rng.normal(size=(3, sizes.history, d)),
+        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "histories": rng.normal(size=(2 * 3, sizes.history, d)),
+        "styles": rng.uniform(-1, 1, (2, sizes.style)), "centres": rng.normal(0, 0.3, (2, d)),
+        "controls": np.sort(rng.normal(size=(QUANTILES, controls)), 0),
     }  # fmt: skip
     return Statistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 
 
 def write_small(
-    path: Path, pose: str = "expmap-humanoid", audio: str = "mel20-prosody", fps: float = 20.0, **changes: object
+    path: Path,
+    pose: str = "expmap-humanoid",
+    audio: str = "mel20-prosody",
+    fps: float = 20.0,
+    controls: tuple[str, ...] = (),
 ) -> Path:
-    """A whole bundle."""
-    sizes = small_sizes(pose, audio, **changes)
+    """A whole bundle of two speakers."""
+    sizes = small_sizes(pose, audio)
+    sizes = replace(sizes, audio=sizes.audio + len(controls))
+    facts = {"model": "stylised-flow", "styles": ["ada", "ben"], "style": "ada", "controls": list(controls)}
     write_flow(
-        path, random_arrays(sizes), sizes, statistics(sizes), pose=pose, fps=fps, audio=audio, facts={"model": "stylised-flow"},
-        card="# Random weights\n",
+        path, random_arrays(sizes), sizes, statistics(sizes, controls=len(controls)), pose=pose, fps=fps, audio=audio,
+        facts=facts, card="# Random weights\n",
     )  # fmt: skip
     return path

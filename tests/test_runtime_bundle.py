@@ -17,7 +17,7 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.runtime.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_bundle, write_bundle
-from cospeech.runtime.flow_bundle import FlowSystem, measure, open_flow
+from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.flow_weights import FlowSizes
 from cospeech.runtime.onnx_check import check_onnx
 from runtime_bundles import random_arrays, small_sizes, statistics, write_small
@@ -198,6 +198,9 @@ def test_names_of_files(tmp_path):
         {"format": FORMAT + 1}, {"format": "1"}, {"kind": "vae"}, {"kind": None}, {"pose": "expmap-upper"}, {"pose": 3},
         {"audio": "loud"}, {"audio": "mel27"}, {"fps": 0}, {"fps": "20"}, {"fps": 1e9}, {"smooth": -1}, {"smooth": 10**9},
         {"smooth": True}, {"sizes": {}}, {"sizes": None}, {"members": None}, {"members": {"card.md": 1}},
+        
+        {"controls": ["hand_height"]}, {"controls": "all"}, {"styles": ["ada"]}, {"styles": ["ada", "ada"]},
+        {"styles": ["ada", 1]}, {"styles": None}, {"style": "cid"},
     ],
     ids=str,
 )  # fmt: skip
@@ -243,6 +246,7 @@ def test_statistics_that_make_no_sense(tmp_path):
     arrays = Bundle("x", manifest, members).arrays("statistics.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"pose_low": arrays["pose_high"] + 1}, {"histories": arrays["histories"][:0]},
+        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"centres": arrays["centres"][:, 1:]},
         {"histories": arrays["histories"][0]}, {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip
@@ -340,19 +344,6 @@ def test_what_the_look_sees_is_what_onnx_sees():
             continue
 
 
-def test_measure():
-    rng = np.random.default_rng(0)
-    clips = [(rng.normal(size=(n, 3)).astype(np.float32), rng.normal(size=(n, 2)).astype(np.float32)) for n in (9, 2, 30)]
-    means = {"pose_mean": np.zeros(3), "pose_std": np.ones(3), "audio_mean": np.zeros(2), "audio_std": np.ones(2)}
-    found = measure(clips, means, history=4)
-    assert found.histories.shape == (2, 4, 3)
-    assert np.array_equal(found.histories[1], clips[2][0][:4])
-    assert np.array_equal(found.pose_low, np.concatenate([p for p, _ in clips]).min(0))
-    assert np.array_equal(found.audio_high, np.concatenate([a for _, a in clips]).max(0))
-    with pytest.raises(InputError):
-        measure(clips[1:2], means, history=4)
-
-
 def test_what_cannot_be_written(tmp_path):
     for name in ("model.pkl", "../a.md", "A.md", "x.tar.gz"):
         with pytest.raises(InputError):
@@ -370,7 +361,8 @@ def test_the_size_that_ships_is_small(tmp_path):
     path = tmp_path / "large.cospeech"
     arrays = random_arrays(sizes)
     write_flow(
-        path, arrays, sizes, statistics(sizes), pose="expmap-humanoid", fps=20.0, audio="mel20-prosody", facts={}, card=""
+        path, arrays, sizes, statistics(sizes), pose="expmap-humanoid", fps=20.0, audio="mel20-prosody",
+        facts={"styles": ["ada", "ben"], "style": "ben"},
     )  # fmt: skip
     assert sum(value.size for value in arrays.values()) > 2_800_000
     assert path.stat().st_size <= 5_000_000

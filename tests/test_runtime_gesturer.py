@@ -122,8 +122,40 @@ def test_intensity_scales_from_the_mean_pose():
     assert np.ptp(still, 0).max() < 1e-6
     s = gesturer().system.statistics
     away = (still[0] - humanoid().offsets[0])[[0, 2]]  # not the height: legs may be too short for it
-    np.testing.assert_allclose(away, s.pose_mean[[0, 2]], atol=1e-5)
+    mean = s.centres[0] * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(away, mean[[0, 2]], atol=1e-5)
     np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
+
+
+def test_styles_are_speakers_and_mixtures():
+    speech = talk(2.0)
+    plain, ada, ben = (gesturer().generate(speech, style=s, parts=("body",)) for s in (None, "ada", "ben"))
+    assert same(plain, ada)
+    assert not np.allclose(ada.rotations, ben.rotations, atol=1e-2)
+    mixed, other = (gesturer()._source(s, 0, 1.0) for s in ("ada:3, ben:1", "ben"))
+    s = gesturer().system.statistics
+    np.testing.assert_allclose(mixed.style, 0.75 * s.styles[0] + 0.25 * s.styles[1], atol=1e-6)
+    np.testing.assert_allclose(other.centre, s.centres[1])
+    begun = {tuple(gesturer()._source("ben", seed, 1.0).history.ravel()) for seed in range(20)}
+    assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
+    assert gesturer().styles == ("ada", "ben")
+
+
+def test_style_controls(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
+    controlled, speech = BundleGesturer.open(path), talk(1.5)
+    median, high, both = (
+        controlled.generate(speech, style=s, parts=("body",)) for s in (None, "hand_height:0.95", "ben, hand_height:0.95")
+    )
+    assert same(median, controlled.generate(speech, style="hand_height:0.5,hand_speed:0.5", parts=("body",)))
+    assert not np.allclose(median.rotations, high.rotations, atol=1e-3)
+    assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
+    session = controlled.session(style="hand_speed:0.25")
+    table = controlled.system.statistics.controls
+    np.testing.assert_allclose(session._listener._controls, [table[25, 0], table[50, 1]], atol=1e-6)
+    for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
+        with pytest.raises(InputError):
+            controlled.session(style=wrong)
 
 
 def test_temperature_and_emotion():
@@ -177,7 +209,10 @@ def test_odd_speech():
 @pytest.mark.parametrize(
     "options",
     [
-        {"style": "calm"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan}, {"temperature": 3},
+        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:0"}, {"style": "ada:-1,ben:3"},
+        {"style": "ada:nan"}, {"style": ""},
+        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
+        {"temperature": 3},
         {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
     ],
     ids=str,

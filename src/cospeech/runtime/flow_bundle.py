@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from typing import Any
 
@@ -12,13 +12,14 @@ import numpy as np
 from ..errors import InputError
 from ..features.reduce import REDUCTIONS, audio_width
 from ..poses import POSES, find_pose
+from ..poses.controls import CONTROLS, QUANTILES
 from ..rotations import Array
 from .bundle import Bundle, pack_arrays, write_bundle
 from .flow_engine import FlowEngine
 from .flow_graph import build_graphs
 from .flow_weights import FlowSizes, check_weights, pack_weights
 
-__all__ = ["KIND", "FlowSystem", "Statistics", "measure", "open_flow", "write_flow"]
+__all__ = ["KIND", "FlowSystem", "Statistics", "open_flow", "write_flow"]
 
 KIND = "flow"
 """What a manifest's ``kind`` says of a bundle of this module."""
@@ -42,37 +43,13 @@ class Statistics:
     audio_low: Array
     audio_high: Array
     histories: Array
-    """(M, τ, D) standardised stretches of the training data, with which performances begin."""
-
-
-def measure(clips: Iterable[tuple[Array, Array]], means: Mapping[str, Array], *, history: int) -> Statistics:
-    """Ranges and beginnings of the training data.
-
-    Args:
-        clips: standardised poses (T, D) and audio (T, A) of each clip; its first τ poses become a beginning.
-        means: ``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``.
-        history: τ.
-
-    Raises:
-        InputError: no clip is as long as a history.
-    """
-    edges: dict[str, Array] = {}
-    histories: list[Array] = []
-    for poses, audio in clips:
-        for name, rows in (("pose", poses), ("audio", audio)):
-            if len(rows):
-                low, high = rows.min(0), rows.max(0)
-                edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
-                edges[f"{name}_high"] = np.maximum(edges.get(f"{name}_high", high), high)
-        if len(poses) >= history and len(histories) < _MOST_HISTORIES:
-            histories.append(poses[:history])
-    if not histories:
-        raise InputError("no clip to begin a performance with", f"at least one of {history} frames")
-    arrays = {**means, **edges, "histories": np.stack(histories)}
-    return Statistics(**{name: np.ascontiguousarray(value, np.float32) for name, value in arrays.items()})
-
-
-_MOST_HISTORIES = 16  # ours: enough that takes do not begin alike
+    """(P · M, τ, D) standardised stretches of the training data, with which performances begin: M of each speaker."""
+    styles: Array
+    """(P, style) code of each speaker; of no width where the network has none."""
+    centres: Array
+    """(P, D) standardised mean pose of each speaker."""
+    controls: Array = field(default_factory=lambda: np.zeros((QUANTILES, 0), np.float32))
+    """(101, C) standardised quantiles 0, 0.01 … 1 of each style control that the network has, over the training data."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +63,12 @@ class FlowSystem:
     audio: str
     smooth: int
     """How many frames to either side poses are averaged over, with binomial weights."""
+    styles: tuple[str, ...]
+    """Names of the speakers."""
+    style: str
+    """The one that is played where nobody says."""
+    controls: tuple[str, ...]
+    """Names of the style controls (`cospeech.poses.controls`) that it was trained with: further columns of the speech."""
     card: str
 
 
@@ -107,18 +90,19 @@ def write_flow(
     Args:
         arrays: of the network, see `pack_weights`.
         sizes: of the network; ``int8`` says how weights are kept.
-        statistics: see `measure`.
+        statistics: of the training data.
         pose, fps: representation and rate.
         audio: name of the reduction of audio (`cospeech.features.reduce.REDUCTIONS`).
         smooth: see `FlowSystem`.
-        facts: for the manifest; ``model`` is its registry name.
+        facts: for the manifest; ``styles`` are the names of the speakers, ``style`` one of them,
+            ``controls`` the network's style controls, if it has any.
         card: Markdown.
 
     Raises:
         InputError: these do not fit together.
     """
     weights = pack_weights(arrays, sizes)
-    _check_statistics(statistics, sizes)
+    _check_statistics(statistics, sizes, len(facts["styles"]), len(facts.get("controls", ())))
     manifest = {**facts, "kind": KIND, "sizes": asdict(sizes), "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
     members = {
         "weights.safetensors": pack_arrays(weights),
@@ -142,9 +126,14 @@ def open_flow(bundle: Bundle) -> FlowSystem:
         raise InputError(f"{bundle.name!r} does not tell the sizes of a flow", "is it of another version?")
     sizes = FlowSizes(**given)
     pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
-    smooth = bundle.fact("smooth", int)
+    smooth, names, style = bundle.fact("smooth", int), bundle.fact("styles", list), bundle.fact("style", str)
+    if style not in names or len({str(name) for name in names}) < len(names) or not all(isinstance(n, str) for n in names):
+        raise InputError(f"{bundle.name!r} has no list of styles", "is it damaged?")
+    controls = bundle.fact("controls", list) if "controls" in bundle.manifest else []
+    if any(controls.count(name) > 1 or name not in CONTROLS for name in controls):
+        raise InputError(f"{bundle.name!r} has style controls {str(controls)[:60]}", f"of {', '.join(CONTROLS)}, each once")
     known = pose in POSES and audio in REDUCTIONS
-    if not known or find_pose(pose).dimensions != sizes.pose or audio_width(audio) != sizes.audio:
+    if not known or find_pose(pose).dimensions != sizes.pose or audio_width(audio) + len(controls) != sizes.audio:
         raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
     if not (FRAME_RATES[0] <= fps <= FRAME_RATES[1] and 0 <= smooth <= 8):
         raise InputError(f"{bundle.name!r} has {fps} frames per second, smoothed over {smooth}", "is it damaged?")
@@ -152,27 +141,29 @@ def open_flow(bundle: Bundle) -> FlowSystem:
     if set(arrays) != {f.name for f in fields(Statistics)}:
         raise InputError(f"{bundle.name!r} has other statistics than a flow", "is it of another version?")
     statistics = Statistics(**arrays)
-    _check_statistics(statistics, sizes)
+    _check_statistics(statistics, sizes, len(names), len(controls))
     weights = bundle.arrays("weights.safetensors")
     check_weights(weights, sizes)
     graphs = {name.removesuffix(".onnx"): data for name, data in bundle.members.items() if name.endswith(".onnx")}
     margin = MARGIN * (statistics.pose_high - statistics.pose_low) + 1e-3
     engine = FlowEngine(sizes, weights, graphs, statistics.pose_low - margin, statistics.pose_high + margin)
     card = bundle.members.get("card.md", b"").decode("utf-8", "replace")
-    return FlowSystem(engine, statistics, pose, fps, audio, smooth, card)
+    return FlowSystem(engine, statistics, pose, fps, audio, smooth, tuple(names), style, tuple(controls), card)
 
 
-def _check_statistics(statistics: Statistics, sizes: FlowSizes) -> None:
-    for field in fields(Statistics):
-        value = getattr(statistics, field.name)
-        if field.name == "histories":
-            shape: tuple[int, ...] = (max(1, len(value)) if value.ndim else 1, sizes.history, sizes.pose)
-        else:
-            shape = (sizes.pose if field.name.startswith("pose") else sizes.audio,)
+def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, controls: int) -> None:
+    each = max(1, len(np.atleast_1d(statistics.histories)) // max(speakers, 1))
+    shapes: dict[str, tuple[int, ...]] = {
+        "histories": (speakers * each, sizes.history, sizes.pose), "styles": (speakers, sizes.style),
+        "centres": (speakers, sizes.pose), "controls": (QUANTILES, controls),
+    }  # fmt: skip
+    for name in (f.name for f in fields(Statistics)):
+        value = getattr(statistics, name)
+        shape = shapes.get(name, (sizes.pose if name.startswith("pose") else sizes.audio - controls,))
         if value.shape != shape or value.dtype != np.float32:
-            raise InputError(f"statistics {field.name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
+            raise InputError(f"statistics {name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
         if not np.abs(value).max(initial=0) < _FARTHEST:  # not a number fails this too
-            raise InputError(f"statistics {field.name!r} hold numbers that are not finite or absurd")
+            raise InputError(f"statistics {name!r} hold numbers that are not finite or absurd")
     if min(statistics.pose_std.min(), statistics.audio_std.min()) <= 0:
         raise InputError("statistics with a deviation that is not positive")
     if (statistics.pose_low > statistics.pose_high).any() or (statistics.audio_low > statistics.audio_high).any():

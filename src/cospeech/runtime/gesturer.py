@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..motion import Motion
+from ..poses.controls import read_controls
 from ..rotations import Array
 from ..rules import RuleGesturer
 from ..rules.session import check_speech
@@ -26,20 +27,24 @@ _PARTS = ("face", "body", "hands")
 
 
 class RandomSource:
-    """Latents as the network was trained to, one of the beginnings of the training data, the mean of all its poses.
+    """Latents as the network was trained to, in the manner of one of its speakers or of a mixture.
 
     Args:
         system: whose.
         seed: of the take.
         temperature: scale of the latents.
+        shares: (P,) of each speaker, in sum 1; that of `FlowSystem.style` alone where not given.
     """
 
-    def __init__(self, system: FlowSystem, *, seed: int, temperature: float = 1.0) -> None:
-        sizes, beginnings = system.engine.sizes, system.statistics.histories
+    def __init__(self, system: FlowSystem, *, seed: int, temperature: float = 1.0, shares: Array | None = None) -> None:
+        sizes, s, names = system.engine.sizes, system.statistics, system.styles
+        shares = np.array([name == system.style for name in names], float) if shares is None else shares
+        rng = np.random.default_rng([seed, 1])
+        speaker, each = rng.choice(len(names), p=shares), len(s.histories) // len(names)
+        self.history: Array = s.histories[speaker * each + rng.integers(each)]
+        self.style: Array = (shares @ s.styles).astype(np.float32)
+        self.centre: Array = (shares @ s.centres).astype(np.float32)
         self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
-        self.history: Array = beginnings[np.random.default_rng([seed, 1]).integers(len(beginnings))]
-        self.style = np.zeros(sizes.style, np.float32)
-        self.centre = np.zeros(sizes.pose, np.float32)
 
     def draw(self, frames: int) -> Array:
         return self._latents.draw(frames)
@@ -59,6 +64,7 @@ class BundleGesturer:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
+        self.styles = system.styles
         self._rules = RuleGesturer()
 
     @classmethod
@@ -88,22 +94,25 @@ class BundleGesturer:
         options: dict[str, Any] = {"emotion": emotion, "fps": fps, "intensity": intensity, "temperature": temperature}
         seeds = [int(seed) + take for take in range(takes)]
         self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
+        wishes, controls = _wishes(style, self.system)
         faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
-        sources = [self._source(style, k, float(temperature)) for k in seeds]
-        return Performance(self.system, sources, faces, fps=float(fps), intensity=float(intensity), parts=parts)
+        sources = [self._source(wishes, k, float(temperature)) for k in seeds]
+        return Performance(
+            self.system, sources, faces, fps=float(fps), intensity=float(intensity), parts=parts, controls=controls
+        )
 
     def _source(self, style: object, seed: int, temperature: float) -> Source:
         """Where a take's latents come from."""
-        if style is not None:
-            raise InputError(f"style {str(style)[:60]!r}", "this system has none")
-        return RandomSource(self.system, seed=seed, temperature=temperature)
+        shares = None if style is None else _shares(style, self.system.styles)
+        return RandomSource(self.system, seed=seed, temperature=temperature, shares=shares)
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
 
         Args:
             speech: any rate.
-            style: None.
+            style: a speaker of the training data by name (`styles` lists them), or a mixture (``"ada:0.7,ben:0.3"``);
+                quantiles of style controls, for a system that has them (``"hand_height:0.9"``), alone or with speakers.
             emotion: of the face: one of `cospeech.rules.EMOTIONS`, or "auto": from the voice.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
@@ -138,6 +147,39 @@ class BundleGesturer:
 _WHOLE = frozenset({"expmap-full"})
 """Representations whose rows add up: a frame does not follow from its own row."""
 _MOST_TAKES = 64  # ours, of one pass
+
+
+def _wishes(style: object, system: FlowSystem) -> tuple[object, Array]:
+    """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
+    table = system.statistics.controls
+    quantiles = dict.fromkeys(system.controls, 0.5)
+    parts = style.split(",") if isinstance(style, str) and style else []
+    said = [part for part in parts if part.partition(":")[0].strip() in quantiles]
+    for name, quantile in read_controls(",".join(said)).items() if said else ():
+        quantiles[name] = quantile
+    grid = np.linspace(0, 1, len(table))
+    row = [np.interp(q, grid, table[:, k]) for k, q in enumerate(quantiles.values())]
+    speakers = ",".join(part for part in parts if part not in said) or None
+    return (speakers if said else style), np.array(row, np.float32)
+
+
+def _shares(style: object, names: tuple[str, ...]) -> Array:
+    """(P,) shares of a speaker by name or of a mixture, in sum 1."""
+    shares = np.zeros(len(names))
+    for part in str(style).split(","):
+        name, colon, weight = (piece.strip() for piece in part.partition(":"))
+        if not isinstance(style, str) or name not in names:
+            raise InputError(f"no style is called {str(name)[:60]!r}", nearest(name, names))
+        try:
+            shares[names.index(name)] += float(weight) if colon else 1.0
+        except ValueError:
+            raise InputError(f"weight {weight!r} of style {name!r}", "a number, as in ada:0.7,ben:0.3") from None
+    if not (shares >= 0).all() or not 0 < shares.sum() < _MOST_WEIGHT:
+        raise InputError(f"style weights {str(style)[:60]!r}", "positive numbers, as in ada:0.7,ben:0.3")
+    return shares / shares.sum()  # type: ignore[no-any-return]
+
+
+_MOST_WEIGHT = 1e9  # ours: so that shares are numbers
 
 
 def _check(seed: object, takes: object, intensity: object, temperature: object) -> None:

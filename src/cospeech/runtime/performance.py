@@ -59,12 +59,17 @@ class Source(Protocol):
 
 
 class _Listener:
-    """Speech → standardised rows of features, with silence before and after: as many as windows of the engine need."""
+    """Speech → standardised rows of features, with silence before and after: as many as windows of the engine need.
 
-    def __init__(self, system: FlowSystem) -> None:
-        self._system, self._sizes = system, system.engine.sizes
+    Args:
+        system: whose.
+        controls: (C,) standardised style controls, behind each row.
+    """
+
+    def __init__(self, system: FlowSystem, controls: Array) -> None:
+        self._system, self._sizes, self._controls = system, system.engine.sizes, controls
         self._features = FrameFeatures(system.fps)
-        self._quiet = _silence(system)
+        self._quiet = self._controlled(_silence(system))
         self._rows = np.repeat(self._quiet, self._sizes.history, 0)
 
     @property
@@ -82,11 +87,14 @@ class _Listener:
         return self._windows(self._features.finish(), after)
 
     def _windows(self, columns: Array, after: Array | None = None) -> Array:
-        rows = _standard(self._system, columns) if len(columns) else self._rows[:0]
+        rows = self._controlled(_standard(self._system, columns)) if len(columns) else self._rows[:0]
         self._rows = np.concatenate([self._rows, rows, self._rows[:0] if after is None else after])
         windows = self._system.engine.windows(self._rows)
         self._rows = self._rows[len(windows) :].copy()
         return windows
+
+    def _controlled(self, rows: Array) -> Array:
+        return np.concatenate([rows, np.broadcast_to(self._controls, (len(rows), len(self._controls)))], 1)
 
 
 def _standard(system: FlowSystem, columns: Array) -> Array:
@@ -170,6 +178,7 @@ class Performance:
         fps: of the motion.
         intensity: see `BundleGesturer.generate`.
         parts: what is generated.
+        controls: (C,) standardised style controls.
     """
 
     def __init__(
@@ -181,9 +190,10 @@ class Performance:
         fps: float,
         intensity: float,
         parts: tuple[str, ...],
+        controls: Array,
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
-        self._listener = _Listener(system)
+        self._listener = _Listener(system, controls)
         self._poses = _Poses(system, sources, fps, intensity)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._bodies: list[list[Motion]] = [[] for _ in sources]

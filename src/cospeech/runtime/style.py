@@ -1,0 +1,415 @@
+"""Whose style a bundle plays: its speakers by name, examples (a motion of any skeleton and length), and mixtures of both.
+
+What is known of a style is a `Manner`. A mixture is a `Blend` of manners, and a source turns it into what a performance is
+made of: a style code, a beginning, latents. There are three, all with the same arguments:
+
+`CodeSource`     the style code of the example conditions every frame, latents are random; ours (`FlowConfig.style`).
+`SegmentSource`  the latents that would have made the example, under mean speech, drive the synthesis: in order for as long as
+                 the example lasts (Ye et al. 2022, section 4.5), then in stretches of a second drawn from it (ours).
+`NormalSource`   latents are drawn from mean and covariance of the example's (ours).
+
+The latter two also go without the code (``coded=False``), as the paper does. docs/styles.md has how they compare.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from math import isfinite
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import InputError, nearest
+from ..motion import Motion
+from ..poses import Pose, find_pose
+from ..rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
+from .flow_bundle import FlowSystem
+from .flow_engine import StudentT
+from .performance import Source
+
+__all__ = ["Blend", "CodeSource", "Manner", "NormalSource", "SegmentSource", "Styles", "Transfer"]
+
+BODIES = (".bvh", ".glb", ".vrma", ".npz")
+"""Suffixes of motion files that have a body."""
+SHORTEST = 1.0  # s; ours: less shows no movement
+LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
+STRETCH = 128  # frames that a style code is made of; cospeech.corpora.examples
+BLOCK = 1.0  # s; ours: of latents drawn together, about a gesture stroke with its preparation
+CHUNK = 64  # frames drawn at once
+BEGINNINGS = 8  # ours: places in an example that takes begin from
+ASIDE, FACING = 0.25, np.pi / 4  # metres and radians; ours: a place or a heading beyond belongs to the room, not to the person
+ALL = 1 - 1e-6  # ours: weights that add up to so much leave nothing to the default style
+MOST_WEIGHT = 1e9  # ours: so that shares are numbers
+_POINTS = {"direction-vectors": "cospeech.corpora.ted_writer", "keypoints2d": "cospeech.corpora.pats_points"}
+"""Representation of key points → the module whose ``points_of`` sees motion in its layout."""
+
+
+@dataclass(frozen=True, eq=False)
+class Manner:
+    """How somebody moves, in a system's standardised numbers."""
+
+    code: Array
+    """(style,) of no width for a system that has no codes."""
+    centre: Array
+    """(D,) mean pose."""
+    beginnings: Array
+    """(n, τ, D) stretches that a performance may begin with."""
+    shown: tuple[Array, ...] = ()
+    """(T, D) each: the poses of an example; nothing for a speaker by name."""
+
+
+Blend = tuple[tuple[float, Manner], ...]
+"""Manners with their shares, in sum 1."""
+
+
+class Transfer(Protocol):
+    """What the three sources have in common: how they are made."""
+
+    def __call__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> Source: ...
+
+
+class CodeSource:
+    """The style by its code; latents as the network was trained to.
+
+    Args:
+        system: whose.
+        blend: the style.
+        seed: of the take.
+        temperature: scale of the latents.
+    """
+
+    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
+        rng, sizes = np.random.default_rng([seed, 1]), system.engine.sizes
+        begun = [(share, manner.beginnings[rng.integers(len(manner.beginnings))]) for share, manner in blend]
+        self.history: Array = _mean(begun)
+        self.style: Array = _mean([(share, manner.code) for share, manner in blend])
+        self.centre: Array = _mean([(share, manner.centre) for share, manner in blend])
+        self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
+
+    def draw(self, frames: int) -> Array:
+        """See `Source`."""
+        return self._latents.draw(frames)
+
+
+class _ExampleSource(CodeSource):
+    """What both kinds of latents from examples need.
+
+    Args:
+        system, blend, seed, temperature: as of `CodeSource`; the temperature scales how far latents are from their mean.
+        coded: whether the code of the example conditions the frames too; else that of the default style.
+    """
+
+    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
+        super().__init__(system, blend, seed=seed, temperature=temperature)
+        if not coded:
+            self.style = named(system, system.style).code
+        self._system, self._temperature = system, np.float32(temperature)
+        self._kept = np.zeros((0, system.engine.sizes.pose), np.float32)
+        self._rng = np.random.default_rng([seed, 2])
+        self._pieces = [(share, latents_of(system, manner, manner.code if coded else self.style)) for share, manner in blend]
+        self._blocks = self._drawn()
+
+    def _drawn(self) -> Iterator[Array]:
+        raise NotImplementedError
+
+    def draw(self, frames: int) -> Array:
+        """See `Source`; blocks are drawn whole, so that they do not depend on who asks for how much."""
+        while len(self._kept) < frames:
+            self._kept = np.concatenate([self._kept, next(self._blocks)])
+        out, self._kept = self._kept[:frames], self._kept[frames:]
+        return out
+
+
+class SegmentSource(_ExampleSource):
+    """The example's own latents: in order while they last, then blocks of a second, each from anywhere in it.
+
+    Of a mixture every block comes from one of the manners, by their shares; speakers by name give random latents.
+    """
+
+    def _drawn(self) -> Iterator[Array]:
+        means = [np.mean(np.concatenate(found), 0) if found else None for _, found in self._pieces]
+        if len(self._pieces) == 1 and means[0] is not None:
+            for piece in self._pieces[0][1]:
+                yield self._warmed(piece, means[0])
+        length = max(1, round(BLOCK * self._system.fps))
+        shares = np.array([share for share, _ in self._pieces])
+        while True:
+            chosen = int(self._rng.choice(len(shares), p=shares / shares.sum()))
+            found, mean = self._pieces[chosen][1], means[chosen]
+            if mean is None:
+                yield self._latents.draw(length)
+                continue
+            sizes = np.array([max(1, len(piece) - length + 1) for piece in found])
+            place = int(self._rng.integers(sizes.sum()))
+            which = int(np.searchsorted(np.cumsum(sizes), place, "right"))
+            start = place - int(sizes[:which].sum())
+            yield self._warmed(found[which][start : start + length], mean)
+
+    def _warmed(self, latents: Array, mean: Array) -> Array:
+        return (mean + self._temperature * (latents - mean)).astype(np.float32)
+
+
+class NormalSource(_ExampleSource):
+    """Latents with mean and covariance of the example's, frame by frame; of a mixture, both are mixed.
+
+    The covariance is drawn towards that of random latents, the more so the shorter the example is.
+    """
+
+    def _drawn(self) -> Iterator[Array]:
+        sizes = self._system.engine.sizes
+        spread = sizes.nu / (sizes.nu - 2) if sizes.nu > 2 else 1.0
+        mean, covariance = np.zeros(sizes.pose), np.zeros((sizes.pose, sizes.pose))
+        for share, found in self._pieces:
+            own = spread * np.eye(sizes.pose)
+            if found:
+                z = np.concatenate(found).astype(np.float64)
+                trust = len(z) / (len(z) + sizes.pose)
+                own = trust * np.cov(z.T, bias=True) + (1 - trust) * own
+                mean += share * z.mean(0)
+            covariance += share * own
+        mix = np.linalg.cholesky(covariance / spread).T
+        while True:
+            yield (mean + self._latents.draw(CHUNK) @ mix).astype(np.float32)
+
+
+def _mean(parts: list[tuple[float, Array]]) -> Array:
+    """The weighted mean; a single part as it is, to the bit."""
+    if len(parts) == 1:
+        return np.asarray(parts[0][1], np.float32)
+    return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
+
+
+def latents_of(system: FlowSystem, manner: Manner, code: Array) -> list[Array]:
+    """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
+    sizes, found = system.engine.sizes, []
+    after = sizes.heard - 1 - sizes.history
+    for poses in manner.shown:
+        rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
+        found.append(system.engine.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
+    return found
+
+
+# styles by what users say ---------------------------------------------------------------------------------------------
+
+
+class Styles:
+    """The styles of a system: its speakers, and any example.
+
+    Args:
+        system: whose.
+    """
+
+    def __init__(self, system: FlowSystem) -> None:
+        self._system = system
+        self._seen: OrderedDict[tuple[str, int, int], Manner] = OrderedDict()
+
+    def blend(self, style: object) -> Blend:
+        """What to play.
+
+        Args:
+            style: None (the default style); a speaker's name; a motion file; a mixture of them with weights
+                (``"ada:0.7,clip.bvh:0.3"``); a `Motion`; or a dict from any of these to weights. Weights that add up to less
+                than 1 leave the rest to the default style, so that ``"clip.bvh:0.5"`` is half way to the example; larger sums
+                are brought to 1.
+
+        Raises:
+            InputError: a name, file or weight that cannot be used.
+        """
+        weights = _weights(style, self._system.styles)
+        total = sum(weights.values())
+        if not all(isfinite(w) and w >= 0 for w in weights.values()) or total >= MOST_WEIGHT:
+            raise InputError(f"style weights {_shown(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
+        scale = max(total, 1.0) if total < ALL else total
+        parts = [(weight / scale, self._manner(who)) for who, weight in weights.items() if weight > 0]
+        if total < ALL:
+            parts.append((1.0 - total, named(self._system, self._system.style)))
+        return tuple(parts)
+
+    def _manner(self, who: object) -> Manner:
+        """One part of a mixture; files that were read lately are not read again."""
+        if isinstance(who, str) and who in self._system.styles:
+            return named(self._system, who)
+        if isinstance(who, Motion):
+            return example(self._system, who, "the example")
+        path = Path(fspath(who))  # type: ignore[call-overload]
+        try:
+            status = path.stat()
+        except (OSError, ValueError):
+            status = None  # what is wrong, the reader says better
+        key = (str(path), status.st_mtime_ns, status.st_size) if status else ("", 0, 0)
+        if status is None or key not in self._seen:
+            manner = example(self._system, Motion.load(path), repr(path.name))
+            if status is None:
+                return manner
+            self._seen[key] = manner
+            while len(self._seen) > _KEPT:
+                self._seen.popitem(last=False)
+        return self._seen[key]
+
+
+_KEPT = 8  # ours: examples remembered
+
+
+def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
+    """Name, path or motion → its weight, as the user said it."""
+    if style is None:
+        return {}
+    if isinstance(style, Motion):
+        return {style: 1.0}
+    if isinstance(style, PathLike):
+        return {Path(_known(fspath(style), names)): 1.0}
+    if isinstance(style, Mapping) and style:
+        found: dict[Any, float] = {}
+        for who, weight in style.items():
+            if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
+                raise InputError(f"weight {weight!r} of style {_shown(who)}", "a number")
+            key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
+            found[key] = found.get(key, 0.0) + float(weight)
+        return found
+    if not isinstance(style, str) or not style.strip():
+        raise InputError(f"style {_shown(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3")
+    text = style.strip()
+    if _is_file(text):
+        return {Path(text): 1.0}
+    found = {}
+    for part in text.split(","):
+        who, weight = _weighed(part.strip(), names)
+        key = _key(who, names)
+        found[key] = found.get(key, 0.0) + weight
+    return found
+
+
+def _weighed(part: str, names: tuple[str, ...]) -> tuple[str, float]:
+    """``NAME:WEIGHT`` or ``NAME``; colons within a path are its own."""
+    who, colon, weight = part.rpartition(":")
+    who = who.strip()
+    if not colon:
+        return part, 1.0
+    try:
+        return who, float(weight)
+    except ValueError:
+        if who in names or _has_body(who):
+            raise InputError(f"weight {weight!r} of style {who!r}", "a number, as in ada:0.7,clip.bvh:0.3") from None
+        return part, 1.0
+
+
+def _key(who: object, names: tuple[str, ...]) -> object:
+    return who if who in names else Path(_known(who, names))
+
+
+def _known(who: object, names: tuple[str, ...]) -> str:
+    """The name of a file that may be an example.
+
+    Raises:
+        InputError: it is none, and nobody's name either.
+    """
+    if not isinstance(who, str):
+        raise InputError(f"style {_shown(who)}", "a name, a motion file or a Motion")
+    if _has_body(who):
+        return who
+    if Path(who).suffix and not who.endswith(".") and (_is_file(who) or "/" in who):
+        raise InputError(f"no example of style can be read from {who[:120]!r}", f"motion files: {' '.join(BODIES)}")
+    raise InputError(f"no style is called {who[:60]!r}", f"{nearest(who, names)}; or an example: {' '.join(BODIES)}")
+
+
+def _has_body(text: str) -> bool:
+    return text.lower().endswith(BODIES)
+
+
+def _is_file(text: str) -> bool:
+    try:
+        return _has_body(text) and Path(text).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _shown(style: object) -> str:
+    return "a motion" if isinstance(style, Motion) else repr(str(style)[:60])
+
+
+def named(system: FlowSystem, name: str) -> Manner:
+    """One of a system's speakers."""
+    s, k = system.statistics, system.styles.index(name)
+    each = len(s.histories) // len(system.styles)
+    return Manner(s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each])
+
+
+# examples -------------------------------------------------------------------------------------------------------------
+
+
+def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Manner:
+    """What a motion shows of somebody's style; the face is not looked at.
+
+    Args:
+        system: who looks at it.
+        motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
+        name: for messages.
+
+    Raises:
+        InputError: it is shorter than a second, or its skeleton is not recognised.
+    """
+    sizes = system.engine.sizes
+    least = max(SHORTEST, max(8, sizes.history + 2) / system.fps)  # 8: cospeech.nn.conditioning.StyleEncoder
+    if motion.duration < least:
+        raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
+    try:
+        shown = tuple(_seen(piece, system) for piece in _spread(motion))
+    except InputError as error:
+        raise InputError(f"{name}: {error.problem}", error.hint) from None
+    if sizes.style:
+        code = np.mean([system.engine.style_code(stretch) for poses in shown for stretch in _stretches(poses)], 0)
+    else:
+        code = np.zeros(0)
+    places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
+    every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
+    beginnings = np.concatenate(every)[places.astype(int)]
+    centre = np.concatenate(shown).mean(0)
+    return Manner(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), shown)
+
+
+def _spread(motion: Motion) -> list[Motion]:
+    """The whole of it, or pieces evenly spread."""
+    if motion.duration <= LONGEST:
+        return [motion]
+    length = round(PIECE * motion.fps)
+    starts = np.linspace(0, len(motion) - length, round(LONGEST / PIECE)).astype(int)
+    return [motion[int(start) : int(start) + length] for start in starts]
+
+
+def _stretches(poses: Array) -> list[Array]:
+    """Overlapping by half, the last one at the end."""
+    last = max(0, len(poses) - STRETCH)
+    return [poses[start : start + STRETCH] for start in [*range(0, last, STRETCH // 2), last]]
+
+
+def _seen(motion: Motion, system: FlowSystem) -> Array:
+    """(T, D) standardised poses within the range of the training data."""
+    pose: Pose = find_pose(system.pose)
+    body = _placed(motion.resample(system.fps).retarget("humanoid"))
+    if pose.source == "points":
+        source: object = import_module(_POINTS[pose.name]).points_of(body)
+    else:
+        source = body.retarget(pose.skeleton)  # type: ignore[attr-defined]  # all that take motion have one
+    s = system.statistics
+    return np.clip((pose.encode(source) - s.pose_mean) / s.pose_std, s.pose_low, s.pose_high).astype(np.float32)
+
+
+def _placed(body: Motion) -> Motion:
+    """Our humanoid brought to where speakers stand, and turned to the front, if it is not there or nearly."""
+    hips, root = np.asarray(body.rotations[:, 0], float), np.asarray(body.root, float).copy()
+    ahead = quat_rotate(hips, np.array([0.0, 0.0, 1.0])).mean(0)
+    heading = float(np.arctan2(ahead[0], ahead[2]))
+    rotations = body.rotations.copy()
+    middle = np.median(root, 0) * [1, 0, 1]
+    if abs(heading) > FACING:
+        back = axis_angle_to_quat([0, 1, 0], -heading)
+        rotations[:, 0] = quat_multiply(back, hips)
+        root = quat_rotate(back, root - middle) + middle
+    if np.hypot(middle[0], middle[2]) > ASIDE:
+        root = root - middle
+    return Motion(body.fps, rotations, root.astype(np.float32))

@@ -55,7 +55,7 @@ class _Judge:
 
     def _key(self, *parts: object) -> list[object]:
         name = self.tools.features.name if self.tools.features is not None else "latents"
-        place = self.stages.place("", 0).parent.parent.name
+        place = self.stages.mark
         return [self.design.name, place, self.excerpts.protocol, self.columns, name, self.excerpts.raw is not None, *parts]
 
     def _kept(self, key: Sequence[object], work: Callable[[], Any]) -> Any:

@@ -20,6 +20,7 @@ LEAST_SEEDS = 3  # evidence of an order takes three seeds at least
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
       2.101, 2.093)  # fmt: skip
 """97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
+_NOTHING = 1e-9  # rounding of what is equal
 REPRODUCED, NOT, OPEN = "reproduced", "not reproduced", "not told"
 
 
@@ -75,6 +76,8 @@ def verdicts(design: Design, part: Part, rows: Mapping[str, Mapping[str, Any]]) 
 
 def _number(cell: Mapping[str, Any]) -> str:
     half = cell.get("half")
+    if abs(cell["mean"]) < _NOTHING:
+        return "0"
     return f"{cell['mean']:.3g}" + ("" if half is None else f" ± {half:.2g}")
 
 

@@ -19,7 +19,7 @@ from ..corpora.store import Store
 from ..errors import InputError
 from ..files import describe_os_error
 from ..metrics import FeatureNet
-from ..recipe import Recipe, load_recipe
+from ..recipe import FREE, Recipe, changed, load_recipe
 from ..rotations import Array
 
 __all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder"]
@@ -131,16 +131,22 @@ class Stages:
         return Store(self.folder)
 
     @property
-    def scale(self) -> str:
-        """Part of the names of run folders: "paper" or "small", and a mark where more was changed."""
-        mark = f"-{_digest(*(text.encode() for text in self.overrides))}" if self.overrides else ""
-        return f"{'small' if self.small else 'paper'}{mark}"
+    def mark(self) -> str:
+        """Tells this store from all others: corpus, poses, and a digest of its index and statistics."""
+        store = self.store
+        digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
+        return f"{store.corpus}-{store.pose}-{digest}"
 
     def place(self, name: str, seed: int) -> Path:
-        """Folder of a run: corpus and poses of the store and a mark of its index, scale, recipe, seed."""
-        store = self.store
-        mark = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
-        return Path(self.runs) / f"{store.corpus}-{store.pose}-{mark}" / self.scale / f"{name}-{seed}"
+        """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
+        recipe = self._recipe(name, seed).to_dict()
+        free = {
+            **recipe,
+            "needs": {},
+            "train": {k: v for k, v in recipe["train"].items() if f"train.{k}" not in FREE or k == "steps"},
+        }
+        own = _digest(json.dumps(free, sort_keys=True).encode())
+        return Path(self.runs) / self.mark / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
 
     def recipe(self, name: str, seed: int = 0) -> Recipe:
         """A recipe as it is trained here.
@@ -148,6 +154,13 @@ class Stages:
         Raises:
             InputError: there is no such recipe, or it cannot be changed so.
         """
+        recipe = self._recipe(name, seed)
+        if "omega" in recipe.needs:
+            recipe = replace(recipe, needs={**recipe.needs, "omega": str(self.place(f"{OMEGA}_{self.store.corpus}", 0))})
+        return recipe
+
+    def _recipe(self, name: str, seed: int) -> Recipe:
+        """The same, but for where the runs lie that it needs."""
         path = Path(self.recipes) / f"{name}.toml"
         if not path.is_file():
             raise InputError(f"there is no recipe {str(path)!r}", "--recipes names the folder of the repository's recipes")
@@ -160,9 +173,6 @@ class Stages:
         if self.threads:
             texts.append(f"train.threads={self.threads}")
         recipe = load_recipe(path, texts)
-        if "omega" in recipe.needs:
-            omega = self.place(f"{OMEGA}_{self.store.corpus}", 0)
-            recipe = replace(recipe, needs={**recipe.needs, "omega": str(omega)})
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
         return recipe
@@ -191,9 +201,9 @@ class Stages:
         if not (folder / "last.safetensors").exists():
             return False
         from ..checkpoint import read_facts, read_tensors
-        from ..recipe import changed
 
-        if changed(read_facts(folder)["recipe"], recipe.to_dict()):
+        differs = changed(read_facts(folder)["recipe"], recipe.to_dict())
+        if any(not text.startswith("needs.") for text in differs):  # where the runs lay is no matter
             return False  # resuming says what differs
         return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
 

@@ -29,7 +29,7 @@ LAYERS = [
     {"training_set"},
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
-    {"train", "evaluation"},
+    {"train", "bundling", "evaluation"},
     {"contest"},
     {"tables"},
     {"generate"},
@@ -42,7 +42,7 @@ RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 # models.load and .bundle_run of a run folder.
 FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
 FACADES |= {("models", "checkpoint")}
-TORCH = {"nn", "models", "checkpoint", "training_set", "train"}
+TORCH = {"nn", "models", "checkpoint", "training_set", "train", "bundling"}
 
 
 def part(path: Path) -> str:

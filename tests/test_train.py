@@ -117,6 +117,21 @@ def test_every_term_is_in_the_log_though_not_in_every_step(store, tmp_path):
     assert all(size > 0 for size in rows[0]["gradient"].values())
 
 
+def test_figures_of_all_steps_compare(store, tmp_path, monkeypatch):
+    """A term that is due in every fifth step is in every validation."""
+    plain = tiny_models.TinyFlow.loss
+
+    def with_rare(model, batch, step):
+        rare = {} if step % 5 else {"rare": model.flow.steps[0].norm.bias.sum()}
+        return plain(model, batch, step) | rare
+
+    monkeypatch.setattr(tiny_models.TinyFlow, "loss", with_rare)
+    run(plan(steps=12, validate_every=4, log_every=6), store, tmp_path / "run")
+    rows = log(tmp_path / "run")
+    assert all("flow.rare" in row["validation"] for row in rows if "validation" in row)
+    assert all("flow.rare" in row["loss"] for row in rows if "loss" in row)
+
+
 def test_an_objective_has_its_own_rate(store, tmp_path):
     sections = plan("tiny-gan", steps=2, judge={"lr": 0.5, "schedule": "exponential", "gamma": 0.1})
     run(sections, store, tmp_path / "run")
@@ -169,6 +184,19 @@ def test_half_precision_trains_too(store, tmp_path):
     report = run(plan("tiny-gan", precision="bfloat16", best="made"), store, tmp_path / "run")
     assert report.best["value"] < 2
     assert load_run(tmp_path / "run")[0].decode.weight.dtype == torch.float32
+
+
+def test_tensorboard_gets_the_same_figures(store, tmp_path):
+    pytest.importorskip("tensorboard", reason="needs TensorBoard (cospeech[train])")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    run(plan(steps=4, validate_every=2, tensorboard=True), store, tmp_path / "run")
+    board = EventAccumulator(str(tmp_path / "run" / "tensorboard"))
+    board.Reload()
+    losses = {event.step: event.value for event in board.Scalars("loss/flow.nll")}
+    expected = {row["step"]: row["loss"]["flow.nll"] for row in log(tmp_path / "run") if "loss" in row}
+    assert losses == pytest.approx(expected)
+    assert [event.step for event in board.Scalars("validation/flow")] == [2, 4]
 
 
 def test_nobody_outside_notices(store, tmp_path):

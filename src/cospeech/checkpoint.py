@@ -1,9 +1,9 @@
 """What a run leaves on disk: safetensors and JSON, nothing that executes when it is read.
 
 A run folder holds ``config.json`` (model, its config and sizes, the recipe, facts of the store), ``statistics.safetensors``
-(``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``last.safetensors`` (everything that is needed to go on, as one
-file: parameters, their running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors``
-(parameters alone).
+(``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``examples.safetensors`` (what a bundle has to know of the data,
+see `cospeech.corpora.examples`), ``last.safetensors`` (everything that is needed to go on, as one file: parameters, their
+running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors`` (parameters alone).
 """
 
 from __future__ import annotations
@@ -75,13 +75,14 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
         raise InputError(f"cannot build {facts['model']!r}: {error}"[:200], "do [needs] of the recipe fit the model?") from None
 
 
-def write_facts(folder: Path, facts: Mapping[str, Any], statistics: Mapping[str, Tensor]) -> None:
+def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapping[str, Tensor]]) -> None:
     """Begin a run folder; ``config.json`` comes last, so that where it is, all is."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
-    write_tensors(folder / "statistics.safetensors", statistics, {})
+    for name, tensors in files.items():
+        write_tensors(folder / f"{name}.safetensors", tensors, {})
     with atomic(folder / "config.json") as path:
         path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
@@ -132,9 +133,8 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 def clean(folder: Path) -> None:
     """Remove what a killed process was about to write."""
-    for name in ("last", "best", "statistics"):
-        for path in folder.glob(f".{name}.safetensors.*"):
-            path.unlink(missing_ok=True)
+    for path in folder.glob(".*.safetensors.*"):
+        path.unlink(missing_ok=True)
 
 
 def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:

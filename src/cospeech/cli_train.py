@@ -87,7 +87,7 @@ def _add_bundle(app: typer.Typer) -> None:
         cospeech bundle runs/stylised-flow-ted -o mine.cospeech
         """
         with _training():
-            from .models import bundle_run
+            from .bundling import bundle_run
 
             bundle_run(run, output)
         if not quiet:

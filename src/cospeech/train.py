@@ -84,7 +84,7 @@ class _Run:
         if mean_values([self.done], team) != [self.done]:  # all have looked before one writes
             raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")
         if team.rank == 0 and not there:
-            write_facts(folder, work.facts, work.statistics)
+            write_facts(folder, work.facts, {"statistics": work.statistics, "examples": work.examples()})
 
     def _restore(self) -> None:
         tensors, state = read_tensors(self.folder / "last.safetensors")
@@ -181,7 +181,10 @@ class _Run:
         return figures
 
     def _figures(self, batch: Batch) -> dict[str, Tensor | float]:
-        """What the model itself measures, or its losses: of each objective under way the sum, and each term."""
+        """What the model itself measures, or its losses: of each objective under way the sum, and each term.
+
+        Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
+        """
         if hasattr(self.model, "validate"):
             measured: dict[str, Tensor | float] = self.model.validate(batch)
             return measured
@@ -189,7 +192,7 @@ class _Run:
         for part in self.parts:
             if part.active(self.done - 1):
                 with self.autocast():
-                    terms = part.objective.loss(batch, self.done)
+                    terms = part.objective.loss(batch, part.objective.start)
                 found[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
                 found |= {f"{part.name}.{name}": term for name, term in terms.items()}
         return found

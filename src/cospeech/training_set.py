@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from . import __version__
 from .checkpoint import load_run, network, read_tensors
+from .corpora.examples import examples_of
 from .corpora.feed import Feed, Reduce, Standard, check_mirror, sizes, standard_audio, standard_pose
 from .corpora.store import Store
 from .corpora.windows import Windows
@@ -35,6 +36,13 @@ class TrainingSet:
     data: Data
     standards: dict[str, Standard]
     reduce: Reduce | None
+
+    def examples(self) -> dict[str, Tensor]:
+        """What a bundle has to know of the data; nothing where there is no audio."""
+        if "audio" not in self.standards:
+            return {}
+        taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce)
+        return {name: torch.from_numpy(array) for name, array in taken.items()}
 
     def feed(self, model: Any, split: str, balanced: bool) -> Feed:
         """Batches of a split, as a model wants them."""

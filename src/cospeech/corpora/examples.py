@@ -1,0 +1,61 @@
+"""What a bundle has to know of the data that its network was trained on: ranges, and how each speaker moves for some seconds.
+
+It is taken when a run begins, so that a run folder can become a bundle wherever its store is by then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rotations import Array
+from .feed import Reduce, Standard
+from .store import Store
+
+__all__ = ["STRETCH", "STRETCHES", "examples_of"]
+
+STRETCH = 128  # frames; ours: 4 to 9 s, longer than any history and than the stretches that style codes are made of
+STRETCHES = 8  # of each speaker; ours: enough for a mean, and for takes that do not begin alike
+
+
+def examples_of(store: Store, pose: Standard, audio: Standard, reduce: Reduce | None) -> dict[str, Array]:
+    """Standardised ranges and stretches of the training split.
+
+    Args:
+        store: the data.
+        pose, audio, reduce: as the network is fed.
+
+    Returns:
+        ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, `STRETCHES`, `STRETCH`, D),
+        float32; ``pose_centre`` (speakers, D): the mean pose of each. Shorter clips are held at their ends, a speaker without
+        training clips has the stretches of the others.
+    """
+    clips = [clip for clip in store.clips if clip.split == "train" and {"pose", "audio"} <= {*clip.has}]
+    edges: dict[str, Array] = {}
+    rows: dict[str, list[Array]] = {name: [] for name in store.speakers}
+    for clip in clips:
+        arrays = store.clip(clip)
+        heard = arrays["audio"] if reduce is None else reduce(arrays["audio"])
+        poses = pose(arrays["pose"])
+        rows[clip.speaker].append(poses)
+        for name, values in (("pose", poses), ("audio", audio(heard))):
+            low, high = values.min(0), values.max(0)
+            edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
+            edges[f"{name}_high"] = np.maximum(edges.get(f"{name}_high", high), high)
+    every = [poses for found in rows.values() for poses in found]
+    taken = [found or every for found in rows.values()]
+    stretches = np.stack([_stretches(found) for found in taken]).astype(np.float32)
+    centres = np.stack([np.concatenate(found).mean(0) for found in taken]).astype(np.float32)
+    return {**edges, "stretches": stretches, "pose_centre": centres}
+
+
+def _stretches(clips: list[Array]) -> Array:
+    """(`STRETCHES`, `STRETCH`, D), evenly spread over all that there is of a speaker."""
+    lengths = np.array([len(clip) for clip in clips])
+    places = (np.arange(STRETCHES) + 0.5) / STRETCHES * lengths.sum()
+    found = []
+    for place in places:
+        which = int(np.searchsorted(np.cumsum(lengths), place, "right"))
+        clip, start = clips[which], int(place - lengths[:which].sum())
+        first = max(0, min(start, len(clip) - STRETCH))
+        found.append(clip[np.minimum(first + np.arange(STRETCH), len(clip) - 1)])
+    return np.stack(found)

@@ -41,7 +41,7 @@ RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 # What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript; render_motion;
 # models.load and .bundle_run of a run folder.
 FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
-FACADES |= {("models", "checkpoint")}
+FACADES |= {("models", "checkpoint"), ("models", "bundling")}
 TORCH = {"nn", "models", "checkpoint", "training_set", "train", "bundling"}
 
 

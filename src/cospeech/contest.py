@@ -17,7 +17,7 @@ from .errors import InputError
 from .evaluation import DEFAULT, Table, sample_of, stored_clips
 from .evaluation import evaluate as judge
 from .metrics import FeatureNet, Tools
-from .models import MODELS, Gesturer, load
+from .models import MODELS, Gesturer, load, plays
 from .motion import Motion
 
 __all__ = ["contest", "evaluate", "feature_tools", "play"]
@@ -123,12 +123,12 @@ def contest(
     if not 1 <= takes <= 100:
         raise InputError(f"{takes} takes", "1 … 100")
     for target in targets.values():
-        if target not in MODELS and not Path(target).is_dir():
+        if not plays(target) and not Path(target).is_dir():
             raise InputError(f"{target!r} is no folder of motions and no model", f"models: {', '.join(MODELS)}")
     clips = stored_clips(store, split=split, raw=raw)
     tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
-        name: play(target, clips, takes=takes, seed=seed) if target in MODELS else target for name, target in targets.items()
+        name: play(target, clips, takes=takes, seed=seed) if plays(target) else target for name, target in targets.items()
     }
     return judge(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
@@ -12,9 +15,13 @@ if TYPE_CHECKING:
     from ..motion import Motion
     from ..speech import Speech
 
-__all__ = ["DEFAULT", "MODELS", "NETWORKS", "PARTS", "Gesturer", "Performance", "load"]
+__all__ = ["BUNDLE", "DEFAULT", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "Performance", "load", "plays"]
 
-MODELS: dict[str, str] = {"rules": "cospeech.rules:RuleGesturer"}
+MODELS: dict[str, str] = {
+    "rules": "cospeech.rules:RuleGesturer",
+    "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
+    "moglow": "cospeech.models.moglow:MoGlow",
+}
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
 
 NETWORKS: dict[str, str] = {
@@ -27,6 +34,10 @@ NETWORKS: dict[str, str] = {
 
 DEFAULT = "rules"
 """The best that ships: what ``generate`` uses when no model is named."""
+
+BUNDLE = ".cospeech"
+SHIPPED = Path(__file__).parents[1] / "assets" / "bundles"
+"""Where the weights lie that come with the package: ``NAME.cospeech``."""
 
 PARTS = ("face", "body", "hands")
 """What can be generated alone or together."""
@@ -68,17 +79,46 @@ class Gesturer(Protocol):
         ...
 
 
-def load(name: str = DEFAULT) -> Gesturer:
-    """A model by its registry name.
+def plays(name: str | PathLike[str]) -> bool:
+    """Whether `load` takes it: a registered name, a bundle by its suffix, or a run folder."""
+    return str(name) in MODELS or Path(name).suffix == BUNDLE or (Path(name) / "config.json").is_file()
+
+
+def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
+    """A model that is ready to perform.
 
     >>> type(load("rules")).__name__
     'RuleGesturer'
 
+    Args:
+        name: in `MODELS`; or a bundle, ``mine.cospeech``; or the folder of a run (which needs the extra ``train``).
+
     Raises:
-        InputError: there is no such model; the message names the nearest one.
+        InputError: there is no such model (the message names the nearest one), no weights of it ship, or the file is damaged.
     """
-    if name not in MODELS:
-        raise InputError(f"no model is called {name!r}", nearest(name, MODELS))
+    if not plays(name):
+        raise InputError(f"no model is called {str(name)!r}", nearest(str(name), MODELS))
+    if name in NETWORKS or name not in MODELS:
+        return _open(str(name))
     module, _, attribute = MODELS[name].partition(":")
     model: Gesturer = getattr(import_module(module), attribute)()
     return model
+
+
+def _open(name: str) -> Gesturer:
+    """A trained system: the bundle that ships, a bundle, or a run, which becomes one first."""
+    from ..runtime.gesturer import BundleGesturer
+
+    shipped = SHIPPED / f"{name}{BUNDLE}"
+    if name in MODELS and not shipped.is_file():
+        raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
+    path = shipped if name in MODELS else Path(name)
+    if path.suffix == BUNDLE:
+        return BundleGesturer.open(path)
+    try:
+        from ..bundling import bundle_run
+    except ModuleNotFoundError as error:
+        raise InputError(f"a run needs {error.name} to become a bundle", "pip install 'cospeech[train]'") from None
+    with TemporaryDirectory(prefix="cospeech-") as folder:
+        bundle_run(path, Path(folder) / f"run{BUNDLE}")
+        return BundleGesturer.open(Path(folder) / f"run{BUNDLE}")

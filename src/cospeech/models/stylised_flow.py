@@ -247,6 +247,16 @@ class StylisedFlow(nn.Module):
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
+    def runtime_sizes(self) -> dict[str, Any]:
+        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        c = self.config
+        return {
+            "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
+            "history": c.history, "heard": self.heard, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
+            "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
+            "channels": c.encoder_channels if c.encoder or c.style else 0, "oldest": c.encoder_oldest, "style": c.style,
+        }  # fmt: skip
+
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow_graph` wants them; sizes are in the `FlowConfig`."""
+        """Arrays by name, as `cospeech.runtime.flow_graph` wants them."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

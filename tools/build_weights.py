@@ -1,0 +1,114 @@
+"""Makes the weights that ship, src/cospeech/assets/bundles/stylised-flow.cospeech, and their card.
+
+    python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000] [--threads 1]
+
+Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based gesturer performs
+the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by
+recipes/flow_humanoid.toml (stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says how
+that scored beside the ground truth, the rule-based gesturer and the control rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from pathlib import Path
+
+from cospeech.bundling import bundle_run
+from cospeech.checkpoint import read_facts
+from cospeech.contest import contest
+from cospeech.evaluation import Table
+from cospeech.prepare import prepare
+from cospeech.recipe import load_recipe
+from cospeech.synthesise import synthesise
+from cospeech.train import train
+
+ROOT = Path(__file__).parents[1]
+BUNDLE = ROOT / "src" / "cospeech" / "assets" / "bundles" / "stylised-flow.cospeech"
+SPEAKERS, SEED = 8, 0
+METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed", "w1_speed")
+
+CARD = """# stylised-flow: the weights that ship
+
+A small stylised flow (Ye et al. 2022, see docs/models/stylised-flow.md) for our humanoid: body and hands from speech. The face
+is the rule-based gesturer's.
+
+**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
+eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not people.
+Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
+Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
+
+**Network.** K = {steps} steps, two GRU layers of {hidden}, {parameters:,} parameters, 8-bit products, 20 frames per second, {look:.2f} s of
+look-ahead besides the features' 65 ms. Trained for {train_steps} steps of {batch} windows; {machine}.
+No gesture perceptual loss (no extractor was trained for these poses).
+
+**Speakers**, for `--style NAME`: {names}.
+
+## Scores on the test split of the same synthetic corpus
+
+{table}
+
+`stylised-flow` plays with random latents in its default style, whoever the recording's speaker is. Figures on synthetic data,
+comparable with each other and with no paper's.
+
+## What it cannot do
+
+It makes no steps and does not sit down: feet stay planted. It hears sound, not words: no lexical gestures. Emotion changes the
+face only. Hands have six numbers each: no finger spelling, no counting. What it has of a style is what a few seconds show: reach,
+speed, sides, posture; not what somebody does once a minute.
+
+Rebuild: `python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights: Apache-2.0.
+"""
+
+
+def markdown(table: Table) -> str:
+    """Rows and columns with half of the 95 % interval."""
+    data = json.loads(table.to_json())
+
+    def cell(score: dict[str, object] | None) -> str:
+        if score is None or score["value"] is None:
+            return "–"
+        ends = score["interval"]
+        half = "" if not isinstance(ends, list) or None in ends else f" ± {(ends[1] - ends[0]) / 2:.2g}"
+        return f"{score['value']:.3g}{half}"
+
+    lines = ["| | " + " | ".join(table.columns) + " |", "|---" * (1 + len(table.columns)) + "|"]
+    lines += [f"| {row} | " + " | ".join(cell(data["rows"][row][c]) for c in table.columns) + " |" for row in table.rows]
+    return "\n".join([*lines, "", f"{table.about}; ± half of the 95 % interval over clips."])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--speech", type=Path, help="folder of recordings; without it only TTS speaks")
+    parser.add_argument("--work", type=Path, required=True, help="where corpus, store and run lie, or are made")
+    parser.add_argument("--hours", type=float, default=2.0)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the recipe")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=BUNDLE)
+    chosen = parser.parse_args()
+    raw, store, run = chosen.work / "raw-beat", chosen.work / "store-humanoid", chosen.work / "run-humanoid"
+    if not raw.exists():
+        print(synthesise(raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED).summary())
+    if not (store / "index.json").exists():
+        print(prepare("beat", raw, store, pose="expmap-humanoid").summary())
+    recipe = load_recipe(ROOT / "recipes" / "flow_humanoid.toml", [*chosen.set, f"train.threads={chosen.threads}"])
+    report = train(recipe, store, run, resume=True)
+    print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    bundle_run(run, chosen.out)
+    facts, config = read_facts(run), recipe.config
+    table = contest({"stylised-flow": str(chosen.out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
+    card = CARD.format(
+        hours=facts["store"]["train_seconds"] / 3600, speakers=SPEAKERS, steps=config["steps"], hidden=config["hidden"],
+        parameters=report.parameters, look=config["look_ahead"] / 20, train_steps=report.step, batch=recipe.train.batch,
+        machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(facts["store"]["speakers"]),
+        table=markdown(table),
+    )  # fmt: skip
+    bundle_run(run, chosen.out, card=card)
+    print(f"{chosen.out}  {chosen.out.stat().st_size / 1e6:.2f} MB")
+    print(table.to_text())
+
+
+if __name__ == "__main__":
+    main()

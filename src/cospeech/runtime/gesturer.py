@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..motion import Motion
 from ..poses.controls import read_controls
 from ..rotations import Array
@@ -18,36 +18,12 @@ from ..rules.session import check_speech
 from ..speech import Speech
 from .bundle import read_bundle
 from .flow_bundle import FlowSystem, open_flow
-from .flow_engine import StudentT
 from .performance import PIECE, Performance, Source
+from .style import Blend, Styles, Transfer, best_transfer
 
-__all__ = ["BundleGesturer", "RandomSource"]
+__all__ = ["BundleGesturer"]
 
 _PARTS = ("face", "body", "hands")
-
-
-class RandomSource:
-    """Latents as the network was trained to, in the manner of one of its speakers or of a mixture.
-
-    Args:
-        system: whose.
-        seed: of the take.
-        temperature: scale of the latents.
-        shares: (P,) of each speaker, in sum 1; that of `FlowSystem.style` alone where not given.
-    """
-
-    def __init__(self, system: FlowSystem, *, seed: int, temperature: float = 1.0, shares: Array | None = None) -> None:
-        sizes, s, names = system.engine.sizes, system.statistics, system.styles
-        shares = np.array([name == system.style for name in names], float) if shares is None else shares
-        rng = np.random.default_rng([seed, 1])
-        speaker, each = rng.choice(len(names), p=shares), len(s.histories) // len(names)
-        self.history: Array = s.histories[speaker * each + rng.integers(each)]
-        self.style: Array = (shares @ s.styles).astype(np.float32)
-        self.centre: Array = (shares @ s.centres).astype(np.float32)
-        self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
-
-    def draw(self, frames: int) -> Array:
-        return self._latents.draw(frames)
 
 
 class BundleGesturer:
@@ -55,16 +31,18 @@ class BundleGesturer:
 
     Args:
         system: an opened bundle; `BundleGesturer.open` takes a path.
+        transfer: how styles become motion, see `cospeech.runtime.style`; the best one for the system where not given.
 
     Raises:
         InputError: poses of a kind that cannot be decoded in pieces.
     """
 
-    def __init__(self, system: FlowSystem) -> None:
+    def __init__(self, system: FlowSystem, transfer: Transfer | None = None) -> None:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles = system.styles
+        self._known, self._transfer = Styles(system), transfer or best_transfer(system)
         self._rules = RuleGesturer()
 
     @classmethod
@@ -95,24 +73,25 @@ class BundleGesturer:
         seeds = [int(seed) + take for take in range(takes)]
         self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
         wishes, controls = _wishes(style, self.system)
+        blend = self._known.blend(wishes)
         faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
-        sources = [self._source(wishes, k, float(temperature)) for k in seeds]
+        sources = [self._source(blend, k, float(temperature)) for k in seeds]
         return Performance(
             self.system, sources, faces, fps=float(fps), intensity=float(intensity), parts=parts, controls=controls
         )
 
-    def _source(self, style: object, seed: int, temperature: float) -> Source:
+    def _source(self, blend: Blend, seed: int, temperature: float) -> Source:
         """Where a take's latents come from."""
-        shares = None if style is None else _shares(style, self.system.styles)
-        return RandomSource(self.system, seed=seed, temperature=temperature, shares=shares)
+        return self._transfer(self.system, blend, seed=seed, temperature=temperature)
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
 
         Args:
             speech: any rate.
-            style: a speaker of the training data by name (`styles` lists them), or a mixture (``"ada:0.7,ben:0.3"``);
-                quantiles of style controls, for a system that has them (``"hand_height:0.9"``), alone or with speakers.
+            style: a speaker of the training data by name (`styles` lists them); an example: a motion file, or a `Motion`; a
+                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
+                style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face: one of `cospeech.rules.EMOTIONS`, or "auto": from the voice.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
@@ -161,25 +140,6 @@ def _wishes(style: object, system: FlowSystem) -> tuple[object, Array]:
     row = [np.interp(q, grid, table[:, k]) for k, q in enumerate(quantiles.values())]
     speakers = ",".join(part for part in parts if part not in said) or None
     return (speakers if said else style), np.array(row, np.float32)
-
-
-def _shares(style: object, names: tuple[str, ...]) -> Array:
-    """(P,) shares of a speaker by name or of a mixture, in sum 1."""
-    shares = np.zeros(len(names))
-    for part in str(style).split(","):
-        name, colon, weight = (piece.strip() for piece in part.partition(":"))
-        if not isinstance(style, str) or name not in names:
-            raise InputError(f"no style is called {str(name)[:60]!r}", nearest(name, names))
-        try:
-            shares[names.index(name)] += float(weight) if colon else 1.0
-        except ValueError:
-            raise InputError(f"weight {weight!r} of style {name!r}", "a number, as in ada:0.7,ben:0.3") from None
-    if not (shares >= 0).all() or not 0 < shares.sum() < _MOST_WEIGHT:
-        raise InputError(f"style weights {str(style)[:60]!r}", "positive numbers, as in ada:0.7,ben:0.3")
-    return shares / shares.sum()  # type: ignore[no-any-return]
-
-
-_MOST_WEIGHT = 1e9  # ours: so that shares are numbers
 
 
 def _check(seed: object, takes: object, intensity: object, temperature: object) -> None:

@@ -32,7 +32,7 @@ from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
 from .performance import Source
 
-__all__ = ["Blend", "CodeSource", "Manner", "NormalSource", "SegmentSource", "Styles", "Transfer"]
+__all__ = ["Blend", "CodeSource", "Manner", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer"]
 
 BODIES = (".bvh", ".glb", ".vrma", ".npz")
 """Suffixes of motion files that have a body."""
@@ -175,6 +175,11 @@ class NormalSource(_ExampleSource):
         mix = np.linalg.cholesky(covariance / spread).T
         while True:
             yield (mean + self._latents.draw(CHUNK) @ mix).astype(np.float32)
+
+
+def best_transfer(system: FlowSystem) -> Transfer:
+    """The way that measured best (docs/styles.md): by the code, for a system that has codes; else by latents."""
+    return CodeSource if system.engine.sizes.style else SegmentSource
 
 
 def _mean(parts: list[tuple[float, Array]]) -> Array:

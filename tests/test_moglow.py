@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
+from cospeech.bundling import bundle_run  # noqa: E402
 from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.corpora.clip import Points  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
+from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
+from cospeech.features.reduce import audio_width  # noqa: E402
 from cospeech.models.moglow import MoGlow, MoGlowConfig  # noqa: E402
 from cospeech.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.poses import find_pose  # noqa: E402
@@ -21,10 +26,12 @@ from cospeech.recipe import read_recipe  # noqa: E402
 from cospeech.runtime.flow_engine import FlowEngine  # noqa: E402
 from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights  # noqa: E402
+from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
+from cospeech.speech import Speech, example  # noqa: E402
 from cospeech.train import train  # noqa: E402
 
 torch.set_num_threads(1)
-FPS, AUDIO = 15.0, 3
+FPS, AUDIO, HEARD = 15.0, 3, audio_width("mel20-prosody")
 MODEL = {"steps": 2, "hidden": 12, "history": 4, "look_ahead": 2, "frames": 10, "residual": True, "controls": ["hand_height"]}
 
 
@@ -68,7 +75,15 @@ def swinging(seed: int, frames: int = 300) -> tuple[np.ndarray, np.ndarray]:
             [0 * angle + side * 0.05, 0.33 * np.sin(angle), 0.33 * np.cos(angle)], -1
         )
     pose = find_pose("direction-vectors")
-    return pose.encode(Points(FPS, points, "ted")).astype(np.float32), rng.normal(size=(frames, AUDIO)).astype(np.float32)
+    heard = np.resize(np.roll(spoken(), rng.integers(200), 0), (frames, len(AUDIO_NAMES)))
+    return pose.encode(Points(FPS, points, "ted")).astype(np.float32), heard
+
+
+@cache
+def spoken() -> np.ndarray:
+    """Features of a real voice, so that a real voice is nothing new."""
+    speech = Speech.load(example()[0])
+    return audio_features(speech, int(speech.duration * FPS), FPS)
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +96,11 @@ def run(tmp_path_factory):
         entry = Entry(f"c{k}", "a", "validation" if k > 13 else "train", 0, len(pose), 0.0, ("pose", "audio"))
         return Piece(entry, (), lambda: {"pose": pose, "audio": audio})
 
-    names = {"pose": find_pose("direction-vectors").names, "audio": ("a", "b", "c")}
+    names = {"pose": find_pose("direction-vectors").names, "audio": AUDIO_NAMES}
     write_store(folder / "s", [piece(k) for k in range(16)], corpus="ted", pose="direction-vectors", fps=FPS, names=names)
     recipe = {
         "model": {"name": "moglow", **MODEL, "pose_noise": 0.02},
+        "data": {"audio": "mel20-prosody"},
         "train": {"steps": 150, "batch": 24, "lr": 5e-3, "threads": 1, "device": "cpu", "validate_every": 0, "save_every": 150},
     }
     report = train(read_recipe(recipe), Store(folder / "s"), folder / "r")
@@ -104,13 +120,28 @@ def test_a_control_at_a_higher_quantile_lifts_the_hands(run):
         row = control_row(read_controls(text), known["control_quantiles"])
         control = torch.from_numpy((row - known["control_mean"]) / known["control_std"]).float()
         z = net.flow.latent.sample(Chance(0, 0).normal, 8, 90)
-        history, audio = torch.zeros(8, 4, 27), torch.zeros(8, 96, AUDIO)
+        history, audio = torch.zeros(8, 4, 27), torch.zeros(8, 96, HEARD)
         made = net.sample(z, history, audio, control.expand(8, 96, 3)).numpy() * known["pose_std"] + known["pose_mean"]
         got = [style_controls(one[30:], find_pose("direction-vectors"), FPS)[:, 0].mean() for one in made]
         heights.append((float(np.mean(got)), row[0]))
     (low, low_due), (middle, _), (high, high_due) = heights
     assert low < middle < high
     assert high - low > 0.5 * (high_due - low_due)
+
+
+def test_and_in_a_bundle_that_speech_is_played_with(run, tmp_path):
+    bundle_run(run, tmp_path / "a.cospeech")
+    player = BundleGesturer.open(tmp_path / "a.cospeech")
+    speech = Speech.load(example()[0]).window(0, 6)
+    heights = []
+    for style in ("hand_height:0.1", None, "hand_height:0.9"):
+        motion = player.generate(speech, style=style, seed=3, fps=FPS, parts=("body",))
+        hands = [motion.skeleton.index[name] for name in ("leftHand", "rightHand")]
+        heights.append(float((motion.positions()[20:, hands, 1] - motion.positions()[20:, :1, 1]).mean()))
+    assert heights[0] < heights[1] < heights[2]
+    assert heights[2] - heights[0] > 0.03  # metres
+    with pytest.raises(InputError, match="hand_speed"):
+        player.generate(speech, style="hand_speed:0.5")
 
 
 def test_controls_that_are_none_are_told_when_the_run_begins(run, tmp_path):

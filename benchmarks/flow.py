@@ -2,9 +2,11 @@
 
 The paper's size (TED: D = 27, K = 16, GRU-800 × 2, τ = 12; 123,611,408 parameters) and that of the system that ships. Weights
 are random and the last layer of every coupling is not zero; speech, latents and histories are normal noise. Each figure is the
-median of runs that take turns, so that other work on the machine hits all alike. Eager PyTorch, where it is installed, steps
-the same network with `torch.nn.GRU` and its kept state, in float32 on one thread, with the inverse matrices kept (and, for
-comparison, worked out in each frame, as the authors' code does).
+median of runs that take turns, in processor time: on a quiet machine that is the time on the clock (told beside), on a busy
+one it leaves out the others' turns, though not what they take of memory and caches. The paced loop goes by the clock.
+
+Eager PyTorch, where it is installed, steps the same network with `torch.nn.GRU` and its kept state, in float32 on one thread,
+with the inverse matrices kept (and, for comparison, worked out in each frame, as the authors' code does).
 
 ``--endless`` makes 10⁶ frames with a hostile small network instead, and looks for what is not finite, too large, or stands
 still.
@@ -138,15 +140,18 @@ def _kept(inverse: Any) -> Callable[[Any], Any]:
 
 
 def medians(runs: dict[str, Callable[[], None]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Milliseconds a frame, runs taking turns."""
-    taken: dict[str, list[float]] = {name: [] for name in runs}
+    """Milliseconds of processor time a frame, runs taking turns; prints them beside the time on the clock."""
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
     for turn in range(rounds + 1):
         for name, run in runs.items():
-            begun = time.perf_counter()
+            work, clock = time.process_time(), time.perf_counter()
             run()
             if turn:  # the first one warms up
-                taken[name].append((time.perf_counter() - begun) / FRAMES * 1e3)
-    return {name: float(np.median(values)) for name, values in taken.items()}
+                taken[name].append((time.process_time() - work, time.perf_counter() - clock))
+    found = {name: np.median(values, 0) / FRAMES * 1e3 for name, values in taken.items()}
+    for name, (work, clock) in found.items():
+        print(f"        {name}: {work:.3g} ms a frame ({clock:.3g} on the clock)")
+    return {name: float(work) for name, (work, _) in found.items()}
 
 
 def errors(engines: dict[bool, FlowEngine], frames: int = 30) -> tuple[float, float]:
@@ -213,11 +218,8 @@ def paper_size() -> None:
     for name, keep in (("PyTorch eager, inverses kept", True), ("PyTorch eager, inverses each frame", False)):
         run = eager(arrays, PAPER, keep_inverses=keep)
         runs |= {name: run} if run else {}
+    print("paper size (TED), random weights")
     ms = medians(runs)
-    print(
-        "paper size (TED), random weights, ms a frame, median: "
-        + "; ".join(f"{name} {value:.2f}" for name, value in ms.items())
-    )
     if "PyTorch eager, inverses kept" in ms:
         verdict("faster than PyTorch eager", ms["PyTorch eager, inverses kept"] / ms["int8"], 4, "×", at_least=True)
     else:
@@ -231,8 +233,8 @@ def paper_size() -> None:
 
 def shipped_size() -> None:
     engine = make_engine(random_arrays(SHIPPED), SHIPPED)
+    print("size of the shipped system, random weights")
     ms = medians({"int8": stepping(engine, 1), "int8, 8 takes": stepping(engine, 8)}, rounds=60)
-    print("size of the shipped system, random weights, ms a frame, median: " + "; ".join(f"{n} {v:.3f}" for n, v in ms.items()))
     verdict("a frame", ms["int8"], 0.6, " ms")
     middle, late = paced(engine)
     verdict(f"60 frames a second, paced (median {middle:.2f} ms): 99th percentile", late, 2, " ms")

@@ -163,7 +163,7 @@ def run(tmp_path_factory):
     write_facts(
         folder,
         facts | {"store": {"pose": "direction-vectors", "fps": FPS}},
-        {"pose_mean": torch.zeros(27), "pose_std": torch.ones(27)},
+        {"statistics": {"pose_mean": torch.zeros(27), "pose_std": torch.ones(27)}},
     )
     torch.manual_seed(0)
     write_tensors(folder / "best.safetensors", FgdAutoencoder(config, pose=27).state_dict(), {})

@@ -31,7 +31,7 @@ METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed"
 
 CARD = """# stylised-flow: the weights that ship
 
-A small stylised flow (Ye et al. 2022, see docs/models/stylised-flow.md) for our humanoid: body and hands from speech. The face
+A small stylised flow (Ye et al. 2022, see docs/models/stylised_flow.md) for our humanoid: body and hands from speech. The face
 is the rule-based gesturer's.
 
 **Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and

@@ -15,7 +15,7 @@ A normalising flow gives the exact density of the next pose, given the poses bef
 Objective (11): L = NLL + λ₁ |x̂ − x|₁ + λ₂ |ω(x̂) − ω(x)|₁, where x̂ is what random latents give under the same conditions and ω
 the fourth layer of a gesture autoencoder (`cospeech.models.gesture_autoencoder`).
 
-Followed, changed, not said in the paper: docs/models/stylised-flow.md, by number.
+Followed, changed, not said in the paper: docs/models/stylised_flow.md, by number.
 """
 
 from __future__ import annotations

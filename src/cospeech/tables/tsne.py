@@ -20,7 +20,7 @@ STEPS, EARLY, EXAGGERATION = 750, 250, 12.0  # as scikit-learn, but for 1000 ste
 SMALLEST_STEP = 50.0  # Belkina et al. 2019: N / exaggeration, and not less than this (scikit-learn's "auto")
 MOMENTUM, LATER_MOMENTUM = 0.5, 0.8
 LEAST_GAIN = 0.01
-MOST = 5000  # points; ours: a matrix of 200 MB
+LEAST, MOST = 8, 5000  # points; ours: fewer have no neighbourhoods, more make matrices of over 200 MB
 
 
 def _square_distances(x: Array) -> Array:
@@ -66,14 +66,14 @@ def tsne(points: Array, *, perplexity: float = PERPLEXITY) -> Array:
         perplexity: how many neighbours count; at most a third of the points.
 
     Raises:
-        InputError: fewer than 4 points or more than 5000, or values that are not finite.
+        InputError: fewer than 8 points or more than 5000, or values that are not finite.
     """
     x = np.asarray(points, np.float64)
-    if x.ndim != 2 or not 4 <= len(x) <= MOST or not np.isfinite(x).all():
-        raise InputError(f"t-SNE of points of shape {x.shape}", f"4 … {MOST} points, finite")
+    if x.ndim != 2 or not LEAST <= len(x) <= MOST or not np.isfinite(x).all():
+        raise InputError(f"t-SNE of points of shape {x.shape}", f"{LEAST} … {MOST} points, finite")
     p = _affinities(x, min(perplexity, (len(x) - 1) / 3))
     y, velocity, gain = _begin(x), np.zeros((len(x), 2)), np.ones((len(x), 2))
-    rate = max(len(x) / EXAGGERATION / 4, SMALLEST_STEP)
+    rate = max(len(x) / EXAGGERATION / 4, min(SMALLEST_STEP, len(x) / 2))  # few points fly apart at long steps; ours
     for step in range(STEPS):
         kernel = 1 / (1 + _square_distances(y))
         np.fill_diagonal(kernel, 0)

@@ -450,3 +450,17 @@ def test_maps_show_every_group():
         Panel("a", "", points, groups[:3])
     with pytest.raises(InputError, match="panel"):
         draw_map([])
+
+
+# the page -----------------------------------------------------------------------------------------------------------------
+
+
+def test_results_on_the_page_are_those_that_are_kept():
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    spec = spec_from_file_location("write_tables", ROOT / "tools" / "write_tables.py")
+    tool = module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    page = tool.PAGE.read_text("utf-8")
+    assert tool.page() == page, "run tools/write_tables.py"
+    assert all(f"| `{name}` |" in page for name in TABLES)

@@ -1,0 +1,53 @@
+"""Results of tables into the documentation, no figure by hand: ``python tools/write_tables.py FILE.json …``.
+
+Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
+figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is kept.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from cospeech.tables.report import to_markdown
+
+ROOT = Path(__file__).resolve().parents[1]
+KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "tables.md"
+BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
+PICTURES = {"strip": "Poses of each row above the speech that they go with", "map": "Latents in the plane, coloured by speaker"}
+
+
+def results() -> str:
+    """The tables that are kept, as markdown."""
+    parts = []
+    for path in sorted(KEPT.glob("*.json")):
+        table = json.loads(path.read_text("utf-8"))
+        parts.append(to_markdown(table))
+        if (MEDIA / f"{path.stem}.png").is_file():
+            text = PICTURES["map" if table["table"] == "flow-3" else "strip"]
+            parts.append(f"![{text}](media/{path.stem}.png)\n")
+    return "\n".join(parts) if parts else "None yet.\n"
+
+
+def page() -> str:
+    """The page with its results."""
+    text = PAGE.read_text("utf-8")
+    return BLOCK.sub(lambda found: f"{found[1]}\n{results()}\n{found[2]}", text)
+
+
+def main(files: list[Path]) -> None:
+    KEPT.mkdir(exist_ok=True)
+    for path in files:
+        json.loads(path.read_text("utf-8"))["rows"]  # it is a table
+        shutil.copyfile(path, KEPT / path.name)
+        picture = path.with_suffix(".png")
+        if picture.is_file():
+            shutil.copyfile(picture, MEDIA / picture.name)
+    PAGE.write_text(page(), "utf-8")
+
+
+if __name__ == "__main__":
+    main([Path(name) for name in sys.argv[1:]])

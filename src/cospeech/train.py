@@ -274,25 +274,24 @@ def train(
     Raises:
         InputError: recipe and store do not fit, or there is a run already, or one that cannot be gone on with.
         CospeechError: a loss or a gradient is no number any more; what was saved stays.
-        KeyboardInterrupt: Ctrl-C, after the step was ended and saved.
+        KeyboardInterrupt: Ctrl-C, after the step was ended and saved; a second one ends it at once.
     """
     began, folder = perf_counter(), Path(out)
     store = store if isinstance(store, Store) else Store(store)
-    with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
+    with heeding() as heard, join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
         run = _Run(recipe, store, folder, team, resume)
         log = None
         if team.rank == 0:
             clean(folder)
             log = RunLog(folder / "log.jsonl", run.done, _board(recipe.train, folder, run.done))
         try:
-            with heeding() as heard:
-                stopping = run.loop(log, lambda: bool(heard), progress if team.rank == 0 else None)
+            stopping = run.loop(log, lambda: bool(heard), progress if team.rank == 0 else None)
         finally:
             if log is not None:
                 log.close()
-        if stopping:
-            if heard:
-                signal.raise_signal(heard[0])  # what it would have done
-            raise KeyboardInterrupt
-        count = sum(p.numel() for p in run.model.parameters())
-        return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)
+    if stopping:
+        if heard:
+            signal.raise_signal(heard[0])  # what it would have done
+        raise KeyboardInterrupt
+    count = sum(p.numel() for p in run.model.parameters())
+    return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)

@@ -89,6 +89,7 @@ def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[
         histories=plain(stretches[:, :, -history:].flatten(0, 1)),
         styles=plain(codes.view(speakers, count, -1).mean(1)),
         centres=plain(examples["pose_centre"]),
+        spreads=plain(examples.get("pose_spread", torch.zeros(speakers, 0))),
         controls=plain(_quantiles(model, statistics)),
     )
 

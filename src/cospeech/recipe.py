@@ -41,6 +41,9 @@ class Data:
     """Name of a reduction of the audio columns (features/reduce.py); None: all columns as they are."""
     mirror: bool | None = None
     """true: the store must have mirrored clips; false: they are left out; None: as the store has it."""
+    by_clip: bool = False
+    """Poses of every recording by its own mean and deviation: how somebody stands and how large they move is then not
+    learnt but set, at run time by a speaker's or an example's own. Ours."""
     validation: float = 0.0
     """Share of the training clips held out for validation, for stores without a validation split."""
 

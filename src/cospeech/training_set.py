@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from . import __version__
 from .checkpoint import load_run, network, read_tensors
 from .corpora.examples import examples_of
-from .corpora.feed import Feed, Reduce, Standard, check_mirror, sizes, standard_audio, standard_pose
+from .corpora.feed import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
 from .corpora.store import Store
 from .corpora.windows import Windows
 from .errors import InputError
@@ -36,12 +36,13 @@ class TrainingSet:
     data: Data
     standards: dict[str, Standard]
     reduce: Reduce | None
+    moments: Moments | None
 
     def examples(self) -> dict[str, Tensor]:
         """What a bundle has to know of the data; nothing where there is no audio."""
         if "audio" not in self.standards:
             return {}
-        taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce)
+        taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
         return {name: torch.from_numpy(array) for name, array in taken.items()}
 
     def feed(self, model: Any, split: str, balanced: bool) -> Feed:
@@ -50,7 +51,7 @@ class TrainingSet:
             self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
             held_out=self.data.validation,
         )  # fmt: skip
-        return Feed(windows, self.standards, self.reduce)
+        return Feed(windows, self.standards, self.reduce, self.moments)
 
 
 def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
@@ -83,7 +84,8 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         "sizes": sizes(store, standards.get("audio")), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
-    return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce)
+    moments = clip_moments(store, standards["pose"]) if data.by_clip else None
+    return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
 def _reduction(name: str | None) -> Reduce | None:
@@ -111,7 +113,8 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
     for name, folder in recipe.needs.items():
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
-        if facts["store"]["pose"] != store.pose or not _alike(theirs, own, "pose"):
+        alike = facts["store"]["pose"] == store.pose and facts["recipe"]["data"].get("by_clip", False) == recipe.data.by_clip
+        if not alike or not _alike(theirs, own, "pose"):
             raise InputError(
                 f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
             )

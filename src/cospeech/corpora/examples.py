@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..rotations import Array
-from .feed import Reduce, Standard
+from .feed import Moments, Reduce, Standard
 from .store import Store
 
 __all__ = ["STRETCH", "STRETCHES", "examples_of"]
@@ -17,25 +17,34 @@ STRETCH = 128  # frames; ours: 4 to 9 s, longer than any history and than the st
 STRETCHES = 8  # of each speaker; ours: enough for a mean, and for takes that do not begin alike
 
 
-def examples_of(store: Store, pose: Standard, audio: Standard, reduce: Reduce | None) -> dict[str, Array]:
+def examples_of(
+    store: Store, pose: Standard, audio: Standard, reduce: Reduce | None, moments: Moments | None = None
+) -> dict[str, Array]:
     """Standardised ranges and stretches of the training split.
 
     Args:
         store: the data.
-        pose, audio, reduce: as the network is fed.
+        pose, audio, reduce, moments: as the network is fed.
 
     Returns:
         ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, `STRETCHES`, `STRETCH`, D),
-        float32; ``pose_centre`` (speakers, D): the mean pose of each. Shorter clips are held at their ends, a speaker without
-        training clips has the stretches of the others.
+        ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean
+        deviation within their clips, and all poses but the centre by their clips' moments. float32. Shorter clips are held
+        at their ends, a speaker without training clips has the stretches of the others.
     """
     clips = [clip for clip in store.clips if clip.split == "train" and {"pose", "audio"} <= {*clip.has}]
     edges: dict[str, Array] = {}
     rows: dict[str, list[Array]] = {name: [] for name in store.speakers}
-    for clip in clips:
+    whose: dict[str, list[int]] = {name: [] for name in store.speakers}
+    for number, clip in enumerate(store.clips):
+        if clip not in clips:
+            continue
+        whose[clip.speaker].append(number)
         arrays = store.clip(clip)
         heard = arrays["audio"] if reduce is None else reduce(arrays["audio"])
         poses = pose(arrays["pose"])
+        if moments is not None:
+            poses = (poses - moments.centre[number]) / moments.spread[number]
         rows[clip.speaker].append(poses)
         for name, values in (("pose", poses), ("audio", audio(heard))):
             low, high = values.min(0), values.max(0)
@@ -44,8 +53,13 @@ def examples_of(store: Store, pose: Standard, audio: Standard, reduce: Reduce | 
     every = [poses for found in rows.values() for poses in found]
     taken = [found or every for found in rows.values()]
     stretches = np.stack([_stretches(found) for found in taken]).astype(np.float32)
-    centres = np.stack([np.concatenate(found).mean(0) for found in taken]).astype(np.float32)
-    return {**edges, "stretches": stretches, "pose_centre": centres}
+    if moments is None:
+        own = {"pose_centre": np.stack([np.concatenate(found).mean(0) for found in taken])}
+    else:
+        numbers = [found or [n for others in whose.values() for n in others] for found in whose.values()]
+        own = {"pose_centre": np.stack([moments.centre[found].mean(0) for found in numbers])}
+        own["pose_spread"] = np.stack([moments.spread[found].mean(0) for found in numbers])
+    return {**edges, "stretches": stretches, **{name: values.astype(np.float32) for name, values in own.items()}}
 
 
 def _stretches(clips: list[Array]) -> Array:

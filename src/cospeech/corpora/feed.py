@@ -12,10 +12,15 @@ from ..rotations import Array
 from .store import Store
 from .windows import Windows, mirrored_clip
 
-__all__ = ["POSE_FLOOR", "Feed", "Standard", "check_mirror", "sizes", "standard_audio", "standard_pose"]
+__all__ = [
+    "POSE_FLOOR", "SPREAD_FLOOR", "Feed", "Moments", "Standard", "check_mirror", "clip_moments", "sizes", "standard_audio",
+    "standard_pose",
+]  # fmt: skip
 
-POSE_FLOOR = 1e-3
-"""Least deviation of a pose number, ours: what moves by less than a milliradian, or a millimetre, is not seen to move."""
+POSE_FLOOR = 0.01
+"""Least deviation of a pose number, ours: what moves by less than a centimetre, or half a degree, counts the less."""
+SPREAD_FLOOR = 0.1
+"""Least deviation of a number within a clip, of that over all clips; ours: who holds still is not magnified."""
 _TINY = 1e-6  # an audio column that varies by less is constant, and has deviation 1 as in a store
 
 Reduce = Callable[[Array], Array]
@@ -31,6 +36,25 @@ class Standard(NamedTuple):
     def __call__(self, x: Array) -> Array:
         scaled: Array = ((x - self.mean) / self.std).astype(np.float32)
         return scaled
+
+
+class Moments(NamedTuple):
+    """(C, D) mean and (C, D) deviation of the standardised poses of every clip of a store."""
+
+    centre: Array
+    spread: Array
+
+    def __call__(self, x: Array, clips: Array) -> Array:
+        """(B, T, D) standardised windows of clips (B,) → by their own clips' moments."""
+        scaled: Array = (x - self.centre[clips][:, None]) / self.spread[clips][:, None]
+        return scaled
+
+
+def clip_moments(store: Store, pose: Standard) -> Moments:
+    """Of all clips, each by itself: nothing of it is learnt from other splits."""
+    rows = [pose(store.clip(clip)["pose"]) for clip in store.clips]
+    centre = np.stack([poses.mean(0) for poses in rows])
+    return Moments(centre, np.stack([np.maximum(poses.std(0), np.float32(SPREAD_FLOOR)) for poses in rows]))
 
 
 def standard_pose(store: Store) -> Standard:
@@ -70,10 +94,13 @@ class Feed:
         windows: to draw from.
         standards: array name → how it is standardised; others are as the store has them.
         reduce: of the audio, before it is standardised.
+        moments: of the clips, where poses are to be as if each clip had mean 0 and deviation 1.
     """
 
-    def __init__(self, windows: Windows, standards: dict[str, Standard], reduce: Reduce | None) -> None:
-        self.windows, self._standards, self._reduce = windows, standards, reduce
+    def __init__(
+        self, windows: Windows, standards: dict[str, Standard], reduce: Reduce | None, moments: Moments | None = None
+    ) -> None:
+        self.windows, self._standards, self._reduce, self._moments = windows, standards, reduce, moments
 
     def at(self, batch: int, seed: int, step: int, *, rank: int = 0, parts: int = 1) -> dict[str, Array]:
         """As `Windows.at`; whole numbers as int64."""
@@ -82,7 +109,10 @@ class Feed:
             columns = arrays["audio"]
             rows = self._reduce(columns.reshape(-1, columns.shape[-1]))
             arrays["audio"] = rows.reshape(*columns.shape[:2], -1)
-        return {name: self._fed(name, array) for name, array in arrays.items()}
+        fed = {name: self._fed(name, array) for name, array in arrays.items()}
+        if self._moments is not None:
+            fed["pose"] = self._moments(fed["pose"], arrays["clip"])
+        return fed
 
     def _fed(self, name: str, array: Array) -> Array:
         if name in self._standards:

@@ -48,6 +48,9 @@ class Statistics:
     """(P, style) code of each speaker; of no width where the network has none."""
     centres: Array
     """(P, D) standardised mean pose of each speaker."""
+    spreads: Array = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    """(P, D) deviation of each speaker's standardised poses, for a network that knows poses by their recording's own mean and
+    deviation; of no width for one that does not. With it, ranges and histories are of such poses."""
     controls: Array = field(default_factory=lambda: np.zeros((QUANTILES, 0), np.float32))
     """(101, C) standardised quantiles 0, 0.01 … 1 of each style control that the network has, over the training data."""
 
@@ -156,6 +159,7 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
     shapes: dict[str, tuple[int, ...]] = {
         "histories": (speakers * each, sizes.history, sizes.pose), "styles": (speakers, sizes.style),
         "centres": (speakers, sizes.pose), "controls": (QUANTILES, controls),
+        "spreads": (len(statistics.spreads), sizes.pose if statistics.spreads.shape[-1] else 0),
     }  # fmt: skip
     for name in (f.name for f in fields(Statistics)):
         value = getattr(statistics, name)
@@ -164,6 +168,8 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
             raise InputError(f"statistics {name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
         if not np.abs(value).max(initial=0) < _FARTHEST:  # not a number fails this too
             raise InputError(f"statistics {name!r} hold numbers that are not finite or absurd")
+    if statistics.spreads.size and (len(statistics.spreads) != speakers or statistics.spreads.min() <= 0):
+        raise InputError("spreads of speakers that are not positive, or not one for each")
     if min(statistics.pose_std.min(), statistics.audio_std.min()) <= 0:
         raise InputError("statistics with a deviation that is not positive")
     if (statistics.pose_low > statistics.pose_high).any() or (statistics.audio_low > statistics.audio_high).any():

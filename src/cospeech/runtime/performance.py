@@ -53,6 +53,12 @@ class Source(Protocol):
         """(D,) standardised mean pose of the speaker, from which ``intensity`` scales."""
         ...
 
+    @property
+    def spread(self) -> Array | None:
+        """(D,) deviation of the speaker's standardised poses, which the network's are multiplied by and added to the mean pose;
+        None for a network that gives standardised poses themselves."""
+        ...
+
     def draw(self, frames: int) -> Array:
         """(frames, D) the next latents; pieces of any size make the same sequence."""
         ...
@@ -157,7 +163,14 @@ class _Poses:
         bend = 2 * before - 5 * here + 4 * there - after + (3 * (here - there) + after - before) * t
         poses = here + np.float32(0.5) * t * (there - before + t * bend)
         s, centres = self._system.statistics, np.stack([source.centre for source in self._sources])[:, None]
-        return (centres + np.float32(self._intensity) * (poses - centres)) * s.pose_std + s.pose_mean
+        return (centres + np.float32(self._intensity) * self._strayed(poses, centres)) * s.pose_std + s.pose_mean
+
+    def _strayed(self, poses: Array, centres: Array) -> Array:
+        """(N, n, D) how far poses are from the mean ones, standardised."""
+        spreads = [source.spread for source in self._sources]
+        if spreads[0] is None:
+            return poses - centres
+        return poses * np.stack(spreads)[:, None]  # type: ignore[arg-type]  # all or none
 
     def _smoothed(self, poses: Array, last: int) -> Array:
         """(N, n, D) of these indices."""

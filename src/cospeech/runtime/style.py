@@ -38,6 +38,7 @@ BODIES = (".bvh", ".glb", ".vrma", ".npz")
 """Suffixes of motion files that have a body."""
 SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
+SPREAD_FLOOR = 0.1  # cospeech.corpora.feed
 STRETCH = 128  # frames that a style code is made of; cospeech.corpora.examples
 BLOCK = 1.0  # s; ours: of latents drawn together, about a gesture stroke with its preparation
 CHUNK = 64  # frames drawn at once
@@ -59,6 +60,8 @@ class Manner:
     """(D,) mean pose."""
     beginnings: Array
     """(n, τ, D) stretches that a performance may begin with."""
+    spread: Array | None = None
+    """(D,) deviation, for a system that knows poses by their recording's own mean and deviation."""
     shown: tuple[Array, ...] = ()
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
 
@@ -89,6 +92,8 @@ class CodeSource:
         self.history: Array = _mean(begun)
         self.style: Array = _mean([(share, manner.code) for share, manner in blend])
         self.centre: Array = _mean([(share, manner.centre) for share, manner in blend])
+        spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
+        self.spread: Array | None = _mean(spreads) if spreads else None
         self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
 
     def draw(self, frames: int) -> Array:
@@ -341,7 +346,7 @@ def named(system: FlowSystem, name: str) -> Manner:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
     each = len(s.histories) // len(system.styles)
-    return Manner(s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each])
+    return Manner(s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each], s.spreads[k] if s.spreads.size else None)
 
 
 # examples -------------------------------------------------------------------------------------------------------------
@@ -366,6 +371,11 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Ma
         shown = tuple(_seen(piece, system) for piece in _spread(motion))
     except InputError as error:
         raise InputError(f"{name}: {error.problem}", error.hint) from None
+    centre, spread = np.concatenate(shown).mean(0), None
+    if system.statistics.spreads.size:
+        spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
+        shown = tuple((poses - centre) / spread for poses in shown)
+    shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
     if sizes.style:
         code = np.mean([system.engine.style_code(stretch) for poses in shown for stretch in _stretches(poses)], 0)
     else:
@@ -373,8 +383,7 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Ma
     places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
     every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
     beginnings = np.concatenate(every)[places.astype(int)]
-    centre = np.concatenate(shown).mean(0)
-    return Manner(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), shown)
+    return Manner(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
 
 
 def _spread(motion: Motion) -> list[Motion]:
@@ -393,7 +402,7 @@ def _stretches(poses: Array) -> list[Array]:
 
 
 def _seen(motion: Motion, system: FlowSystem) -> Array:
-    """(T, D) standardised poses within the range of the training data."""
+    """(T, D) standardised poses."""
     pose: Pose = find_pose(system.pose)
     body = _placed(motion.resample(system.fps).retarget("humanoid"))
     if pose.source == "points":
@@ -401,7 +410,7 @@ def _seen(motion: Motion, system: FlowSystem) -> Array:
     else:
         source = body.retarget(pose.skeleton)  # type: ignore[attr-defined]  # all that take motion have one
     s = system.statistics
-    return np.clip((pose.encode(source) - s.pose_mean) / s.pose_std, s.pose_low, s.pose_high).astype(np.float32)
+    return ((pose.encode(source) - s.pose_mean) / s.pose_std).astype(np.float32)  # type: ignore[no-any-return]
 
 
 def _placed(body: Motion) -> Motion:

@@ -1,7 +1,8 @@
 """Results of tables into the documentation, no figure by hand: ``python tools/write_tables.py FILE.json …``.
 
 Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
-figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is kept.
+figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is
+kept.
 """
 
 from __future__ import annotations

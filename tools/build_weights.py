@@ -2,10 +2,10 @@
 
     python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000] [--threads 1]
 
-Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based gesturer performs
-the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by
-recipes/flow_humanoid.toml (stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says how
-that scored beside the ground truth, the rule-based gesturer and the control rows.
+Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based gesturer
+performs the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by
+recipes/flow_humanoid.toml (stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says
+how that scored beside the ground truth, the rule-based gesturer and the control rows.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ eight emotions, in BEAT's layout; nothing was recorded from people but the voice
 Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
 Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
 
-**Network.** K = {steps} steps, two GRU layers of {hidden}, {parameters:,} parameters, 8-bit products, 20 frames per second, {look:.2f} s of
-look-ahead besides the features' 65 ms. Trained for {train_steps} steps of {batch} windows; {machine}.
-No gesture perceptual loss (no extractor was trained for these poses).
+**Network.** K = {steps} steps, two GRU layers of {hidden}, {parameters:,} parameters, 8-bit products, {fps:g} poses per second
+(interpolated), {look:.2f} s of look-ahead besides that of the features. Trained for {train_steps} steps of {batch} windows on
+{machine}. Likelihood alone: neither the reconstruction nor the perceptual term of the paper (the first narrows the motion of so
+small a network, for the second no extractor was trained). Poses are by their recording's own mean and deviation.
 
 **Speakers**, for `--style NAME`: {names}.
 
@@ -55,8 +56,8 @@ comparable with each other and with no paper's.
 ## What it cannot do
 
 It makes no steps and does not sit down: feet stay planted. It hears sound, not words: no lexical gestures. Emotion changes the
-face only. Hands have six numbers each: no finger spelling, no counting. What it has of a style is what a few seconds show: reach,
-speed, sides, posture; not what somebody does once a minute.
+face only. Hands have six numbers each: no finger spelling, no counting. What it has of a style is what a few seconds
+show: reach, speed, sides, posture; not what somebody does once a minute.
 
 Rebuild: `python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights: Apache-2.0.
 """
@@ -91,7 +92,7 @@ def main() -> None:
     if not raw.exists():
         print(synthesise(raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED).summary())
     if not (store / "index.json").exists():
-        print(prepare("beat", raw, store, pose="expmap-humanoid").summary())
+        print(prepare("beat", raw, store, pose="expmap-humanoid", fps=12).summary())
     recipe = load_recipe(ROOT / "recipes" / "flow_humanoid.toml", [*chosen.set, f"train.threads={chosen.threads}"])
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
@@ -99,11 +100,12 @@ def main() -> None:
     bundle_run(run, chosen.out)
     facts, config = read_facts(run), recipe.config
     table = contest({"stylised-flow": str(chosen.out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
+    kept = facts["store"]
     card = CARD.format(
-        hours=facts["store"]["train_seconds"] / 3600, speakers=SPEAKERS, steps=config["steps"], hidden=config["hidden"],
-        parameters=report.parameters, look=config["look_ahead"] / 20, train_steps=report.step, batch=recipe.train.batch,
-        machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(facts["store"]["speakers"]),
-        table=markdown(table),
+        hours=kept["train_seconds"] / 3600, speakers=SPEAKERS, steps=config["steps"], hidden=config["hidden"],
+        parameters=report.parameters, look=config["look_ahead"] / kept["fps"], fps=kept["fps"], train_steps=report.step,
+        batch=recipe.train.batch, machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU",
+        names=", ".join(kept["speakers"]), table=markdown(table),
     )  # fmt: skip
     bundle_run(run, chosen.out, card=card)
     print(f"{chosen.out}  {chosen.out.stat().st_size / 1e6:.2f} MB")

@@ -49,7 +49,7 @@ def bundle_run(
         raise InputError(f"a bundle called {str(target)!r}", "its name ends in .cospeech")
     folder = Path(run)
     facts = read_facts(folder)
-    model, _ = load_run(folder, which)
+    model: Any = load_run(folder, which)[0]
     if not hasattr(model, "export"):
         raise InputError(f"the run {str(folder)!r} is of {facts['model']!r}, which plays no motion", "bundles are of systems")
     statistics, _ = read_tensors(folder / "statistics.safetensors")

@@ -27,7 +27,7 @@ def examples_of(
         pose, audio, reduce, moments: as the network is fed.
 
     Returns:
-        ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, `STRETCHES`, `STRETCH`, D),
+        ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D),
         ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean
         deviation within their clips, and all poses but the centre by their clips' moments. float32. Shorter clips are held
         at their ends, a speaker without training clips has the stretches of the others.

@@ -66,6 +66,11 @@ class Gesturer(Protocol):
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
     """
 
+    @property
+    def default_style(self) -> str:
+        """Name of the style that is played where none is asked for."""
+        ...
+
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Motion for the whole speech."""
         ...
@@ -105,7 +110,7 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
     return model
 
 
-def _open(name: str) -> Gesturer:
+def _open(name: str) -> Any:
     """A trained system: the bundle that ships, a bundle, or a run, which becomes one first."""
     from ..runtime.gesturer import BundleGesturer
 

@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.norm import BatchNorm1d
+from ..nn.norm import BatchNorm1d, batch_norm
 from ..nn.objective import Batch, Objective
 
 __all__ = ["AutoencoderConfig", "FgdAutoencoder", "FgdConfig", "GestureAutoencoder", "Omega"]
@@ -90,7 +90,7 @@ class Omega(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         y = self.first(x.transpose(1, 2))
         if self.batch_statistics and not self.training:  # as a loss: the batch's statistics, none of which is kept
-            y = F.batch_norm(y, None, None, self.norm.weight, self.norm.bias, training=True, eps=self.norm.eps)
+            y = batch_norm(y, self.norm.weight, self.norm.bias, self.norm.eps)
         else:
             y = self.norm(y)
         y = self.second(F.leaky_relu(y, SLOPE))

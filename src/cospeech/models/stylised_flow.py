@@ -34,6 +34,8 @@ from ..nn.objective import Batch, Objective
 
 __all__ = ["FlowConfig", "StylisedFlow"]
 
+SHORTEST = 4  # frames that two convolutions with kernel 4 and stride 2 leave anything of
+
 
 @dataclass(frozen=True)
 class FlowConfig:
@@ -101,6 +103,8 @@ class StylisedFlow(nn.Module):
         super().__init__()
         if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
             raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
+        if config.encoder and config.history < SHORTEST:
+            raise InputError(f"a history of {config.history} frames", f"{SHORTEST} at least, for the global encoder")
         self.config, self.pose, self.audio = config, pose, audio
         self.encoder: GlobalEncoder | None = None
         if config.encoder:

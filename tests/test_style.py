@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from functools import cache, partial
 from itertools import pairwise
@@ -10,15 +11,17 @@ from tempfile import mkdtemp
 
 import numpy as np
 import pytest
+import soundfile as sf
 
 from cospeech.errors import InputError
+from cospeech.generate import generate_files
 from cospeech.motion import Motion
 from cospeech.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example, latents_of, named
+from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example, example_files, latents_of, named
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
 from runtime_bundles import write_small
@@ -297,3 +300,44 @@ def test_a_file_that_changes_is_read_again(tmp_path):
     first = known.blend(path)[0][1]
     acted(1.0, seconds=5.0).save(path)
     assert not np.allclose(known.blend(path)[0][1].code, first.code, atol=1e-3)
+
+
+# from the command line -----------------------------------------------------------------------------------------------
+
+
+def test_files_named_by_a_style(tmp_path):
+    comma = tmp_path / "a,b.bvh"
+    comma.touch()
+    for style, files in {
+        "ada": [], "a.bvh": ["a.bvh"], "a.bvh:0.5, ada , x/B.GLB:2": ["a.bvh", "x/B.GLB"], "C:\\a.npz:1": ["C:\\a.npz"],
+        str(comma): [str(comma)],
+    }.items():  # fmt: skip
+        assert example_files(style) == [Path(file) for file in files]
+    assert example_files({Path("a.bvh"): 1, "ada": 2, acted(0.0): 3}) == [Path("a.bvh")]
+    assert example_files(None) == example_files(acted(0.0)) == example_files(7) == []
+
+
+def test_generate_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_small(tmp_path / "small.cospeech")
+    acted(0.0).save("clip.bvh")
+    sf.write("talk.wav", talk(1.5).samples, 16_000)
+    options = {"model": "small.cospeech", "parts": BODY, "takes": 2, "seed": 1}
+    plain = generate_files("talk.wav", ["plain.bvh"], **options)
+    assert plain.style == "ada"
+    told = generate_files("talk.wav", ["by_text.bvh"], style="clip.bvh:0.5,ben:0.25", report="r.json", **options)
+    assert told.style == "clip.bvh:0.5,ben:0.25"
+    assert json.loads(Path("r.json").read_text())["style"] == told.style
+    by_dict = generate_files("talk.wav", ["by_dict.bvh"], style={Path("clip.bvh"): 0.5, "ben": 0.25}, **options)
+    assert by_dict.style == "clip.bvh:0.5,ben:0.25"
+    assert generate_files("talk.wav", ["by_motion.bvh"], style=acted(0.0), **options).style == "example"
+    texts = [Path(f"{name}.2.bvh").read_text() for name in ("plain", "by_text", "by_dict", "by_motion")]
+    assert texts[1] == texts[2]
+    assert len(set(texts)) == 3
+    before = Path("clip.bvh").read_bytes()
+    with pytest.raises(InputError, match="overwrite"):
+        generate_files("talk.wav", ["clip.bvh"], style="clip.bvh:0.5", model="small.cospeech")
+    with pytest.raises(InputError, match="cannot learn a style from an example"):
+        generate_files("talk.wav", ["other.bvh"], style="clip.bvh", model="rules")
+    assert Path("clip.bvh").read_bytes() == before
+    assert not Path("other.bvh").exists()

@@ -74,7 +74,13 @@ Output = Annotated[
 ]
 Model = Annotated[str, _option("--model", metavar="NAME", help="See `cospeech list models`.")]
 Style = Annotated[
-    str | None, _option("--style", metavar="NAME", help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3.")
+    str | None,
+    _option(
+        "--style",
+        metavar="STYLE",
+        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. For trained models also a motion file to gesture like: "
+        "clip.bvh, clip.bvh:0.5 (half way), a.bvh:0.7,b.glb:0.3.",
+    ),
 ]
 Emotion = Annotated[
     str,

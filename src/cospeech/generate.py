@@ -27,7 +27,7 @@ from .models import load as load_model
 from .motion import Motion
 from .report import Report
 from .rules.manners import EMOTIONS
-from .rules.styles import STYLES
+from .runtime.style import example_files
 from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
 
@@ -46,6 +46,7 @@ __all__ = [
 ]
 
 File = str | PathLike[str]
+StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
 
@@ -66,7 +67,7 @@ WEARS_AVATAR = frozenset({".glb"})
 class _Options:
     """What a model is asked for, beside the speech."""
 
-    style: str | Motion | None
+    style: StyleLike
     emotion: str
     intensity: float
     temperature: float
@@ -79,7 +80,7 @@ def generate_files(
     outputs: Sequence[File],
     *,
     model: str = DEFAULT,
-    style: str | None = None,
+    style: StyleLike = None,
     emotion: str = "auto",
     speaker: str | None = None,
     transcript: File | None = None,
@@ -102,7 +103,8 @@ def generate_files(
         audio: the speech; any sound file that `open_speech` reads.
         outputs: files to write; the suffix picks the format.
         model: registry name.
-        style: a style by name; the model's default where not given.
+        style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
+            ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
         emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
@@ -128,7 +130,7 @@ def generate_files(
     options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    check_files(audio, names, [path for path in (transcript, avatar) if path], report)
+    check_files(audio, names, [path for path in (transcript, avatar, *example_files(options.style)) if path], report)
     gesturer = load_model(model)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
@@ -153,7 +155,7 @@ def generate_files(
             takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
             emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
-            style=options.style or next(iter(STYLES)),  # type: ignore[arg-type]
+            style=_style_text(options.style) or gesturer.default_style,
             outputs=[str(path) for path in names],
             version=__version__,
         )
@@ -250,12 +252,21 @@ def _writer_keywords(
     return keywords
 
 
-def _check_rivals(style: str | None, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
+def _style_text(style: StyleLike) -> str:
+    """A style as the report has it; nothing for the default one."""
+    if isinstance(style, Mapping):
+        return ",".join(f"{_style_text(who)}:{weight:g}" for who, weight in style.items())
+    return "example" if isinstance(style, Motion) else os.fspath(style or "")
+
+
+def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
     """Two ways of saying one thing must not disagree."""
     if transcribe and transcript is not None:
         raise InputError("both a transcript and transcribe are given", "one of them says the words")
     if style is not None and speaker is not None and style != speaker:
-        raise InputError(f"style {style!r} and speaker {speaker!r} are both given", "for this model a speaker is a style")
+        raise InputError(
+            f"style {_style_text(style)!r} and speaker {speaker!r} are both given", "for this model a speaker is a style"
+        )
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:

@@ -33,6 +33,7 @@ class RuleGesturer:
     """
 
     look_ahead = LOOK_AHEAD
+    default_style = next(iter(STYLES))
 
     def session(
         self,

@@ -41,7 +41,7 @@ class BundleGesturer:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
-        self.styles = system.styles
+        self.styles, self.default_style = system.styles, system.style
         self._known, self._transfer = Styles(system), transfer or best_transfer(system)
         self._rules = RuleGesturer()
 

@@ -32,7 +32,17 @@ from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
 from .performance import Source
 
-__all__ = ["Blend", "CodeSource", "Manner", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer"]
+__all__ = [
+    "Blend",
+    "CodeSource",
+    "Manner",
+    "NormalSource",
+    "SegmentSource",
+    "Styles",
+    "Transfer",
+    "best_transfer",
+    "example_files",
+]
 
 BODIES = (".bvh", ".glb", ".vrma", ".npz")
 """Suffixes of motion files that have a body."""
@@ -106,13 +116,14 @@ class _ExampleSource(CodeSource):
 
     Args:
         system, blend, seed, temperature: as of `CodeSource`; the temperature scales how far latents are from their mean.
-        coded: whether the code of the example conditions the frames too; else that of the default style.
+        coded: whether the example's code, mean pose and deviation are taken too; else those of the default style.
     """
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
         if not coded:
-            self.style = named(system, system.style).code
+            plain = named(system, system.style)
+            self.style, self.centre, self.spread = plain.code, plain.centre, plain.spread
         self._system, self._temperature = system, np.float32(temperature)
         self._kept = np.zeros((0, system.engine.sizes.pose), np.float32)
         self._rng = np.random.default_rng([seed, 2])
@@ -260,6 +271,20 @@ class Styles:
             while len(self._seen) > _KEPT:
                 self._seen.popitem(last=False)
         return self._seen[key]
+
+
+def example_files(style: object) -> list[Path]:
+    """The motion files that a style names, whether they exist or not; nothing is checked."""
+    if isinstance(style, Mapping):
+        return [path for who in style for path in example_files(who)]
+    if not isinstance(style, str | PathLike):
+        return []
+    text = fspath(style)
+    if not isinstance(text, str) or _is_file(text):
+        return [Path(text)] if isinstance(text, str) else []
+    named_parts = (part.strip() for part in text.split(","))
+    found = (part if _has_body(part) else part.rpartition(":")[0].strip() for part in named_parts)
+    return [Path(part) for part in found if _has_body(part)]
 
 
 _KEPT = 8  # ours: examples remembered

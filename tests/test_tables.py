@@ -440,6 +440,23 @@ def test_stick_figures():
         Sticks("one", body, PARENTS, JOINTS[:3])
 
 
+@pytest.mark.parametrize("name", ["expmap-upper", "expmap-full"])
+def test_stick_figures_of_rotations_have_no_loose_bones(name):
+    from types import SimpleNamespace
+
+    from cospeech.poses import find_pose
+    from cospeech.tables.figures import _sticks
+
+    pose = find_pose(name)
+    excerpts = SimpleNamespace(pose=pose, store=SimpleNamespace(fps=20.0, pose=name))
+    sticks = _sticks(excerpts, "x", np.zeros((12, pose.dimensions)))
+    assert len(sticks.names) == len(pose.joints) + 1
+    assert [*sticks.parents].count(-1) == 1
+    assert all(parent < k for k, parent in enumerate(sticks.parents))
+    assert len(sticks.hands) == 2
+    assert sticks.head is not None
+
+
 def test_maps_show_every_group():
     points, groups = np.random.default_rng(0).normal(size=(40, 2)), [f"s{k % 20:02}" for k in range(40)]
     sheet = draw_map([Panel("a", "", points, groups), Panel("b", "x", points * 100, groups)])

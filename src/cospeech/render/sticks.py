@@ -24,7 +24,6 @@ _SCALE = 4  # drawn four times as large and shrunk
 _TURN, _TILT = np.radians(24.0), np.radians(8.0)  # of the camera, to the person's left and up, so that depth is seen
 _HEAD = 0.10  # metres, radius
 _TRAIL = 0.45  # seconds of the hands' way
-_SPREAD = 0.5  # per cent of all points that may lie outside on either side
 _NEAR = 0.35  # how much thicker a line is that lies a metre nearer
 
 
@@ -81,13 +80,13 @@ def _mixed(colour: tuple[int, int, int], share: float) -> tuple[int, int, int]:
 
 
 class _Window:
-    """What part of space a cell shows: that in which the poses of all rows move."""
+    """What part of space a cell shows: that in which the poses of all rows lie."""
 
     def __init__(self, seen: Sequence[Array], size: tuple[int, int]) -> None:
         points = np.concatenate([poses[..., :2].reshape(-1, 2) for poses in seen])
-        low, high = np.percentile(points, _SPREAD, axis=0), np.percentile(points, 100 - _SPREAD, axis=0)
+        low, high = points.min(0), points.max(0)
         self.middle = (low + high) / 2
-        room = np.maximum(high - low + np.array([0.10, 2 * _HEAD]), 0.5)
+        room = np.maximum(high - low + np.array([0.10, 2 * _HEAD + 0.08]), 0.5)
         self.scale = min(size[0] / room[0], size[1] / room[1]) * _SCALE
         self.size = (size[0] * _SCALE, size[1] * _SCALE)
 
@@ -162,7 +161,7 @@ def draw_sticks(
     wide, high = plan.cell
     pictures = np.full((cells, high, wide, 3), 255, np.uint8)
     seen = [_seen(row.positions) for row in rows]
-    window = _Window(seen, (wide, high // len(rows)))
+    window = _Window([poses[frames] for poses in seen], (wide, high // len(rows)))
     for n, row in enumerate(rows):
         top = n * (high // len(rows))
         for k, frame in enumerate(frames):

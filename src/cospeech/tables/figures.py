@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from os import PathLike
 from typing import Any
@@ -70,6 +70,14 @@ def _sound(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> Sound:
     return Sound(size / part.rate, np.abs(blocks).max(1), np.sqrt(np.square(blocks).mean(1)))
 
 
+def _kept_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int:
+    """Place in ``keep`` of the nearest joint above that is kept; −1: none."""
+    above = int(parents[joint])
+    while above >= 0 and above not in keep:
+        above = int(parents[above])
+    return keep.index(above) if above >= 0 else -1
+
+
 def _sticks(excerpts: Excerpts, label: str, vectors: Array) -> Sticks:
     """Poses of the store as a row of figures."""
     body = excerpts.pose.decode(np.asarray(vectors, np.float64), excerpts.store.fps)
@@ -80,7 +88,7 @@ def _sticks(excerpts: Excerpts, label: str, vectors: Array) -> Sticks:
     skeleton = body.skeleton
     shown = getattr(excerpts.pose, "joints", skeleton.names)
     keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in shown]
-    parents = [keep.index(int(p)) if (p := skeleton.parents[k]) >= 0 else -1 for k in keep]
+    parents = [_kept_parent(k, skeleton.parents, keep) for k in keep]
     positions = body.positions()[:, keep]
     return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
 

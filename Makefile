@@ -27,9 +27,10 @@ docs: $(VENV)/.dev               ## rewrite generated pages, then build the site
 	$(BIN)/mkdocs build --strict --quiet
 	@echo "open site/index.html"
 
-bench: $(VENV)/.core             ## speed on this machine
+bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/cospeech bench
 	@$(BIN)/python benchmarks/store.py
+	@$(BIN)/python benchmarks/flow.py
 
 media: $(VENV)/.core             ## the README's moving picture
 	$(BIN)/python tools/make_media.py

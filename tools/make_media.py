@@ -1,11 +1,13 @@
 """Draws the pictures of the README and the docs from the example speech: `make media`.
 
 talk.gif shows the body, the face in close-up, and the speech with a moving marker and the words as they are said;
-strip.png is what ``-o talk.png`` gives.
+strip.png is what ``-o talk.png`` gives. styles-NAME.gif and the strips styles-NAME-SPEAKER.png are the stylised flow in three
+styles of the weights that ship, on the example and on a second speech: ``python tools/make_media.py SPEECH [TRANSCRIPT]``.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +25,7 @@ STYLE, EMOTION, SEED = "natural", "happiness", 0
 SECONDS = 7.6  # of the example: the greeting, tiny and huge
 RATE = 12.5  # pictures per second
 WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
+PEOPLE, SIDE = ("ada", "cleo", "dan"), 300  # of the weights that ship; pixels
 BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214, 84, 60)
 
 
@@ -69,12 +72,35 @@ def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion) -> None:
         frame.paste(face, (WIDE, 0))
         frame.paste(sound(speech, k / RATE, FACE, HIGH - FACE), (WIDE, FACE))
         frames.append(frame)
+    save_gif(frames, MEDIA / "talk.gif")
+
+
+def save_gif(frames: list[Image.Image], path: Path) -> None:
+    """One palette for all pictures, so that still parts cost nothing."""
     some = Image.new("RGB", (frames[0].width, frames[0].height * 6))
     for k, frame in enumerate(frames[:: max(1, len(frames) // 6)][:6]):
         some.paste(frame, (0, k * frame.height))
     palette = some.quantize(255, method=Image.Quantize.MEDIANCUT, kmeans=1)
     flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    flat[0].save(MEDIA / "talk.gif", save_all=True, append_images=flat[1:], duration=round(1000 / RATE), loop=0, disposal=1)
+    flat[0].save(path, save_all=True, append_images=flat[1:], duration=round(1000 / RATE), loop=0, disposal=1)
+
+
+def people(speech: cospeech.Speech, audio: Path, name: str) -> None:
+    """Three styles side by side above the sound, and a strip of each."""
+    model = cospeech.load("stylised-flow")
+    motions = [model.generate(speech, style=who, emotion="neutral", seed=SEED) for who in PEOPLE]
+    for who, motion in zip(PEOPLE, motions, strict=True):
+        motion.save(MEDIA / f"styles-{name}-{who}.png", audio=audio, words=list(speech.words or ()))
+    parts = [motion[: round(SECONDS * motion.fps)] for motion in motions]
+    frames, font = [], ImageFont.load_default(17)
+    for k, bodies in enumerate(zip(*(pictures(part, "body", SIDE, SIDE) for part in parts), strict=True)):
+        frame = Image.new("RGB", (SIDE * len(PEOPLE), SIDE + 100))
+        for place, (who, body) in enumerate(zip(PEOPLE, bodies, strict=True)):
+            frame.paste(body, (place * SIDE, 0))
+            ImageDraw.Draw(frame).text(((place + 0.5) * SIDE, SIDE - 14), who, fill=INK, font=font, anchor="mm")
+        frame.paste(sound(speech, k / RATE, frame.width, 100), (0, SIDE))
+        frames.append(frame)
+    save_gif(frames, MEDIA / f"styles-{name}.gif")
 
 
 def main() -> None:
@@ -83,6 +109,11 @@ def main() -> None:
     MEDIA.mkdir(exist_ok=True)
     moving_picture(speech, motion)
     motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))
+    people(speech, EXAMPLE, "example")
+    if len(sys.argv) > 1:
+        path = Path(sys.argv[1])
+        other = cospeech.Speech.load(path, transcript=sys.argv[2] if len(sys.argv) > 2 else None)
+        people(other, path, path.stem)
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
 

@@ -78,8 +78,7 @@ Style = Annotated[
     _option(
         "--style",
         metavar="STYLE",
-        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. For trained models also a motion file to gesture like: "
-        "clip.bvh, clip.bvh:0.5 (half way), a.bvh:0.7,b.glb:0.3.",
+        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. Trained models also take a clip.bvh to gesture like.",
     ),
 ]
 Emotion = Annotated[

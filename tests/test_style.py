@@ -21,7 +21,8 @@ from cospeech.rules import STYLES, RuleGesturer
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example, example_files, latents_of, named
+from cospeech.runtime.manner import example, latents_of, named
+from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
 from runtime_bundles import write_small

@@ -30,14 +30,15 @@ from cospeech.motion import Motion
 from cospeech.poses import find_pose
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
+from cospeech.runtime.manner import named
 from cospeech.runtime.performance import PIECE, Performance, Source
-from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, named
+from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer
 from cospeech.speech import Speech
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
 SPEAKERS, SPEECHES, EXAMPLE, TALK, WARM = 5, 12, 10.0, 20.0, 2.0  # the last three in seconds
-WINDOW, STEPS, BATCH, NOISE = 4.0, 800, 64, 0.1  # seconds, optimiser steps, windows, standardised
+WINDOW, STEPS, BATCH, NOISE = 4.0, 1000, 64, 0.1  # seconds, optimiser steps, windows, standardised
 PARTS = ("body", "hands")
 
 
@@ -54,6 +55,13 @@ class Silent:
         return []
 
 
+class Moments(nn.Module):
+    """(B, C, T) → (B, 2 C): mean and deviation over time."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return torch.cat([x.mean(-1), (x.var(-1) + 1e-6).sqrt()], 1)
+
+
 class Judge:
     """Tells speakers by how they move.
 
@@ -68,10 +76,8 @@ class Judge:
         mean, std = store.statistics("pose")
         self._mean, self._std = mean, np.maximum(std, 0.02)
         width = 64
-        self._net = nn.Sequential(
-            *self._layer(len(mean), width), *self._layer(width, width), *self._layer(width, width), nn.AdaptiveAvgPool1d(1),
-            nn.Flatten(), nn.Linear(width, len(store.speakers)),
-        )  # fmt: skip
+        layers = (*self._layer(len(mean), width), *self._layer(width, width), *self._layer(width, width))
+        self._net = nn.Sequential(*layers, Moments(), nn.Linear(2 * width, len(store.speakers)))
         self._learn(np.random.default_rng(seed))
 
     @staticmethod

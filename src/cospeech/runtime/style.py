@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from importlib import import_module
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
@@ -26,23 +24,15 @@ import numpy as np
 
 from ..errors import InputError, nearest
 from ..motion import Motion
-from ..poses import Pose, find_pose
-from ..rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
+from ..rotations import Array
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
+from .manner import Manner, example, latents_of, named
 from .performance import Source
 
 __all__ = [
-    "Blend",
-    "CodeSource",
-    "Manner",
-    "NormalSource",
-    "SegmentSource",
-    "Styles",
-    "Transfer",
-    "best_transfer",
-    "example_files",
-]
+    "Blend", "CodeSource", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer", "example_files",
+]  # fmt: skip
 
 BODIES = (".bvh", ".glb", ".vrma", ".npz")
 """Suffixes of motion files that have a body."""
@@ -329,5 +319,3 @@ def _is_file(text: str) -> bool:
 
 def _shown(style: object) -> str:
     return "a motion" if isinstance(style, Motion) else repr(str(style)[:60])
-
-

@@ -1,0 +1,172 @@
+"""From a store to a bundle that plays: poses by their recording's own moments, styles of speakers, what ships."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch (the train extra)")
+
+import cospeech  # noqa: E402
+from cospeech.bundling import bundle_run  # noqa: E402
+from cospeech.checkpoint import load_run  # noqa: E402
+from cospeech.corpora.examples import STRETCH, STRETCHES, examples_of  # noqa: E402
+from cospeech.corpora.feed import SPREAD_FLOOR, Feed, clip_moments, standard_audio, standard_pose  # noqa: E402
+from cospeech.corpora.store import Store  # noqa: E402
+from cospeech.corpora.store_files import Entry  # noqa: E402
+from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
+from cospeech.corpora.windows import Windows  # noqa: E402
+from cospeech.errors import InputError  # noqa: E402
+from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
+from cospeech.metrics.movement import Track  # noqa: E402
+from cospeech.models import SHIPPED  # noqa: E402
+from cospeech.poses import find_pose  # noqa: E402
+from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.rules import RuleGesturer  # noqa: E402
+from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
+from cospeech.speech import Speech, example  # noqa: E402
+from cospeech.train import train  # noqa: E402
+
+FPS = 12.0
+MODEL = {
+    "steps": 2, "hidden": 8, "history": 4, "look_ahead": 2, "frames": 8, "encoder_channels": 8, "encoder_blocks": 1,
+    "style": 4, "style_window": 16, "residual": True, "reconstruct_every": 5,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Two speakers of our rules: one large and lively, one small; the second stands further to the side."""
+    folder = tmp_path_factory.mktemp("bundling") / "store"
+    speech = Speech.load(example()[0]).window(0, 8)
+    pose, pieces = find_pose("expmap-humanoid"), []
+    for k, (name, style) in enumerate([("big", "lively"), ("small", "reserved")] * 3):
+        motion = RuleGesturer().generate(speech, style=style, seed=k, fps=FPS, parts=("body", "hands"))
+        vectors = pose.encode(motion).astype(np.float32)
+        vectors[:, pose.names.index("hips.x")] += 0.1 * (name == "small")
+        rows = audio_features(speech, len(vectors), FPS)
+        values = {"pose": vectors, "audio": rows}
+        entry = Entry(f"{name}{k}", name, "validation" if k > 3 else "train", 0, len(vectors), 0.0, ("pose", "audio"))
+        pieces.append(Piece(entry, (), lambda values=values: dict(values)))
+    names = {"pose": pose.names, "audio": AUDIO_NAMES}
+    write_store(folder, pieces, corpus="folder", pose="expmap-humanoid", fps=FPS, names=names)
+    return Store(folder)
+
+
+@pytest.fixture(scope="module")
+def run(store, tmp_path_factory):
+    """A few steps."""
+    recipe = {
+        "model": {"name": "stylised-flow", **MODEL},
+        "data": {"audio": "mel20-prosody", "by_clip": True},
+        "train": {"steps": 4, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 2, "save_every": 4},
+    }
+    folder = tmp_path_factory.mktemp("bundling") / "run"
+    train(read_recipe(recipe), store, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bundle(run):
+    path = run.parent / "it.cospeech"
+    bundle_run(run, path)
+    return path
+
+
+def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
+    pose = standard_pose(store)
+    moments = clip_moments(store, pose)
+    feed = Feed(Windows(store, 90), {"pose": pose}, None, moments)
+    plain = Feed(Windows(store, 90), {"pose": pose}, None)
+    for step in range(3):
+        fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
+        number = fed["clip"][0]
+        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
+        np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
+    for number, clip in enumerate(store.clips):
+        whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
+        assert np.abs(whole.mean(0)).max() < 1e-4
+        held = moments.spread[number] <= SPREAD_FLOOR
+        np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
+        assert (whole.std(0)[held] <= 1 + 1e-4).all()
+
+
+def test_what_a_run_keeps_of_its_data(store):
+    pose = standard_pose(store)
+    audio = standard_audio(store, None)
+    plain, own = (examples_of(store, pose, audio, None, m) for m in (None, clip_moments(store, pose)))
+    assert plain["stretches"].shape == own["stretches"].shape == (2, STRETCHES, STRETCH, 57)
+    assert "pose_spread" not in plain
+    assert own["pose_spread"].shape == (2, 57)
+    side = find_pose("expmap-humanoid").names.index("hips.x")
+    apart = (own["pose_centre"][1] - own["pose_centre"][0]) * pose.std
+    assert 0.05 < apart[side] < 0.15  # metres
+    assert own["pose_spread"][0].mean() > own["pose_spread"][1].mean()
+    assert (own["pose_low"] < 0).all()
+    assert (own["pose_high"] > 0).all()
+
+
+def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
+    player = BundleGesturer.open(bundle)
+    assert player.system.styles == ("big", "small")
+    speech = Speech.load(example()[0]).window(0, 6)
+    big, small = (player.generate(speech, style=name, seed=2, fps=FPS, parts=("body", "hands")) for name in ("big", "small"))
+    spread = [Track.of(motion).wrists.std(0).mean() for motion in (big, small)]
+    assert spread[0] > 1.15 * spread[1]
+    assert 0.04 < small.root[:, 0].mean() - big.root[:, 0].mean() < 0.16
+    half = player.generate(speech, style="big:0.5,small:0.5", seed=2, fps=FPS, parts=("body", "hands"))
+    assert big.root[:, 0].mean() < half.root[:, 0].mean() < small.root[:, 0].mean()
+
+
+def test_no_intensity_is_the_mean_pose_of_the_style(bundle):
+    player = BundleGesturer.open(bundle)
+    speech = Speech.load(example()[0]).window(0, 2)
+    still = player.generate(speech, style="small", intensity=0, fps=FPS, parts=("body",))
+    statistics = player.system.statistics
+    wanted = find_pose("expmap-humanoid").decode(
+        (statistics.centres[1] * statistics.pose_std + statistics.pose_mean)[None], FPS
+    )
+    body = [k for k in range(len(still.skeleton)) if k not in (*still.skeleton.left_hand, *still.skeleton.right_hand)]
+    np.testing.assert_allclose(np.abs((still.rotations[:, body] * wanted.rotations[0, body]).sum(-1)), 1, atol=1e-5)
+
+
+def test_a_run_folder_and_its_bundle_play_the_same(run, bundle):
+    speech = Speech.load(example()[0]).window(0, 2)
+    first, second = (cospeech.load(str(path)).generate(speech, seed=5) for path in (run, bundle))
+    assert first.rotations.tobytes() == second.rotations.tobytes()
+    model, _ = load_run(run)
+    assert model.stylist is not None
+
+
+def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
+    with pytest.raises(InputError, match=r"ends in \.cospeech"):
+        bundle_run(run, tmp_path / "it.zip")
+    with pytest.raises(InputError, match="not a run"):
+        bundle_run(tmp_path, tmp_path / "it.cospeech")
+    with pytest.raises(InputError, match="no weights of 'moglow' ship"):
+        cospeech.load("moglow")
+    assert not list(tmp_path.glob("*.cospeech"))
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.cospeech")), ids=lambda path: path.stem)
+def test_what_ships_is_small_says_what_it_is_and_moves(path):
+    assert path.stat().st_size <= 5_000_000
+    with zipfile.ZipFile(path) as file:
+        manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
+    assert manifest["model"] == path.stem
+    assert manifest["sizes"]["int8"]
+    for word in ("synthetic", "cannot do", "Rebuild", "±", "ground truth", "noise", "frozen"):
+        assert word in card, word
+    player = cospeech.load(path.stem)
+    speech = Speech.load(example()[0])
+    made = {style: player.generate(speech, style=style, seed=0, parts=("body", "hands")) for style in player.system.styles[:3]}
+    for motion in made.values():
+        track = Track.of(motion)
+        speed = np.linalg.norm(np.diff(track.wrists, axis=0), axis=-1) * track.fps
+        assert 0.05 < speed.mean() < 1.0  # metres per second: people who talk
+        assert speed.max() < 6
+    first, second, _ = made.values()
+    assert np.abs(first.rotations - second.rotations).max() > 0.1

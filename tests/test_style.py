@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +16,7 @@ import soundfile as sf
 
 from cospeech.errors import InputError
 from cospeech.generate import generate_files
+from cospeech.models import BUNDLE, SHIPPED
 from cospeech.motion import Motion
 from cospeech.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.rules import STYLES, RuleGesturer
@@ -58,8 +60,6 @@ def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
 @cache
 def acted(hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0) -> Motion:
     """The rule-based gesturer with one hand only, the left one (0) or the right one (1), low or high."""
-    from dataclasses import replace
-
     one = replace(STYLES["lively"], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low")
     return RuleGesturer().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
 
@@ -342,3 +342,64 @@ def test_generate_files(tmp_path, monkeypatch):
         generate_files("talk.wav", ["other.bvh"], style="clip.bvh", model="rules")
     assert Path("clip.bvh").read_bytes() == before
     assert not Path("other.bvh").exists()
+
+
+# learnt: the bundle that ships -----------------------------------------------------------------------------------------
+
+
+@cache
+def learnt() -> BundleGesturer:
+    path = SHIPPED / f"stylised-flow{BUNDLE}"
+    if not path.is_file():
+        pytest.skip("needs the weights that ship, and there are none (tools/build_weights.py)")
+    return BundleGesturer.open(path)
+
+
+@cache
+def one_armed(hand: float) -> Motion:
+    """Still more so: the other arm hangs still."""
+    motion, idle = acted(hand), "right" if hand == 0 else "left"
+    rotations = motion.rotations.copy()
+    arm = [k for k, name in enumerate(humanoid().names) if name.startswith((f"{idle}Upper", f"{idle}Lower", f"{idle}Hand"))]
+    arm = [k for k in arm if "Leg" not in humanoid().names[k]]
+    rotations[:, arm] = rotations[:1, arm]
+    return replace(motion, rotations=rotations)
+
+
+@cache
+def performed(hand: float, seed: int = 0) -> np.ndarray:
+    """(T, 2, 3) wrists on eight seconds of speech."""
+    return wrists(learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY))
+
+
+def travel(path: np.ndarray) -> np.ndarray:
+    """(2,) metres a second, left and right."""
+    return np.linalg.norm(np.diff(path, axis=0), axis=-1).mean(0) * 30
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_hand_of_the_example_gestures(seed):
+    left, right = (np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0))
+    assert left[0] > 1.4 * left[1]
+    assert right[1] > 1.4 * right[0]
+
+
+def test_size_follows_the_example():
+    examples = [acted(1.0), replace(acted(1.0), rotations=np.repeat(acted(1.0).rotations[:1], 270, 0))]
+    lively, still = (wrists(learnt().generate(talk(8.0), style=e, parts=BODY)) for e in examples)
+    assert travel(still).max() < 0.5 * travel(lively).max()
+    shown = wrists(acted(1.0))
+    np.testing.assert_allclose(lively[:, 1].mean(0), shown[:, 1].mean(0), atol=0.12)
+    assert 0.5 < lively[:, 1].std(0).max() / shown[:, 1].std(0).max() < 1.6
+
+
+def test_weights_lead_from_one_example_to_the_other():
+    left, right = one_armed(0.0), one_armed(1.0)
+    lean = []
+    for weight in (0.0, 0.25, 0.5, 0.75, 1.0):
+        path = wrists(learnt().generate(talk(8.0), style={left: weight, right: 1 - weight}, parts=BODY))
+        lean.append(float((path[:, 0, 1] - path[:, 1, 1]).mean()))
+    assert (np.diff(lean) > 0).all()
+    half = [wrists(learnt().generate(talk(8.0), style={left: w}, parts=BODY)) for w in (0, 0.5, 1)]
+    lean = [float((path[:, 0, 1] - path[:, 1, 1]).mean()) for path in half]
+    assert lean[0] < lean[1] < lean[2]

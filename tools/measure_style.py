@@ -32,7 +32,7 @@ from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.manner import named
 from cospeech.runtime.performance import PIECE, Performance, Source
-from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer
+from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
 from cospeech.speech import Speech
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
@@ -148,6 +148,15 @@ class Begun(CodeSource):
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
+        plain = named(system, system.style)
+        self.style, self.centre, self.spread = plain.code, plain.centre, plain.spread
+
+
+class Posed(CodeSource):
+    """The example's mean pose and deviation alone, with the code of the default style."""
+
+    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
+        super().__init__(system, blend, seed=seed, temperature=temperature)
         self.style = named(system, system.style).code
 
 
@@ -207,22 +216,30 @@ def compare(system: FlowSystem, store: Store, clips: Sequence[Clip], seed: int) 
     print(f"{len(examples)} speakers, {len(speeches)} speeches of {', '.join(sorted({c.speaker for c in talks}))}")
     known = Styles(system)
     shown = {name: known.blend(motion) for name, motion in examples.items()}
+    halves = {name: known.blend({motion: 0.5}) for name, motion in examples.items()}
+    by_name = {name: known.blend(name) for name in examples if name in system.styles}
     ways: dict[str, tuple[Transfer, dict[str, Blend]]] = {
         "default style": (CodeSource, {name: known.blend(None) for name in examples}),
         "begins like the example": (Begun, shown),
-        "latents: in order, then blocks of 1 s": (partial(SegmentSource, coded=False), shown),
+        "latents: in order, then stretches (paper)": (partial(SegmentSource, coded=False), shown),
         "latents: mean and covariance": (partial(NormalSource, coded=False), shown),
+        "mean and deviation of the poses": (Posed, shown),
         "style code": (CodeSource, shown),
-        "style code and latents: blocks": (SegmentSource, shown),
-        "style code and latents: mean and covariance": (NormalSource, shown),
-        "half way to the example": (CodeSource, {name: known.blend({motion: 0.5}) for name, motion in examples.items()}),
-        "speaker by name": (CodeSource, {name: known.blend(name) for name in examples if name in system.styles}),
+        "style code; latents: in order, then stretches": (SegmentSource, shown),
+        "style code; latents: mean and covariance": (NormalSource, shown),
+        "half way to the example": (best_transfer(system), halves),
+        "speaker by name": (best_transfer(system), by_name),
     }
     if not system.engine.sizes.style:
         ways = {name: way for name, way in ways.items() if "code" not in name}
+    if system.statistics.spreads.size:
+        ways = {name.replace("style code", "poses, style code"): way for name, way in ways.items()}
+    else:
+        del ways["mean and deviation of the poses"]
     own = {name: [c for c in held_out(clips, WARM + WINDOW + 1) if c.speaker == name] for name in examples}
     fewest = min(map(len, own.values()))
     rows = [["recordings of the five", *row(judge, {name: found[:fewest] for name, found in own.items()}, examples)]]
+    print(*rows[0], sep="  ", flush=True)
     for name, (transfer, blends) in ways.items():
         made = played(system, transfer, blends, speeches)
         as_clips = {who: [replace(c, motion=m) for c, m in zip(talks, motions, strict=True)] for who, motions in made.items()}

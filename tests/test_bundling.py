@@ -33,7 +33,7 @@ from cospeech.train import train  # noqa: E402
 FPS = 12.0
 MODEL = {
     "steps": 2, "hidden": 8, "history": 4, "look_ahead": 2, "frames": 8, "encoder_channels": 8, "encoder_blocks": 1,
-    "style": 4, "style_window": 16, "residual": True, "reconstruct_every": 5,
+    "style": 4, "style_window": 16, "residual": True, "inertia": 0.7, "steps_seen": True, "reconstruct_every": 5,
 }  # fmt: skip
 
 

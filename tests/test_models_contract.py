@@ -25,7 +25,16 @@ TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
     "stylised-flow": _FLOW | {"encoder_channels": 8, "encoder_blocks": 2, "feature": 4},
-    "stylised-flow+style": _FLOW | {"encoder": False, "encoder_channels": 8, "style": 3, "style_window": 12, "residual": True},
+    "stylised-flow+style": _FLOW
+    | {
+        "encoder": False,
+        "encoder_channels": 8,
+        "style": 3,
+        "style_window": 12,
+        "residual": True,
+        "inertia": 0.5,
+        "steps_seen": True,
+    },
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
 }
 

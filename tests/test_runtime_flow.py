@@ -36,13 +36,8 @@ def lively(model: torch.nn.Module, strength: float = 1.0) -> torch.nn.Module:
 
 
 def sizes_of(config: FlowConfig, *, int8: bool) -> FlowSizes:
-    encoder = config.encoder
-    return FlowSizes(
-        pose=POSE, audio=AUDIO, steps=config.steps, hidden=config.hidden, layers=config.layers, history=config.history,
-        heard=config.history + 1 + config.look_ahead, nu=config.nu, feature=config.feature if encoder else 0,
-        blocks=config.encoder_blocks if encoder else 0, channels=config.encoder_channels if encoder or config.style else 0,
-        oldest=config.encoder_oldest, style=config.style, residual=config.residual, int8=int8,
-    )  # fmt: skip
+    with torch.device("meta"):
+        return FlowSizes(**StylisedFlow(config, pose=POSE, audio=AUDIO).runtime_sizes(), int8=int8)
 
 
 def engine_of(arrays: dict[str, np.ndarray], sizes: FlowSizes, bound: float = 50.0) -> FlowEngine:
@@ -82,6 +77,9 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
         {"layers": 1, "look_ahead": 0},
         {"layers": 3, "steps": 1},
         {"residual": True},
+        {"residual": True, "inertia": 0.3},
+        {"residual": True, "inertia": 0.4, "steps_seen": True},
+        {"steps_seen": True},
         {"style": 4},
         {"style": 3, "encoder": False},
     ],
@@ -172,7 +170,9 @@ def test_latents_of_what_was_made_are_what_it_was_made_from(int8, most, changes)
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"residual": True}, {"style": 4, "style_window": 9}], ids=["plain", "residual", "style"]
+    "changes",
+    [{}, {"residual": True}, {"residual": True, "inertia": 0.7, "steps_seen": True}, {"style": 4, "style_window": 9}],
+    ids=["plain", "residual", "inertia", "style"],
 )
 def test_latents_are_those_of_the_network(changes):
     model = network(**changes)

@@ -28,7 +28,15 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..nn.conditioning import GlobalEncoder, StyleEncoder, drop_history, frame_windows
+from ..nn.conditioning import (
+    GlobalEncoder,
+    StyleEncoder,
+    as_steps,
+    blank_history,
+    drop_history,
+    frame_windows,
+    unfold_steps,
+)
 from ..nn.flow import Flow, RecurrentNet, State
 from ..nn.objective import Batch, Objective
 
@@ -84,6 +92,11 @@ class FlowConfig:
     """Frames of that stretch, which lies before the history; ours."""
     residual: bool = False
     """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours, quicker to learn."""
+    inertia: float = 0.0
+    """With ``residual``: share of the last step that is taken off too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …; ours."""
+    steps_seen: bool = False
+    """Whether the couplings see a history as its last pose and the steps that led there, not as poses; ours: a linear change of
+    their input, which a bundle's weights have folded in. ``history_dropout`` then hides all steps of a frame at once."""
 
 
 class StylisedFlow(nn.Module):
@@ -103,6 +116,8 @@ class StylisedFlow(nn.Module):
         super().__init__()
         if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
             raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
+        if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
+            raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
         if config.encoder and config.history < SHORTEST:
             raise InputError(f"a history of {config.history} frames", f"{SHORTEST} at least, for the global encoder")
         self.config, self.pose, self.audio = config, pose, audio
@@ -153,7 +168,7 @@ class StylisedFlow(nn.Module):
         Returns:
             (B, F, C).
         """
-        parts = [poses.flatten(2), audio.flatten(2)]
+        parts = [(as_steps(poses) if self.config.steps_seen else poses).flatten(2), audio.flatten(2)]
         if self.encoder is not None:
             parts.append(self.encoder(poses, audio))
         if style is not None:
@@ -191,8 +206,11 @@ class StylisedFlow(nn.Module):
         return self.flow(x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown])))[0]
 
     def _base(self, histories: Tensor) -> Tensor:
-        """(B, F, D) what the flow's output is added to: the last pose of each history, or nothing."""
-        return histories[:, :, -1] if self.config.residual else torch.zeros_like(histories[:, :, -1])
+        """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
+        if not self.config.residual:
+            return torch.zeros_like(histories[:, :, -1])
+        last = histories[:, :, -1]
+        return last + self.config.inertia * (last - histories[:, :, -2]) if self.config.inertia else last
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -208,7 +226,8 @@ class StylisedFlow(nn.Module):
         x, histories, heard = self._windows(pose, batch["audio"])
         base = self._base(histories)
         if self.training:
-            histories = drop_history(histories, self.config.history_dropout, batch.chance)
+            drop = blank_history if self.config.steps_seen else drop_history
+            histories = drop(histories, self.config.history_dropout, batch.chance)
         c = self.condition(histories, heard, self.style(pose[:, : self.shown]))
         terms = {"nll": -self.flow.log_prob(x - base, c).mean() / self.config.nll_unit}
         if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
@@ -257,10 +276,14 @@ class StylisedFlow(nn.Module):
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
             "history": c.history, "heard": self.heard, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
-            "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
+            "inertia": c.inertia, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
             "channels": c.encoder_channels if c.encoder or c.style else 0, "oldest": c.encoder_oldest, "style": c.style,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
         """Arrays by name, as `cospeech.runtime.flow_graph` wants them."""
-        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}
+        arrays = dict(self.state_dict())
+        if self.config.steps_seen:
+            for name in [name for name in arrays if name.endswith("rnn.weight_ih_l0")]:
+                arrays[name] = unfold_steps(arrays[name], self.pose // 2, self.config.history, self.pose)
+        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in arrays.items()}

@@ -210,7 +210,10 @@ class FlowEngine:
             (past[rows],) = _run(session, {"history": histories[rows]} | heard)
         x = poses[s.history : s.history + frames]
         if s.residual:
-            x = x - poses[s.history - 1 : s.history + frames - 1]
+            last = poses[s.history - 1 : s.history + frames - 1]
+            x = x - last
+            if s.inertia:
+                x = x - np.float32(s.inertia) * (last - poses[s.history - 2 : s.history + frames - 2])
         for k in range(s.steps):
             x = self._normalise(k, x, past[:, k * s.gates : (k + 1) * s.gates])
         return x

@@ -220,8 +220,12 @@ def _frame_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:
         if k:
             z1, z2 = b.split(b.node("Clip", z, b.const(-LIMIT), b.const(LIMIT)), sizes.kept, sizes.pose - sizes.kept)
     if sizes.residual:
-        last = (sizes.history - 1) * sizes.pose
-        z = b.node("Add", z, b.split("history", last, sizes.pose)[1] if last else "history")
+        rest = (sizes.history - 1) * sizes.pose
+        last = b.split("history", rest, sizes.pose)[1] if rest else "history"
+        z = b.node("Add", z, last)
+        if sizes.inertia:
+            before = b.split("history", *([rest - sizes.pose] if rest > sizes.pose else []), sizes.pose, sizes.pose)[-2]
+            z = b.node("Add", z, b.node("Mul", b.node("Sub", last, before), b.const(sizes.inertia)))
     b.node("Min", b.node("Max", z, "low"), "high", outputs=("pose",))
     for kind in kinds:
         b.node("Concat", *states[kind], outputs=(f"next_{kind}",), axis=1)

@@ -56,17 +56,21 @@ class FlowSizes:
     """Width of a style code; 0: there is none."""
     residual: bool = False
     """Whether the flow gives what is added to the last pose."""
+    inertia: float = 0.0
+    """With ``residual``: share of the last step that is added too."""
     int8: bool = True
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value, (low, high) = getattr(self, field.name), _RANGES.get(field.name, (False, True))
-            kinds = (int, float) if field.name == "nu" else (type(low),)
+            kinds = (int, float) if field.name in ("nu", "inertia") else (type(low),)
             if field.name == "cell":
                 if not isinstance(value, str) or value not in GATES:
                     raise InputError(f"a flow of {str(value)[:60]!r} cells", f"one of {', '.join(GATES)}")
             elif type(value) not in kinds or not low <= value <= high:
                 raise InputError(f"{field.name} = {str(value)[:60]} of a flow", f"{low} … {high}")
+        if self.inertia and self.history < 2:
+            raise InputError(f"a flow with inertia and a history of {self.history} poses", "2 at least")
         if self.heard <= self.history:
             raise InputError(f"a flow that hears {self.heard} frames", f"more than its history of {self.history}")
 
@@ -89,6 +93,7 @@ class FlowSizes:
 _RANGES = {
     "pose": (2, 2000), "audio": (1, 4000), "steps": (1, 64), "hidden": (1, 4096), "layers": (1, 8), "history": (1, 600),
     "heard": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096), "style": (0, 1024),
+    "inertia": (0, 1),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 

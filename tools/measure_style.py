@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -140,6 +140,16 @@ class Posed(CodeSource):
         self.style = named(system, system.style).code
 
 
+def recognised(judge: Judge, votes: Iterable[tuple[str, np.ndarray]], chosen: list[str]) -> list[str]:
+    """Share of performances whose speaker gets most votes: of all speakers, and of the chosen ones."""
+    names = judge.store.speakers
+    of_all, of_chosen = [], []
+    for name, vote in votes:
+        of_all.append(names[int(vote.argmax())] == name)
+        of_chosen.append(max(chosen, key=lambda who: vote[names.index(who)]) == name)
+    return [f"{np.mean(of_all):.0%}", f"{np.mean(of_chosen):.0%}"]
+
+
 def row(judge: Judge, played_for: dict[str, list[Clip]], examples: dict[str, Motion]) -> list[str]:
     """Recognised, recognised among the five, beat alignment, speed and reach against the example.
 
@@ -148,22 +158,19 @@ def row(judge: Judge, played_for: dict[str, list[Clip]], examples: dict[str, Mot
         played_for: speaker → the speeches, with the motion that was made for them in that speaker's style.
         examples: speaker → example.
     """
-    names = judge.store.speakers
-    five = [names.index(name) for name in played_for]
-    right, right_of_five, ratios = [], [], []
+    votes: list[tuple[str, np.ndarray]] = []
+    ratios = []
     for name, clips in played_for.items():
         for clip in clips:
             assert clip.motion is not None
-            votes = judge.votes(clip.motion)
-            right.append(names[int(votes.argmax())] == name)
-            right_of_five.append(names[five[int(votes[five].argmax())]] == name)
+            votes.append((name, judge.votes(clip.motion)))
             ratios.append(np.log(movement(clip.motion) / movement(examples[name])))
     samples = [sample_of(clip) for clips in played_for.values() for clip in clips]
     score = load_metric("beat_align")(samples, samples, Tools(seed=0))
     low, high = score.interval or (np.nan, np.nan)
     mean, spread = np.exp(np.mean(ratios, 0)), np.std(ratios, 0)
     return [
-        f"{np.mean(right):.0%}", f"{np.mean(right_of_five):.0%}", f"{score.value:.3f} ({low:.3f} … {high:.3f})",
+        *recognised(judge, votes, list(played_for)), f"{score.value:.3f} ({low:.3f} … {high:.3f})",
         f"× {mean[0]:.2f} ± {spread[0]:.2f}", f"× {mean[1]:.2f} ± {spread[1]:.2f}",
     ]  # fmt: skip
 
@@ -219,7 +226,9 @@ def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[lis
     own = {name: [c for c in held_out(clips, WARM + WINDOW + 1) if c.speaker == name] for name in examples}
     fewest = min(map(len, own.values()))
     rows = [["recordings of the five", *row(judge, {name: found[:fewest] for name, found in own.items()}, examples)]]
-    print(*rows[0], sep="  ", flush=True)
+    alone = {name: judge.votes(motion, skip=0.0) for name, motion in examples.items()}
+    rows.append(["the examples themselves", *recognised(judge, alone.items(), list(examples)), "", "", ""])
+    print(*rows, sep="\n", flush=True)
     for name, (transfer, blends) in ways.items():
         made = played(system, transfer, blends, speeches)
         as_clips = {who: [replace(c, motion=m) for c, m in zip(talks, motions, strict=True)] for who, motions in made.items()}

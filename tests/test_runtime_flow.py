@@ -153,6 +153,18 @@ def test_takes_do_not_touch_each_other_and_pieces_do_not_show(int8):
     assert not np.allclose(whole[0], whole[1])
 
 
+def test_bytes_do_not_blur_small_steps():
+    """Poses far from the mean that hardly move: what a network that sees steps hears of them must survive 7 bits."""
+    model = network(residual=True, inertia=0.7, steps_seen=True, encoder=False)
+    past = 1.5 + histories(40, 1) + 0.02 * histories(1)
+    windows, z = speech(TINY.history + 1 + TINY.look_ahead)[None], latents(40, 1)
+    made = {}
+    for int8 in (True, False):
+        engine = engine_of(model.export(), sizes_of(model.config, int8=int8))
+        made[int8] = engine.begin(past).frames(windows, z)[:, 0] - past[:, -1]
+    assert relative(made[True], made[False]) < 0.005  # 0.02 where the steps are folded into the weights
+
+
 @pytest.mark.parametrize("changes", [{}, {"residual": True, "style": 4}], ids=["plain", "residual,style"])
 @pytest.mark.parametrize(("int8", "most"), [(False, 1e-3), (True, 0.02)])
 def test_latents_of_what_was_made_are_what_it_was_made_from(int8, most, changes):

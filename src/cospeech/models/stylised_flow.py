@@ -28,15 +28,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..nn.conditioning import (
-    GlobalEncoder,
-    StyleEncoder,
-    as_steps,
-    blank_history,
-    drop_history,
-    frame_windows,
-    unfold_steps,
-)
+from ..nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
 from ..nn.flow import Flow, RecurrentNet, State
 from ..nn.objective import Batch, Objective
 
@@ -96,7 +88,7 @@ class FlowConfig:
     """With ``residual``: share of the last step that is taken off too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …; ours."""
     steps_seen: bool = False
     """Whether the couplings see a history as its last pose and the steps that led there, not as poses; ours: a linear change of
-    their input, which a bundle's weights have folded in. ``history_dropout`` then hides all steps of a frame at once."""
+    their input. ``history_dropout`` then hides all steps of a frame at once."""
 
 
 class StylisedFlow(nn.Module):
@@ -278,12 +270,9 @@ class StylisedFlow(nn.Module):
             "history": c.history, "heard": self.heard, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
             "inertia": c.inertia, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
             "channels": c.encoder_channels if c.encoder or c.style else 0, "oldest": c.encoder_oldest, "style": c.style,
+            "steps_seen": c.steps_seen,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
         """Arrays by name, as `cospeech.runtime.flow_graph` wants them."""
-        arrays = dict(self.state_dict())
-        if self.config.steps_seen:
-            for name in [name for name in arrays if name.endswith("rnn.weight_ih_l0")]:
-                arrays[name] = unfold_steps(arrays[name], self.pose // 2, self.config.history, self.pose)
-        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in arrays.items()}
+        return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

@@ -8,9 +8,7 @@ from torch import Tensor, nn
 from .norm import BatchNorm1d
 from .objective import Chance
 
-__all__ = [
-    "TCN", "GlobalEncoder", "StyleEncoder", "as_steps", "blank_history", "drop_history", "frame_windows", "unfold_steps",
-]  # fmt: skip
+__all__ = ["TCN", "GlobalEncoder", "StyleEncoder", "as_steps", "blank_history", "drop_history", "frame_windows"]
 
 STEP_GAIN = 10.0  # ours: brings steps at 12 … 20 poses a second to a deviation near 1
 CODE = 64  # width of a TCN's result; flow paper: not stated, authors' code 64
@@ -40,17 +38,6 @@ def blank_history(histories: Tensor, probability: float, chance: Chance) -> Tens
 def as_steps(histories: Tensor) -> Tensor:
     """(B, F, τ, D) poses → (B, F, τ, D): the last pose, then every step from one to the next, times `STEP_GAIN`."""
     return torch.cat([histories[:, :, -1:], STEP_GAIN * histories.diff(dim=2)], 2)
-
-
-def unfold_steps(weight: Tensor, first: int, history: int, pose: int) -> Tensor:
-    """A weight (G, inputs) for what `as_steps` gives → the one for the poses themselves; their columns begin at ``first``."""
-    end = first + history * pose
-    steps = weight[:, first:end].reshape(len(weight), history, pose)
-    poses = torch.zeros_like(steps)
-    poses[:, -1] = steps[:, 0]
-    poses[:, 1:] += STEP_GAIN * steps[:, 1:]
-    poses[:, :-1] -= STEP_GAIN * steps[:, 1:]
-    return torch.cat([weight[:, :first], poses.flatten(1), weight[:, end:]], 1)
 
 
 class _Residual(nn.Module):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from os import PathLike
 from typing import Any
 
@@ -51,6 +51,10 @@ class Statistics:
     spreads: Array = field(default_factory=lambda: np.zeros((0, 0), np.float32))
     """(P, D) deviation of each speaker's standardised poses, for a network that knows poses by their recording's own mean and
     deviation; of no width for one that does not. With it, ranges and histories are of such poses."""
+    made_mean: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(D,) of the poses that the network makes by itself, taken off before ``spreads`` are applied; of no width without."""
+    made_std: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(D,) their deviation."""
     controls: Array = field(default_factory=lambda: np.zeros((QUANTILES, 0), np.float32))
     """(101, C) standardised quantiles 0, 0.01 … 1 of each style control that the network has, over the training data."""
 
@@ -125,7 +129,8 @@ def open_flow(bundle: Bundle) -> FlowSystem:
     if bundle.manifest.get("kind") != KIND:
         raise InputError(f"{bundle.name!r} holds a {str(bundle.manifest.get('kind'))[:40]!r}, not a flow")
     given = bundle.fact("sizes", dict)
-    if set(given) != {f.name for f in fields(FlowSizes)}:
+    needed = {f.name for f in fields(FlowSizes) if f.default is MISSING}  # bundles outlive sizes that are added with a default
+    if not needed <= set(given) <= {f.name for f in fields(FlowSizes)}:
         raise InputError(f"{bundle.name!r} does not tell the sizes of a flow", "is it of another version?")
     sizes = FlowSizes(**given)
     pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
@@ -160,6 +165,7 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
         "histories": (speakers * each, sizes.history, sizes.pose), "styles": (speakers, sizes.style),
         "centres": (speakers, sizes.pose), "controls": (QUANTILES, controls),
         "spreads": (len(statistics.spreads), sizes.pose if statistics.spreads.shape[-1] else 0),
+        **dict.fromkeys(("made_mean", "made_std"), (sizes.pose if statistics.spreads.size else 0,)),
     }  # fmt: skip
     for name in (f.name for f in fields(Statistics)):
         value = getattr(statistics, name)
@@ -170,6 +176,8 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
             raise InputError(f"statistics {name!r} hold numbers that are not finite or absurd")
     if statistics.spreads.size and (len(statistics.spreads) != speakers or statistics.spreads.min() <= 0):
         raise InputError("spreads of speakers that are not positive, or not one for each")
+    if statistics.made_std.size and statistics.made_std.min() <= 0:
+        raise InputError("a deviation of the network's own poses that is not positive")
     if min(statistics.pose_std.min(), statistics.audio_std.min()) <= 0:
         raise InputError("statistics with a deviation that is not positive")
     if (statistics.pose_low > statistics.pose_high).any() or (statistics.audio_low > statistics.audio_high).any():

@@ -14,10 +14,13 @@ import numpy as np
 from ..errors import InputError
 from ..rotations import Array
 
-__all__ = ["CODE", "GATES", "LEVELS", "SCALE_FLOOR", "FlowSizes", "check_weights", "pack_weights", "state_kinds", "unpack"]
+__all__ = [
+    "CODE", "GATES", "LEVELS", "SCALE_FLOOR", "STEP_GAIN", "FlowSizes", "check_weights", "pack_weights", "state_kinds",
+    "unpack",
+]  # fmt: skip
 
 SCALE_SHIFT, SCALE_FLOOR = 2.0, 1e-6  # cospeech.nn.flow
-CODE = 64  # cospeech.nn.conditioning
+CODE, STEP_GAIN = 64, 10.0  # cospeech.nn.conditioning
 BATCH_NORM_EPS = 1e-5  # PyTorch's default
 LEVELS = 63  # 7 bits, see above
 LARGEST = 1e6  # ours: no weight of a trained network comes near; with it, nothing overflows
@@ -58,6 +61,8 @@ class FlowSizes:
     """Whether the flow gives what is added to the last pose."""
     inertia: float = 0.0
     """With ``residual``: share of the last step that is added too."""
+    steps_seen: bool = False
+    """Whether the couplings see a history as its last pose and `STEP_GAIN` times the steps that led there."""
     int8: bool = True
 
     def __post_init__(self) -> None:

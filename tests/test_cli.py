@@ -20,6 +20,8 @@ from cospeech.demo import EXAMPLE
 from cospeech.export import FORMATS
 from cospeech.how_to_open import HOW_TO_OPEN
 from cospeech.models import MODELS
+from cospeech.rules import STYLES, RuleGesturer
+from cospeech.runtime.bundle import write_bundle
 
 SECONDS, RATE = 1.51, 16_000
 
@@ -150,6 +152,24 @@ def test_list(cli, what):
 def test_list_has_every_model_and_format(cli):
     assert [row["name"] for row in json.loads(cli("list", "models", "--json")[1])] == list(MODELS)
     assert [row["name"] for row in json.loads(cli("list", "formats", "--json")[1])] == list(FORMATS)
+
+
+def test_list_tells_what_ships_and_whose_styles(cli, tmp_path, monkeypatch):
+    monkeypatch.setattr("cospeech.models.SHIPPED", tmp_path)
+    assert "no weights ship" in cli("list", "models")[1]
+    write_bundle(tmp_path / "stylised-flow.cospeech", {"styles": ["ada", "ben"]}, {})
+    rows = json.loads(cli("list", "models", "--json")[1])
+    assert [row["name"] for row in rows if "no weights ship" in row["what"]] == [*{*MODELS} - {"rules", "stylised-flow"}]
+    rows = json.loads(cli("list", "styles", "--json")[1])
+    assert [row["name"] for row in rows if row["model"] == "stylised-flow"] == ["ada", "ben"]
+    assert [row["name"] for row in rows if row["model"] == "rules"] == [*STYLES]
+
+
+def test_a_model_may_be_named_as_text_or_path():
+    assert isinstance(cospeech.load(Path("rules")), RuleGesturer)
+    for name in ("rulse", "a" * 5000, "a\0b"):
+        with pytest.raises(cospeech.InputError, match="no model is called"):
+            cospeech.load(name)
 
 
 BAD = [

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from inspect import getdoc
+from pathlib import Path
 
 from .errors import InputError, nearest
 
@@ -26,16 +29,37 @@ def _registered(registry: Mapping[str, str]) -> list[Row]:
     return rows
 
 
-def _models() -> list[Row]:
-    from .models import MODELS
+def _read(where: str) -> str:
+    """The first line of the docstring of ``module:Class``, read and not imported: networks need torch, a list does not."""
+    module, _, name = where.partition(":")
+    spec = find_spec(module)
+    assert spec is not None
+    body = ast.parse(Path(str(spec.origin)).read_text("utf-8")).body
+    found = next(node for node in body if isinstance(node, ast.ClassDef) and node.name == name)
+    return (ast.get_docstring(found) or "").partition("\n")[0].rstrip(".")
 
-    return _registered(MODELS)
+
+def _models() -> list[Row]:
+    from .models import BUNDLE, MODELS, NETWORKS, SHIPPED
+
+    plays = {name: name not in NETWORKS or (SHIPPED / f"{name}{BUNDLE}").is_file() for name in MODELS}
+    return [
+        {"name": name, "what": _read(where) + ("" if plays[name] else "; no weights ship, train it: docs/training.md")}
+        for name, where in MODELS.items()
+    ]
 
 
 def _styles() -> list[Row]:
+    """Those of the rule-based gesturer, then the speakers of the systems whose weights ship."""
+    from .models import BUNDLE, SHIPPED
     from .rules.styles import STYLES
+    from .runtime.bundle import read_bundle
 
-    return [{"name": name, "what": style.what} for name, style in STYLES.items()]
+    rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
+    for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):
+        names = read_bundle(path).fact("styles", list)
+        rows += [{"name": name, "what": f"a speaker of --model {path.stem}", "model": path.stem} for name in names]
+    return rows
 
 
 def _emotions() -> list[Row]:

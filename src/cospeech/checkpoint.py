@@ -51,10 +51,9 @@ def network(name: str) -> Any:
     Raises:
         InputError: there is no such network.
     """
-    registry = {**NETWORKS, **NETWORKS}
-    if name not in registry:
-        raise InputError(f"no network is called {name!r}", nearest(name, registry))
-    module, _, attribute = registry[name].partition(":")
+    if name not in NETWORKS:
+        raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
+    module, _, attribute = NETWORKS[name].partition(":")
     return getattr(import_module(module), attribute)
 
 

@@ -72,13 +72,13 @@ Output = Annotated[
         "Without it: SPEECH's name with .bvh and with .glb, in this folder.",
     ),
 ]
-Model = Annotated[str, _option("--model", metavar="NAME", help="See `cospeech list models`.")]
+Model = Annotated[str, _option("--model", metavar="MODEL", help="Of `cospeech list models`; or a NAME.cospeech, or a run.")]
 Style = Annotated[
     str | None,
     _option(
         "--style",
         metavar="STYLE",
-        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. Trained models also take a clip.bvh to gesture like.",
+        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. Trained models follow a motion, too: clip.bvh.",
     ),
 ]
 Emotion = Annotated[
@@ -168,6 +168,7 @@ def generate(
     \b
     cospeech generate talk.wav -o talk.bvh -o talk.glb
     cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
+    cospeech generate talk.wav -o talk.bvh --model mine.cospeech --style clip.bvh
     """
     from .generate import generate_files
 
@@ -247,11 +248,9 @@ def list_(
 
         print(json.dumps(rows, indent=2, ensure_ascii=False))
         return
-    width = max((len(row["name"]) for row in rows), default=0)
+    width = max(len(row["name"]) for row in rows)
     for row in rows:
         print(f"{row['name']:<{width}}  {row['what']}")
-    if not rows:
-        print(f"no {what} yet")
 
 
 @app.command()

@@ -61,8 +61,8 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         """Train a model by a recipe; stopped or killed, it goes on with --resume where it was.
 
         \b
-        cospeech train recipes/stylised-flow-ted.toml --store stores/ted
-        torchrun --nproc-per-node 4 -m cospeech train recipes/stylised-flow-ted.toml --store stores/ted
+        cospeech train recipes/flow_ted.toml --store stores/ted
+        torchrun --nproc-per-node 4 -m cospeech train recipes/flow_ted.toml --store stores/ted
         """
         from .recipe import load_recipe
 
@@ -84,7 +84,7 @@ def _add_bundle(app: typer.Typer) -> None:
         """What a run has learnt as one file that `cospeech generate --model` plays, without PyTorch.
 
         \b
-        cospeech bundle runs/stylised-flow-ted -o mine.cospeech
+        cospeech bundle runs/flow_ted -o mine.cospeech
         """
         with _training():
             from .bundling import bundle_run

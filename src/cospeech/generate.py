@@ -102,7 +102,7 @@ def generate_files(
     Args:
         audio: the speech; any sound file that `open_speech` reads.
         outputs: files to write; the suffix picks the format.
-        model: registry name.
+        model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
         emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.

@@ -86,7 +86,10 @@ class Gesturer(Protocol):
 
 def plays(name: str | PathLike[str]) -> bool:
     """Whether `load` takes it: a registered name, a bundle by its suffix, or a run folder."""
-    return str(name) in MODELS or Path(name).suffix == BUNDLE or (Path(name) / "config.json").is_file()
+    try:
+        return str(name) in MODELS or Path(name).suffix == BUNDLE or (Path(name) / "config.json").is_file()
+    except (OSError, ValueError):  # longer than names can be, say
+        return False
 
 
 def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
@@ -101,10 +104,11 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
     Raises:
         InputError: there is no such model (the message names the nearest one), no weights of it ship, or the file is damaged.
     """
+    name = str(name)
     if not plays(name):
-        raise InputError(f"no model is called {str(name)!r}", nearest(str(name), MODELS))
+        raise InputError(f"no model is called {name[:120]!r}", nearest(name, MODELS))
     if name in NETWORKS or name not in MODELS:
-        return _open(str(name))
+        return _open(name)
     module, _, attribute = MODELS[name].partition(":")
     model: Gesturer = getattr(import_module(module), attribute)()
     return model
@@ -120,10 +124,13 @@ def _open(name: str) -> Any:
     path = shipped if name in MODELS else Path(name)
     if path.suffix == BUNDLE:
         return BundleGesturer.open(path)
-    try:
-        from ..bundling import bundle_run
-    except ModuleNotFoundError as error:
-        raise InputError(f"a run needs {error.name} to become a bundle", "pip install 'cospeech[train]'") from None
     with TemporaryDirectory(prefix="cospeech-") as folder:
-        bundle_run(path, Path(folder) / f"run{BUNDLE}")
+        try:
+            from ..bundling import bundle_run
+
+            bundle_run(path, Path(folder) / f"run{BUNDLE}")
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
+                raise
+            raise InputError(f"a run needs {error.name} to become a bundle", "pip install 'cospeech[train]'") from None
         return BundleGesturer.open(Path(folder) / f"run{BUNDLE}")

@@ -71,7 +71,9 @@ class MoGlowConfig:
 
 
 class MoGlow(nn.Module):
-    """The model; poses, audio and controls are standardised vectors.
+    """MoGlow (Henter et al. 2020): many motions for one speech, with controls for height, speed and reach of the hands.
+
+    Poses, audio and controls are standardised vectors.
 
     Args:
         config: sizes.

@@ -92,7 +92,9 @@ class FlowConfig:
 
 
 class StylisedFlow(nn.Module):
-    """The model; poses and audio are standardised vectors.
+    """The stylised flow (Ye et al. 2022): many motions for one speech, in the manner of an example.
+
+    Poses and audio are standardised vectors.
 
     Args:
         config: sizes and weights.

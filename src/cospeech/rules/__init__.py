@@ -131,7 +131,8 @@ def _find_style(style: object) -> Style:
     if isinstance(style, Style):
         return style
     if not isinstance(style, str) or style.lower().endswith((".bvh", ".glb", ".vrma", ".npz")):
-        raise InputError("the rule-based gesturer cannot learn a style from an example", f"name one of {', '.join(STYLES)}")
+        hint = f"trained models can, see `cospeech list models`; of its own it has {', '.join(STYLES)}"
+        raise InputError("the rule-based gesturer cannot learn a style from an example", hint)
     weights: dict[str, float] = {}
     for part in style.split(","):
         name, _, weight = (piece.strip() for piece in part.partition(":"))

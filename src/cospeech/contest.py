@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +107,7 @@ def contest(
     """A table of systems and the control rows on the recordings of a prepared store.
 
     Args:
-        targets: name → a model by name, or a folder of motions named like the clips; none: the control rows alone.
+        targets: name → what `cospeech.load` takes, or a folder of motions named like the clips; none: the control rows alone.
         store: made by ``prepare``.
         raw: the corpus it was made from, for the sound; without it, metrics that hear stay empty and no model can play.
         metrics: names in `cospeech.metrics.METRICS`.
@@ -124,7 +124,8 @@ def contest(
         raise InputError(f"{takes} takes", "1 … 100")
     for target in targets.values():
         if not plays(target) and not Path(target).is_dir():
-            raise InputError(f"{target!r} is no folder of motions and no model", f"models: {', '.join(MODELS)}")
+            hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
+            raise InputError(f"{target!r} is no folder of motions and no model", hint)
     clips = stored_clips(store, split=split, raw=raw)
     tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
@@ -134,7 +135,7 @@ def contest(
 
 
 def evaluate(
-    model: str | Gesturer | None,
+    model: str | PathLike[str] | Gesturer | None,
     corpus: str | PathLike[str] | Sequence[Clip],
     *,
     metrics: Sequence[str] = DEFAULT,
@@ -147,13 +148,14 @@ def evaluate(
     """A table of one system and the control rows: ``cospeech.evaluate(model, "stores/beat", raw="raw/beat")``.
 
     Args:
-        model: what `cospeech.load` gives, a model by name, a folder of motions, or None: the control rows alone.
+        model: what `cospeech.load` gives or takes, a folder of motions, or None: the control rows alone.
         corpus: a prepared store, or recordings with speech and motion.
         metrics, raw, split, takes, seed, features: see `contest`.
 
     Raises:
         InputError: anything of these cannot be used.
     """
+    model = fspath(model) if isinstance(model, PathLike) else model
     if isinstance(model, str) and isinstance(corpus, str | PathLike):
         return contest(
             {Path(model).name: model}, corpus,

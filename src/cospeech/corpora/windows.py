@@ -54,7 +54,8 @@ class Windows:
             chosen = {*bases[:: max(2, round(1 / held_out))]}
             good &= np.array([(name.split("|")[0] in chosen) == (split == "validation") for name in names])
         if not good.any():
-            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}")
+            hint = "longer clips; for a store without validation clips: data.validation=0.05, or train.validate_every=0"
+            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", hint)
         place = {name: k for k, name in enumerate(store.speakers)}
         self.clips, self._offsets, self._counts = numbers[good], self._offsets[good], self._counts[good]
         self._speakers = np.array([place[store.clips[k].speaker] for k in self.clips])

@@ -58,11 +58,19 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(store, tmp_path_factory):
-    """A few steps."""
+    """A short one."""
     recipe = {
         "model": {"name": "stylised-flow", **MODEL},
         "data": {"audio": "mel20-prosody", "by_clip": True},
-        "train": {"steps": 4, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 2, "save_every": 4},
+        "train": {
+            "steps": 150,
+            "batch": 16,
+            "lr": 3e-3,
+            "threads": 1,
+            "device": "cpu",
+            "validate_every": 150,
+            "save_every": 150,
+        },
     }
     folder = tmp_path_factory.mktemp("bundling") / "run"
     train(read_recipe(recipe), store, folder)
@@ -119,6 +127,24 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
     assert 0.04 < small.root[:, 0].mean() - big.root[:, 0].mean() < 0.16
     half = player.generate(speech, style="big:0.5,small:0.5", seed=2, fps=FPS, parts=("body", "hands"))
     assert big.root[:, 0].mean() < half.root[:, 0].mean() < small.root[:, 0].mean()
+
+
+def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
+    """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
+    player = BundleGesturer.open(bundle)
+    s = player.system.statistics
+    assert (np.abs(s.made_mean) > 0.05).any()
+    speech = Speech.load(example()[0]).window(0, 9)
+    pose, rows = find_pose("expmap-humanoid"), []
+    for seed in range(6):
+        motion = player.generate(speech, style="big", seed=seed, fps=FPS, parts=("body", "hands"))
+        rows.append(pose.encode(motion)[24:])
+    made = (np.concatenate(rows) - s.pose_mean) / s.pose_std
+    arms = [k for k, name in enumerate(pose.names) if "Arm" in name]
+    off = np.abs(made.mean(0) - s.centres[0])[arms] / s.spreads[0][arms]
+    ratio = made.std(0)[arms] / s.spreads[0][arms]
+    assert off.mean() < 0.4
+    assert 0.7 < np.median(ratio) < 1.3
 
 
 def test_no_intensity_is_the_mean_pose_of_the_style(bundle):

@@ -196,6 +196,17 @@ def test_latents_are_those_of_the_network(changes):
     np.testing.assert_allclose(found, wanted, atol=1e-3)
 
 
+def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
+    model = network(residual=True)
+    free, pulled = (engine_of(model.export(), replace(sizes_of(model.config, int8=False), pull=pull)) for pull in (1.0, 0.9))
+    audio, past, z = speech(60), histories(2), latents(2, 53)
+    loose, held = (engine.begin(past).frames(engine.windows(audio), z) for engine in (free, pulled))
+    np.testing.assert_allclose(held[:, 0], 0.9 * loose[:, 0], rtol=1e-5, atol=1e-6)
+    assert held.std() < loose.std()
+    poses = np.concatenate([past[0], held[0], np.zeros((TINY.look_ahead, POSE), np.float32)])
+    assert np.abs(pulled.latents(poses, audio) - z[0]).max() < 1e-3
+
+
 def test_a_hostile_network_stays_within_bounds():
     """Weights a hundred times too large, 20,000 frames: no NaN, nothing beyond the bounds, still moving."""
     rng = np.random.default_rng(0)

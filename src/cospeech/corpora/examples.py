@@ -27,10 +27,11 @@ def examples_of(
         pose, audio, reduce, moments: as the network is fed.
 
     Returns:
-        ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D),
-        ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean
-        deviation within their clips, and all poses but the centre by their clips' moments. float32. Shorter clips are held
-        at their ends, a speaker without training clips has the stretches of the others.
+        ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D) of
+        poses and ``speech`` (speakers, 8, `STRETCH`, A) of the speech to them, ``pose_centre`` (speakers, D): the mean pose
+        of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, and all poses but
+        the centre by their clips' moments. float32. Shorter clips are held at their ends, a speaker without training clips
+        has the stretches of the others.
     """
     clips = [clip for clip in store.clips if clip.split == "train" and {"pose", "audio"} <= {*clip.has}]
     edges: dict[str, Array] = {}
@@ -45,25 +46,27 @@ def examples_of(
         poses = pose(arrays["pose"])
         if moments is not None:
             poses = (poses - moments.centre[number]) / moments.spread[number]
-        rows[clip.speaker].append(poses)
+        rows[clip.speaker].append(np.concatenate([poses, audio(heard)], 1))
         for name, values in (("pose", poses), ("audio", audio(heard))):
             low, high = values.min(0), values.max(0)
             edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
             edges[f"{name}_high"] = np.maximum(edges.get(f"{name}_high", high), high)
-    every = [poses for found in rows.values() for poses in found]
+    every = [both for found in rows.values() for both in found]
     taken = [found or every for found in rows.values()]
-    stretches = np.stack([_stretches(found) for found in taken]).astype(np.float32)
+    width = len(edges["pose_low"])
+    stretches = np.stack([_stretches(found) for found in taken])
+    own = {"stretches": stretches[..., :width], "speech": stretches[..., width:]}
     if moments is None:
-        own = {"pose_centre": np.stack([np.concatenate(found).mean(0) for found in taken])}
+        own["pose_centre"] = np.stack([np.concatenate(found)[:, :width].mean(0) for found in taken])
     else:
         numbers = [found or [n for others in whose.values() for n in others] for found in whose.values()]
-        own = {"pose_centre": np.stack([moments.centre[found].mean(0) for found in numbers])}
+        own["pose_centre"] = np.stack([moments.centre[found].mean(0) for found in numbers])
         own["pose_spread"] = np.stack([moments.spread[found].mean(0) for found in numbers])
-    return {**edges, "stretches": stretches, **{name: values.astype(np.float32) for name, values in own.items()}}
+    return {name: np.ascontiguousarray(values, np.float32) for name, values in {**edges, **own}.items()}
 
 
 def _stretches(clips: list[Array]) -> Array:
-    """(`STRETCHES`, `STRETCH`, D), evenly spread over all that there is of a speaker."""
+    """(`STRETCHES`, `STRETCH`, D + A), evenly spread over all that there is of a speaker."""
     lengths = np.array([len(clip) for clip in clips])
     places = (np.arange(STRETCHES) + 0.5) / STRETCHES * lengths.sum()
     found = []

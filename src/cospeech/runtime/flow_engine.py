@@ -208,7 +208,7 @@ class FlowEngine:
             heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
             heard |= {name: code[rows] for name, code in codes.items()}
             (past[rows],) = _run(session, {"history": histories[rows]} | heard)
-        x = poses[s.history : s.history + frames]
+        x = poses[s.history : s.history + frames] / np.float32(s.pull)
         if s.residual:
             last = poses[s.history - 1 : s.history + frames - 1]
             x = x - last
@@ -306,7 +306,7 @@ class Takes:
         Returns:
             (N, F, D).
         """
-        width, run = self._engine.sizes.pose, self._engine.frame.run_with_iobinding
+        width, run, pull = self._engine.sizes.pose, self._engine.frame.run_with_iobinding, np.float32(self._engine.sizes.pull)
         out = np.empty((len(self._pose), len(windows), width), np.float32)
         if np.shape(z) != out.shape:
             raise InputError(f"latents of shape {np.shape(z)}", f"{out.shape}")
@@ -321,6 +321,8 @@ class Takes:
                 except RuntimeError as error:
                     raise _failed(error) from None
                 self._bindings.reverse()
+                if pull != 1:
+                    self._pose *= pull
                 out[:, first + t] = self._pose
                 self.history[:, :-width] = self.history[:, width:]
                 self.history[:, -width:] = self._pose

@@ -170,7 +170,8 @@ class _Poses:
         spreads = [source.spread for source in self._sources]
         if spreads[0] is None:
             return poses - centres
-        return poses * np.stack(spreads)[:, None]  # type: ignore[arg-type]  # all or none
+        s = self._system.statistics
+        return (poses - s.made_mean) / s.made_std * np.stack(spreads)[:, None]  # type: ignore[arg-type]  # all or none
 
     def _smoothed(self, poses: Array, last: int) -> Array:
         """(N, n, D) of these indices."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import zipfile
 
 import numpy as np
@@ -11,8 +12,8 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch (the train extra)")
 
 import cospeech  # noqa: E402
-from cospeech.bundling import bundle_run  # noqa: E402
-from cospeech.checkpoint import load_run  # noqa: E402
+from cospeech.bundling import EXAMPLES, bundle_run  # noqa: E402
+from cospeech.checkpoint import load_run, read_tensors, write_tensors  # noqa: E402
 from cospeech.corpora.examples import STRETCH, STRETCHES, examples_of  # noqa: E402
 from cospeech.corpora.feed import SPREAD_FLOOR, Feed, clip_moments, standard_audio, standard_pose  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
@@ -174,6 +175,11 @@ def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
         bundle_run(tmp_path, tmp_path / "it.cospeech")
     with pytest.raises(InputError, match="no weights of 'moglow' ship"):
         cospeech.load("moglow")
+    early = shutil.copytree(run, tmp_path / "early")  # before the speech was kept
+    kept, _ = read_tensors(run / EXAMPLES)
+    write_tensors(early / EXAMPLES, {name: tensor for name, tensor in kept.items() if name != "speech"}, {})
+    with pytest.raises(InputError, match="of another version"):
+        bundle_run(early, tmp_path / "it.cospeech")
     assert not list(tmp_path.glob("*.cospeech"))
 
 

@@ -58,11 +58,13 @@ def bundle_run(
         raise InputError(f"the run {str(folder)!r} is of {facts['model']!r}, which plays no motion", "bundles are of systems")
     statistics, _ = read_tensors(folder / "statistics.safetensors")
     examples, _ = read_tensors(folder / EXAMPLES)
-    measured, pull = _statistics(model, statistics, examples)
-    sizes = FlowSizes(**model.runtime_sizes(), int8=int8, pull=pull)
     audio = facts["recipe"]["data"].get("audio")
     if audio is None:
         raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
+    if "stretches" not in examples or ("pose_spread" in examples and "speech" not in examples):
+        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
+    measured, pull = _statistics(model, statistics, examples)
+    sizes = FlowSizes(**model.runtime_sizes(), int8=int8, pull=pull)
     store = facts["store"]
     known = {
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],

@@ -322,6 +322,12 @@ def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(stage
     assert stages.player("flow_ted_no_perceptual").net.omega == []
 
 
+@pytest.mark.parametrize("change", ["data.by_clip=true", "model.style=8"])
+def test_what_tables_cannot_play_is_not_trained(stages, change):
+    with pytest.raises(InputError, match=r"by_clip or model\.style"):
+        replace(stages, overrides=(change,)).recipe("flow_ted")
+
+
 def test_a_changed_recipe_is_another_run(stages):
     other = replace(stages, overrides=("model.hidden=9",))
     assert other.place("flow_ted", 0) != stages.place("flow_ted", 0)

@@ -172,6 +172,8 @@ class Stages:
         if self.threads:
             texts.append(f"train.threads={self.threads}")
         recipe = load_recipe(path, texts)
+        if recipe.data.by_clip or recipe.config.get("style"):  # `Player` knows neither a clip's own moments nor style codes
+            raise InputError(f"a table's row {name!r} with data.by_clip or model.style", "tables are of the papers' systems")
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
         return recipe

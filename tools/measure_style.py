@@ -2,8 +2,8 @@
 
     python tools/measure_style.py BUNDLE.cospeech --store STORE --raw CORPUS [--write]
 
-Ten seconds of a held-out recording of each of five speakers are the examples; each is played on the same held-out speeches of
-other people, 20 s each. A classifier of speakers, trained here on the recordings of the training split, hears nothing and sees
+Ten seconds of a held-out neutral recording of each of five speakers are the examples, those that show the style best; each is
+played on the same held-out speeches, 20 s each. A classifier of speakers, trained here on the recordings of the training split, hears nothing and sees
 windows of 8 s; the windows of a performance vote, but for its first two seconds, which the example's own poses begin.
 """
 
@@ -179,24 +179,32 @@ def held_out(clips: Sequence[Clip], seconds: float) -> list[Clip]:
     return [clip for clip in clips if clip.motion is not None and clip.motion.duration >= seconds and clip.speech is not None]
 
 
-def examples_of(clips: Sequence[Clip], speakers: Sequence[str]) -> dict[str, Motion]:
-    """Ten seconds from each speaker's longest held-out recording."""
+def examples_of(clips: Sequence[Clip], judge: Judge) -> dict[str, Motion]:
+    """Of each speaker the ten seconds of a held-out neutral recording that show the style best, as the judge sees it.
+
+    Recordings in other emotions would show the emotion; of speakers without neutral ones, all are looked at.
+    """
+    emotions = {e.name: judge.store.clip(e)["emotion"][0] if "emotion" in e.has else 0 for e in judge.store.clips}
     found: dict[str, Motion] = {}
-    for name in speakers:
-        own = sorted((c for c in held_out(clips, EXAMPLE + 1) if c.speaker == name), key=lambda c: -len(c.motion or ()))
-        if own and own[0].motion is not None:
-            fps = own[0].motion.fps
-            found[name] = own[0].motion[round(fps / 2) : round(fps / 2) + round(EXAMPLE * fps)]
+    for number, name in enumerate(judge.store.speakers):
+        own = [clip for clip in held_out(clips, EXAMPLE + 1) if clip.speaker == name]
+        own = [clip for clip in own if emotions.get(clip.name, 0) == 0] or own
+        length, stretches = round(EXAMPLE * judge.store.fps), []
+        for clip in own:
+            assert clip.motion is not None
+            stretches += [clip.motion[k : k + length] for k in range(0, len(clip.motion) - length + 1, length // 2)]
+        if stretches:
+            found[name] = max(stretches, key=lambda motion: judge.votes(motion, skip=0.0)[number])
     return found
 
 
 def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[list[str]]:
     """The rows of the table."""
     judge = Judge(store)
-    examples = dict(list(examples_of(clips, store.speakers).items())[:SPEAKERS])
+    examples = dict(list(examples_of(clips, judge).items())[:SPEAKERS])
     talks = [
         replace(c, speech=c.speech.window(c.speech.start, c.speech.start + TALK))
-        for c in held_out(clips, TALK + 1)[:SPEECHES]
+        for c in held_out(clips, TALK + 1)[:: max(1, len(held_out(clips, TALK + 1)) // SPEECHES)][:SPEECHES]
         if c.speech is not None
     ]
     speeches = [clip.speech for clip in talks if clip.speech is not None]

@@ -3,8 +3,9 @@
     python tools/measure_style.py BUNDLE.cospeech --store STORE --raw CORPUS [--write]
 
 Ten seconds of a held-out neutral recording of each of five speakers are the examples, those that show the style best; each is
-played on the same held-out speeches, 20 s each. A classifier of speakers, trained here on the recordings of the training split, hears nothing and sees
-windows of 8 s; the windows of a performance vote, but for its first two seconds, which the example's own poses begin.
+played on the same held-out speeches, 20 s each. A classifier of speakers, trained here on the recordings of the training split,
+hears nothing and sees windows of 8 s; the windows of a performance vote, but for its first two seconds, which the example's own
+poses begin.
 """
 
 from __future__ import annotations

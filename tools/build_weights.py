@@ -26,7 +26,7 @@ from cospeech.train import train
 
 ROOT = Path(__file__).parents[1]
 BUNDLE = ROOT / "src" / "cospeech" / "assets" / "bundles" / "stylised-flow.cospeech"
-SPEAKERS, SEED = 8, 0
+SPEAKERS, SEED, STYLE = 8, 0, "elif"  # the orator: neither the largest nor the smallest
 METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed", "w1_speed")
 
 CARD = """# stylised-flow: the weights that ship
@@ -97,7 +97,7 @@ def main() -> None:
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    bundle_run(run, chosen.out)
+    bundle_run(run, chosen.out, style=STYLE)
     facts, config = read_facts(run), recipe.config
     table = contest({"stylised-flow": str(chosen.out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
     kept = facts["store"]
@@ -107,7 +107,7 @@ def main() -> None:
         batch=recipe.train.batch, machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU",
         names=", ".join(kept["speakers"]), table=markdown(table),
     )  # fmt: skip
-    bundle_run(run, chosen.out, card=card)
+    bundle_run(run, chosen.out, card=card, style=STYLE)
     print(f"{chosen.out}  {chosen.out.stat().st_size / 1e6:.2f} MB")
     print(table.to_text())
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from .checkpoint import load_run, read_facts, read_tensors
-from .errors import InputError
+from .errors import InputError, nearest
 from .nn.conditioning import frame_windows
 from .nn.objective import Chance
 from .poses.controls import CONTROLS, QUANTILES
@@ -34,6 +34,7 @@ def bundle_run(
     int8: bool = True,
     smooth: int = 1,
     card: str = "",
+    style: str | None = None,
 ) -> None:
     """Make a bundle of a run.
 
@@ -44,6 +45,7 @@ def bundle_run(
         int8: quantise the large products.
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
+        style: name of the speaker whose style is played where nobody says; the first one, where not given.
 
     Raises:
         InputError: not a run, or of a system that has no bundles.
@@ -66,9 +68,11 @@ def bundle_run(
     measured, pull = _statistics(model, statistics, examples)
     sizes = FlowSizes(**model.runtime_sizes(), int8=int8, pull=pull)
     store = facts["store"]
+    if style is not None and style not in store["speakers"]:
+        raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
     known = {
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
-        "styles": list(store["speakers"]), "style": store["speakers"][0], "controls": _controls(model),
+        "styles": list(store["speakers"]), "style": style or store["speakers"][0], "controls": _controls(model),
     }  # fmt: skip
     write_flow(
         target, model.export(), sizes, measured, pose=store["pose"], fps=float(store["fps"]),
@@ -93,7 +97,7 @@ def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[
     known = {
         **{name: statistics[name] for name in ("pose_mean", "pose_std", "audio_mean", "audio_std")},
         **{name: examples[name] for name in ("pose_low", "pose_high", "audio_low", "audio_high")},
-        "histories": stretches[:, :, -history:].flatten(0, 1), "styles": codes.view(speakers, count, -1).mean(1),
+        "histories": _calmest(stretches.flatten(0, 1), history), "styles": codes.view(speakers, count, -1).mean(1),
         "centres": examples["pose_centre"], "controls": _quantiles(model, statistics), **made,
     }  # fmt: skip
     return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), pull
@@ -118,6 +122,14 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
         found.append((abs((_wandering(made) / wanted).log().item()), pull, made))
     _, pull, made = min(found, key=lambda one: one[0])
     return pull, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
+
+
+def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
+    """(N, L, D) → (N, τ, D): where each moves least; nobody begins to speak in the middle of a gesture."""
+    speeds = stretches.diff(dim=1).square().mean(-1)
+    windows = stretches.unfold(1, history, 1).transpose(2, 3)
+    moved = speeds.unfold(1, history - 1, 1).mean(-1) if history > 1 else stretches.square().mean(-1)
+    return windows[torch.arange(len(windows)), moved.argmin(1)]
 
 
 def _wandering(poses: torch.Tensor) -> torch.Tensor:

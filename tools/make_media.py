@@ -25,7 +25,7 @@ STYLE, EMOTION, SEED = "natural", "happiness", 0
 SECONDS = 7.6  # of the example: the greeting, tiny and huge
 RATE = 12.5  # pictures per second
 WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
-PEOPLE, SIDE = ("ada", "cleo", "dan"), 300  # of the weights that ship; pixels
+PEOPLE, SIDE, BELOW = ("ada", "cleo", "dan"), 300, 130  # of the weights that ship; pixels
 BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214, 84, 60)
 
 
@@ -88,17 +88,17 @@ def save_gif(frames: list[Image.Image], path: Path) -> None:
 def people(speech: cospeech.Speech, audio: Path, name: str) -> None:
     """Three styles side by side above the sound, and a strip of each."""
     model = cospeech.load("stylised-flow")
-    motions = [model.generate(speech, style=who, emotion="neutral", seed=SEED) for who in PEOPLE]
+    motions = [model.generate(speech, style=who, emotion="neutral", seed=SEED + k) for k, who in enumerate(PEOPLE)]
     for who, motion in zip(PEOPLE, motions, strict=True):
         motion.save(MEDIA / f"styles-{name}-{who}.png", audio=audio, words=list(speech.words or ()))
     parts = [motion[: round(SECONDS * motion.fps)] for motion in motions]
     frames, font = [], ImageFont.load_default(17)
     for k, bodies in enumerate(zip(*(pictures(part, "body", SIDE, SIDE) for part in parts), strict=True)):
-        frame = Image.new("RGB", (SIDE * len(PEOPLE), SIDE + 100))
+        frame = Image.new("RGB", (SIDE * len(PEOPLE), SIDE + BELOW))
         for place, (who, body) in enumerate(zip(PEOPLE, bodies, strict=True)):
             frame.paste(body, (place * SIDE, 0))
-            ImageDraw.Draw(frame).text(((place + 0.5) * SIDE, SIDE - 14), who, fill=INK, font=font, anchor="mm")
-        frame.paste(sound(speech, k / RATE, frame.width, 100), (0, SIDE))
+            ImageDraw.Draw(frame).text(((place + 0.5) * SIDE, 16), who, fill=INK, font=font, anchor="mm")
+        frame.paste(sound(speech, k / RATE, frame.width, BELOW), (0, SIDE))
         frames.append(frame)
     save_gif(frames, MEDIA / f"styles-{name}.gif")
 

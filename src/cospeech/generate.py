@@ -1,7 +1,8 @@
 """Speech file in, motion files out: the call behind ``cospeech generate``, in constant memory.
 
 Sound is decoded in blocks, a model turns them into motion as they come, and every file that was asked for is written at the
-same time. Files appear under their names only when all of them are complete.
+same time; so are the takes, as many as the model can play in one pass. Files appear under their names only when all of them
+are complete.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from .errors import InputError, nearest
 from .export import FORMATS, Writer, open_writer
 from .export import format_of as format_of_file
 from .files import all_or_none
-from .models import DEFAULT, PARTS, Performance
+from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
@@ -137,12 +138,11 @@ def generate_files(
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
         keywords = _writer_keywords(audio, avatar, special or {}, source.words)
-        counts, each = set(), len(files)
-        for take in range(takes):
-            staged = [place(path) for path in names[take * each : (take + 1) * each]]
-            performance = gesturer.session(seed=seed + take, **vars(options))
-            moving = _told(_played(performance, source), progress, take, takes, source.expected_seconds)
-            counts.add(_write_all(moving, staged, skeleton, options.fps, keywords))
+        counts = set[int]()
+        for group, performance in _passes(gesturer, options, seed, takes):
+            staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
+            moving = _told(_played(performance, source), progress, group.start, takes, source.expected_seconds)
+            counts |= _write_all(moving, staged, skeleton, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
@@ -200,42 +200,62 @@ def _chunk(
     return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
 
 
-def _played(performance: Performance, source: SpeechSource) -> Iterator[Motion]:
-    """The whole of a take, piece by piece."""
+def _passes(gesturer: Gesturer, options: _Options, seed: int, takes: int) -> Iterator[tuple[range, Performance]]:
+    """Which takes are played together, from 0 on, and the session that plays them."""
+    for first in range(0, takes, gesturer.takes_at_once):
+        group = range(first, min(first + gesturer.takes_at_once, takes))
+        several = {"takes": len(group)} if len(group) > 1 else {}
+        yield group, gesturer.session(seed=seed + first, **several, **vars(options))
+
+
+def _played(performance: Performance, source: SpeechSource) -> Iterator[list[Motion]]:
+    """The takes of one pass from beginning to end: a piece of each at a time."""
     for chunk in speech_chunks(source):
-        yield from performance.push(chunk)
-    yield from performance.finish()
+        yield from performance.push_takes(chunk)
+    yield from performance.finish_takes()
 
 
 def _told(
-    moving: Iterator[Motion], progress: Progress | None, take: int, takes: int, seconds: float | None
-) -> Iterator[Motion]:
-    """The same stream, and the listener of progress is told."""
-    for piece in moving:
-        yield piece
+    moving: Iterator[list[Motion]], progress: Progress | None, before: int, takes: int, seconds: float | None
+) -> Iterator[list[Motion]]:
+    """The same stream, and the listener of progress is told; ``before`` of the takes were played in earlier passes."""
+    for pieces in moving:
+        yield pieces
         if progress is not None:
-            done = piece.start + piece.duration
-            progress(done if seconds is None else done + take * seconds, None if seconds is None else seconds * takes)
+            done = pieces[0].start + pieces[0].duration
+            if seconds is None:
+                progress(done, None)
+            else:
+                progress(done * len(pieces) + before * seconds, seconds * takes)
 
 
 def _write_all(
-    moving: Iterator[Motion], paths: list[Path], skeleton: str, fps: float, keywords: Mapping[str, Mapping[str, object]]
-) -> int:
-    """Write a stream to all files at once; the number of frames."""
-    count, writers = 0, list[Writer]()
+    moving: Iterator[list[Motion]],
+    takes: list[list[Path]],
+    skeleton: str,
+    fps: float,
+    keywords: Mapping[str, Mapping[str, object]],
+) -> set[int]:
+    """Write a stream of takes, each to its files, all at once; how many frames they have: one number, if all is well."""
+    counts, writers = [0] * len(takes), list[Writer]()
+    paths = [path for files in takes for path in files]
     suffixes = [path.suffix.lower() for path in paths]
     with ExitStack() as stack:
-        for piece in moving:
-            other = piece if skeleton == "humanoid" else piece.retarget(skeleton)
-            kept = [other if suffix in KEEPS_SKELETON else piece for suffix in suffixes]
+        for pieces in moving:
+            others = pieces if skeleton == "humanoid" else [piece.retarget(skeleton) for piece in pieces]
+            kept = [
+                other if path.suffix.lower() in KEEPS_SKELETON else piece
+                for piece, other, files in zip(pieces, others, takes, strict=True)
+                for path in files
+            ]
             if not writers:
                 for path, suffix, motion in zip(paths, suffixes, kept, strict=True):
                     writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **keywords.get(suffix, {}))
                     writers.append(stack.enter_context(writer))
             for writer, motion in zip(writers, kept, strict=True):
                 writer.write(motion)
-            count += len(piece)
-    return count
+            counts = [count + len(piece) for count, piece in zip(counts, pieces, strict=True)]
+    return set(counts)
 
 
 def _writer_keywords(

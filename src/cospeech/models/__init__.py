@@ -44,7 +44,7 @@ PARTS = ("face", "body", "hands")
 
 
 class Performance(Protocol):
-    """One take under way: speech goes in, piece by piece; motion comes out."""
+    """One take under way, or several: speech goes in, piece by piece; motion comes out."""
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -59,6 +59,14 @@ class Performance(Protocol):
         """The speech is over; yields the rest of the motion."""
         ...
 
+    def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
+        """As ``push``; yields lists with a piece of every take, all of one length."""
+        ...
+
+    def finish_takes(self) -> Iterator[list[Motion]]:
+        """As ``finish``, of every take."""
+        ...
+
 
 class Gesturer(Protocol):
     """What every model offers; all three with the keywords style, emotion, seed, intensity, temperature, fps, parts.
@@ -69,6 +77,11 @@ class Gesturer(Protocol):
     @property
     def default_style(self) -> str:
         """Name of the style that is played where none is asked for."""
+        ...
+
+    @property
+    def takes_at_once(self) -> int:
+        """How many takes one session plays best; where it is more than 1, ``session`` has the keyword ``takes``."""
         ...
 
     def generate(self, speech: Speech, **options: Any) -> Motion:

@@ -148,11 +148,11 @@ def control_row(style: Mapping[str, float], quantiles: Array, controls: Sequence
 
     Args:
         style: name → quantile, 0 … 1; controls that it does not name are at their median.
-        quantiles: (101, 3), see `control_quantiles`.
-        controls: those that the system was trained with.
+        quantiles: (101, C), a column for each of ``controls``: a run's (`control_quantiles`), or standardised, a bundle's.
+        controls: their names, those that the system has.
 
     Returns:
-        (len(controls),) in metres and metres per second, not standardised.
+        (C,) float32, as the quantiles are: in metres and metres per second, or standardised.
 
     Raises:
         InputError: a control that the system does not have, or no quantile.
@@ -163,6 +163,6 @@ def control_row(style: Mapping[str, float], quantiles: Array, controls: Sequence
             raise InputError(f"the system has no style control {name!r}", known)
         if not 0 <= value <= 1:
             raise InputError(f"style control {name} at {value}", "a quantile, 0 … 1")
-    grid, columns = np.linspace(0, 1, len(quantiles)), [CONTROLS.index(name) for name in controls]
-    row = [np.interp(style.get(name, 0.5), grid, quantiles[:, k]) for name, k in zip(controls, columns, strict=True)]
+    grid = np.linspace(0, 1, len(quantiles))
+    row = [np.interp(style.get(name, 0.5), grid, column) for name, column in zip(controls, quantiles.T, strict=True)]
     return np.array(row, np.float32)

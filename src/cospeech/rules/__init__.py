@@ -34,6 +34,7 @@ class RuleGesturer:
 
     look_ahead = LOOK_AHEAD
     default_style = next(iter(STYLES))
+    takes_at_once = 1
 
     def session(
         self,

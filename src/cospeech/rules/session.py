@@ -114,6 +114,16 @@ class Session:
                 self._decide()
             yield from self._emit(end, total)
 
+    def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
+        """As `push`, in lists, as sessions of several takes give it; here of one."""
+        for piece in self.push(chunk):
+            yield [piece]
+
+    def finish_takes(self) -> Iterator[list[Motion]]:
+        """As `finish`, in lists."""
+        for piece in self.finish():
+            yield [piece]
+
     def _samples(self, chunk: Speech) -> Array:
         if chunk.rate == SAMPLE_RATE:
             return chunk.samples

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion import Motion
-from ..poses.controls import read_controls
+from ..poses.controls import control_row, read_controls
 from ..rotations import Array
 from ..rules import RuleGesturer
 from ..rules.session import check_speech
@@ -36,6 +36,8 @@ class BundleGesturer:
     Raises:
         InputError: poses of a kind that cannot be decoded in pieces.
     """
+
+    takes_at_once = 8  # ours: they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
     def __init__(self, system: FlowSystem, transfer: Transfer | None = None) -> None:
         if system.pose in _WHOLE:
@@ -130,16 +132,11 @@ _MOST_TAKES = 64  # ours, of one pass
 
 def _wishes(style: object, system: FlowSystem) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
-    table = system.statistics.controls
-    quantiles = dict.fromkeys(system.controls, 0.5)
     parts = style.split(",") if isinstance(style, str) and style else []
-    said = [part for part in parts if part.partition(":")[0].strip() in quantiles]
-    for name, quantile in read_controls(",".join(said)).items() if said else ():
-        quantiles[name] = quantile
-    grid = np.linspace(0, 1, len(table))
-    row = [np.interp(q, grid, table[:, k]) for k, q in enumerate(quantiles.values())]
+    said = [part for part in parts if part.partition(":")[0].strip() in system.controls]
+    row = control_row(read_controls(",".join(said)) if said else {}, system.statistics.controls, system.controls)
     speakers = ",".join(part for part in parts if part not in said) or None
-    return (speakers if said else style), np.array(row, np.float32)
+    return (speakers if said else style), row
 
 
 def _check(seed: object, takes: object, intensity: object, temperature: object) -> None:

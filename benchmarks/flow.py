@@ -8,8 +8,8 @@ leaves out the others' turns, though not what they take of memory and caches. Th
 Eager PyTorch, where it is installed, steps the same network with `torch.nn.GRU` and its kept state, in float32 on one thread,
 with the inverse matrices kept (and, for comparison, worked out in each frame, as the authors' code does).
 
-``--endless`` makes 10⁶ frames with a hostile small network instead, and looks for what is not finite, too large, or stands
-still.
+``--endless`` makes 10⁶ frames instead, with the bundle that ships and with a hostile small network, and looks for what is not
+finite, too large, or stands still.
 """
 
 from __future__ import annotations
@@ -24,10 +24,14 @@ from typing import Any
 
 import numpy as np
 
+from cospeech.demo import EXAMPLE
+from cospeech.features.frames import audio_features
+from cospeech.features.reduce import reduce_audio
 from cospeech.models import load
 from cospeech.runtime.flow_engine import FlowEngine, StudentT
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import CODE, FlowSizes, pack_weights
+from cospeech.speech import Speech
 
 PAPER = FlowSizes(
     pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, heard=13, nu=50, feature=32, blocks=5, channels=256
@@ -258,10 +262,34 @@ def endless(frames: int) -> None:
           f"{still} of {frames // block} stretches stood still, {seconds:.0f} s")  # fmt: skip
 
 
+def endless_speech(frames: int) -> None:
+    """The bundle that ships on the example speech, over and over."""
+    player = load("stylised-flow")
+    system = player.system  # type: ignore[attr-defined]  # a bundle
+    s, sizes = system.statistics, system.engine.sizes
+    speech = Speech.load(EXAMPLE)
+    rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)
+    windows = system.engine.windows(np.concatenate([(rows - s.audio_mean) / s.audio_std] * 2))[: len(rows)]
+    takes, draw = system.engine.begin(s.histories[:1], s.styles[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
+    spreads, begun, done = [], time.perf_counter(), 0
+    while done < frames:
+        made = np.concatenate([takes.frames(windows, draw.draw(len(windows))[None])[0] for _ in range(20)])
+        if not np.isfinite(made).all():
+            sys.exit(f"FAIL  not finite before frame {done + len(made)}")
+        spreads.append(made.std(0).mean())
+        done += len(made)
+    first, last = np.mean(spreads[:5]), np.mean(spreads[-5:])
+    verdict(f"deviation of the poses at the end of {done:,} frames, of that at the beginning ({first:.2f})", last / first, 0.8,
+            "×", at_least=True)  # fmt: skip
+    print(f"        least of all stretches {min(spreads):.2f}, most {max(spreads):.2f}; {time.perf_counter() - begun:.0f} s")
+
+
 def main() -> None:
     print(f"flow, one core of {processor()}, onnxruntime")
     if "--endless" in sys.argv:
-        endless(next((int(a) for a in sys.argv[1:] if a.isdigit()), 1_000_000))
+        frames = next((int(a) for a in sys.argv[1:] if a.isdigit()), 1_000_000)
+        endless_speech(frames)
+        endless(frames)
         return
     shipped_size()
     paper_size()

@@ -377,11 +377,13 @@ def travel(path: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.diff(path, axis=0), axis=-1).mean(0) * 30
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_hand_of_the_example_gestures(seed):
-    left, right = (np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0))
-    assert left[0] > 1.4 * left[1]
-    assert right[1] > 1.4 * right[0]
+def test_the_hand_of_the_example_gestures():
+    """In every performance more than the other; how much more is left to chance, and mostly a great deal."""
+    spread = [[np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(4)]
+    left, right = (np.array([pair[k] for pair in spread]) for k in (0, 1))
+    assert (left[:, 0] > 1.1 * left[:, 1]).all()
+    assert (right[:, 1] > 1.1 * right[:, 0]).all()
+    assert np.median(np.concatenate([left[:, 0] / left[:, 1], right[:, 1] / right[:, 0]])) > 1.7
 
 
 def test_size_follows_the_example():

@@ -129,8 +129,8 @@ class Begun(CodeSource):
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
-        plain = named(system, system.style)
-        self.style, self.centre, self.spread = plain.code, plain.centre, plain.spread
+        plain = CodeSource(system, ((1.0, named(system, system.style)),), seed=seed)
+        self.style, self.centre, self.spread = plain.style, plain.centre, plain.spread
 
 
 class Posed(CodeSource):

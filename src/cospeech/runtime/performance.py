@@ -55,8 +55,13 @@ class Source(Protocol):
 
     @property
     def spread(self) -> Array | None:
-        """(D,) deviation of the speaker's standardised poses, which the network's are multiplied by and added to the mean pose;
-        None for a network that gives standardised poses themselves."""
+        """(D,) what the network's poses are multiplied by before they are added to the mean pose, so that they deviate as the
+        speaker's do; None for a network that gives standardised poses themselves."""
+        ...
+
+    @property
+    def drift(self) -> Array | None:
+        """(D,) mean of what the network makes of these latents by itself, taken off before; None with ``spread``."""
         ...
 
     def draw(self, frames: int) -> Array:
@@ -167,11 +172,10 @@ class _Poses:
 
     def _strayed(self, poses: Array, centres: Array) -> Array:
         """(N, n, D) how far poses are from the mean ones, standardised."""
-        spreads = [source.spread for source in self._sources]
-        if spreads[0] is None:
+        drifts, spreads = ([getattr(source, name) for source in self._sources] for name in ("drift", "spread"))
+        if spreads[0] is None:  # all or none
             return poses - centres
-        s = self._system.statistics
-        return (poses - s.made_mean) / s.made_std * np.stack(spreads)[:, None]  # type: ignore[arg-type]  # all or none
+        return (poses - np.stack(drifts)[:, None]) * np.stack(spreads)[:, None]
 
     def _smoothed(self, poses: Array, last: int) -> Array:
         """(N, n, D) of these indices."""

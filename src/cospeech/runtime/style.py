@@ -66,8 +66,10 @@ class CodeSource:
         self.history: Array = _mean(begun)
         self.style: Array = _mean([(share, manner.code) for share, manner in blend])
         self.centre: Array = _mean([(share, manner.centre) for share, manner in blend])
-        spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
-        self.spread: Array | None = _mean(spreads) if spreads else None
+        self.spread: Array | None = _size(blend)
+        self.drift: Array | None = None
+        if self.spread is not None:  # random latents: what the network makes of them by itself is known
+            self.drift, self.spread = system.statistics.made_mean, self.spread / system.statistics.made_std
         self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
 
     def draw(self, frames: int) -> Array:
@@ -85,9 +87,12 @@ class _ExampleSource(CodeSource):
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
+        sized = blend
         if not coded:
             plain = named(system, system.style)
-            self.style, self.centre, self.spread = plain.code, plain.centre, plain.spread
+            self.style, self.centre, sized = plain.code, plain.centre, ((1.0, plain),)
+        self.spread = _size(sized)  # an example's latents make its own poses
+        self.drift = None if self.spread is None else np.zeros(system.engine.sizes.pose, np.float32)
         self._system, self._temperature = system, np.float32(temperature)
         self._kept = np.zeros((0, system.engine.sizes.pose), np.float32)
         self._rng = np.random.default_rng([seed, 2])
@@ -160,6 +165,12 @@ class NormalSource(_ExampleSource):
 def best_transfer(system: FlowSystem) -> Transfer:
     """The way that measured best (docs/styles.md): by the code, for a system that has codes; else by latents."""
     return CodeSource if system.engine.sizes.style else SegmentSource
+
+
+def _size(blend: Blend) -> Array | None:
+    """(D,) deviation of the poses, for systems that know them by their recording's own."""
+    spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
+    return _mean(spreads) if spreads else None
 
 
 def _mean(parts: list[tuple[float, Array]]) -> Array:

@@ -29,9 +29,9 @@ def examples_of(
     Returns:
         ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D) of
         poses and ``speech`` (speakers, 8, `STRETCH`, A) of the speech to them, ``pose_centre`` (speakers, D): the mean pose
-        of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, and all poses but
-        the centre by their clips' moments. float32. Shorter clips are held at their ends, a speaker without training clips
-        has the stretches of the others.
+        of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, both of neutral
+        clips where there are some, and all poses but the centre by their clips' moments. float32. Shorter clips are held
+        at their ends, a speaker without training clips has the stretches of the others.
     """
     clips = [clip for clip in store.clips if clip.split == "train" and {"pose", "audio"} <= {*clip.has}]
     edges: dict[str, Array] = {}
@@ -60,9 +60,19 @@ def examples_of(
         own["pose_centre"] = np.stack([np.concatenate(found)[:, :width].mean(0) for found in taken])
     else:
         numbers = [found or [n for others in whose.values() for n in others] for found in whose.values()]
+        numbers = [_neutral(store, found) or found for found in numbers]
         own["pose_centre"] = np.stack([moments.centre[found].mean(0) for found in numbers])
         own["pose_spread"] = np.stack([moments.spread[found].mean(0) for found in numbers])
     return {name: np.ascontiguousarray(values, np.float32) for name, values in {**edges, **own}.items()}
+
+
+def _neutral(store: Store, numbers: list[int]) -> list[int]:
+    """The clips that are wholly neutral, as far as the store knows: what somebody is like does not depend on their mood."""
+    known = store.arrays.get("emotion")
+    if known is None:
+        return []
+    clips = [(number, store.clips[number]) for number in numbers]
+    return [n for n, clip in clips if not known[clip.offset : clip.offset + clip.frames].any()]
 
 
 def _stretches(clips: list[Array]) -> Array:

@@ -36,6 +36,7 @@ def alone(job: dict) -> int:
     """The exit code of a job in a process of its own; minus the signal that ended it; 130 for Ctrl-C."""
     child = os.fork()
     if child == 0:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where Ctrl-C is ignored: behind an &
         code = 1
         try:
             do(job)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.flow_engine import FlowEngine, StudentT
+from cospeech.runtime.flow_engine import FlowEngine, StudentT, _reason
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
 
@@ -205,6 +205,11 @@ def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
     assert held.std() < loose.std()
     poses = np.concatenate([past[0], held[0], np.zeros((TINY.look_ahead, POSE), np.float32)])
     assert np.abs(pulled.latents(poses, audio) - z[0]).max() < 1e-3
+
+
+@pytest.mark.parametrize(("said", "told"), [("first\nsecond", "first"), ("", "RuntimeError"), ("\n", "RuntimeError")])
+def test_an_error_of_onnxruntime_without_words_is_told_too(said, told):
+    assert _reason(RuntimeError(said)) == told
 
 
 def test_a_hostile_network_stays_within_bounds():

@@ -164,6 +164,7 @@ def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Modul
     try:
         model.load_state_dict(tensors)
     except RuntimeError as error:
-        problem = f"{which}.safetensors of {str(folder)!r} does not fit the model: {str(error).splitlines()[-1].strip()}"
+        reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
+        problem = f"{which}.safetensors of {str(folder)!r} does not fit the model: {reason}"
         raise InputError(problem[:300], "was it trained with another version?") from None
     return model.eval(), facts

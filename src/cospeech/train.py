@@ -95,7 +95,7 @@ class _Run:
             for part in self.parts:
                 part.restore(tensors)
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
-            reason = str(error).splitlines()[-1].strip()
+            reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
             raise InputError(f"cannot go on with {str(self.folder)!r}: {reason}"[:200], "begin another run") from None
 
     def seed(self, step: int) -> None:

@@ -41,6 +41,11 @@ class StudentT:
         return (self._temperature * z).astype(np.float32)
 
 
+def _reason(error: BaseException) -> str:
+    """The first line of what onnxruntime says, which may be nothing."""
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
 def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     """An onnxruntime session on one core, its weights handed over by name.
 
@@ -61,7 +66,7 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     try:
         return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError(f"a graph cannot be used: {str(error).splitlines()[0]}"[:200], "is the bundle damaged?") from None
+        raise InputError(f"a graph cannot be used: {_reason(error)}"[:200], "is the bundle damaged?") from None
 
 
 def _run(session: Any, given: Mapping[str, Array]) -> list[Array]:
@@ -78,7 +83,7 @@ def _run(session: Any, given: Mapping[str, Array]) -> list[Array]:
 
 
 def _failed(error: Exception) -> InputError:
-    return InputError(f"a graph fails: {str(error).splitlines()[0]}"[:200], "is the bundle damaged?")
+    return InputError(f"a graph fails: {_reason(error)}"[:200], "is the bundle damaged?")
 
 
 class FlowEngine:

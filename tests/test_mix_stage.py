@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
+from safetensors.torch import load_file  # noqa: E402
 from torch import Tensor  # noqa: E402
 
+from cospeech.checkpoint import load_run  # noqa: E402
+from cospeech.corpora.store_files import Entry  # noqa: E402
+from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.mix_stage import MixStage, MixStageConfig  # noqa: E402
 from cospeech.nn.mixture import ModeLogits  # noqa: E402
 from cospeech.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
+from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.train import train  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, MODES, ROWS = 6, 16, 3, 4, 3
@@ -212,3 +220,27 @@ def test_sizes_at_paper_width():
         idle = sum(p.numel() for p in ModeLogits(256 + 10, 256, 1).parameters())
     assert count[8] == pytest.approx(15.32e6, rel=0.02)
     assert count[1] + idle == pytest.approx(9.56e6, rel=0.02)
+
+
+def test_it_trains_from_a_store_of_key_points(tmp_path):
+    """Through the loop: clusters worked out of the poses, speakers balanced, the centres kept with the run."""
+    names = {"pose": KEYPOINTS2D.names, "audio": tuple("vwxyz")}
+    draw = np.random.default_rng(0)
+    pieces = []
+    for k, (name, split) in enumerate([("ann", "train"), ("bob", "train"), ("ann", "validation")]):
+        values = {
+            "pose": (300.0 * k + draw.normal(0, 5, (90, 96)).cumsum(0)).astype(np.float32),
+            "audio": draw.normal(0, 1, (90, 5)).astype(np.float32),
+        }
+        entry = Entry(f"{name}-{k}", name, split, 0, 90, 0.0, tuple(values))
+        pieces.append(Piece(entry, (), lambda values=values: dict(values)))
+    write_store(tmp_path / "store", pieces, corpus="pats", pose="keypoints2d", fps=15.0, names=names)
+    settings = {"steps": 3, "batch": 4, "validate_every": 3, "validate_batches": 1, "balance": True, "best": "generator.rec"}
+    plan = {"model": {"name": "mix-stage", **TINY, "modes": 2}, "train": settings | {"threads": 1}}
+    report = train(read_recipe(plan), tmp_path / "store", tmp_path / "run")
+    assert report.step == 3
+    assert report.best["name"] == "generator.rec"
+    statistics = load_file(tmp_path / "run" / "statistics.safetensors")
+    assert statistics["cluster_centres"].shape == (2, 240)
+    model, facts = load_run(tmp_path / "run")
+    assert facts["sizes"]["speakers"] == model.speakers == 2

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
+from inspect import signature
 
 import pytest
 
@@ -21,6 +22,7 @@ from cospeech.nn.objective import Batch, Chance  # noqa: E402
 torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
 _FLOW = {"steps": 2, "hidden": 8, "history": 4, "look_ahead": 2, "frames": 4}
+_MIX = {"modes": 4, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
@@ -36,6 +38,9 @@ TINY = {
         "steps_seen": True,
     },
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
+    "mix-stage": _MIX,
+    "mix-stage+authors": _MIX | {"soft": True, "l1_adversarial": True, "growth": 0.1, "id_freezes": True},
+    "mix-stage+stage": _MIX | {"modes": 1},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }
 
@@ -49,11 +54,17 @@ REGISTERED = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(
 NAMES = [*REGISTERED, *(name for name in TINY if "+" in name)]
 
 
+def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int]:
+    """Those that a network is built by."""
+    known = {"pose": pose, "audio": audio, "speakers": ROWS}
+    return {key: size for key, size in known.items() if key in signature(kind.__init__).parameters}
+
+
 def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **changes):
     """A small network, its zeros moved a little so that no gradient is zero for that reason alone."""
     torch.manual_seed(seed)
     kind = network_class(name)
-    net = kind(kind.Config(**(TINY[name] | changes)), pose=pose, audio=audio)
+    net = kind(kind.Config(**(TINY[name] | changes)), **sizes(kind, pose, audio))
     with torch.no_grad():
         for value in net.parameters():
             if not value.any():
@@ -64,10 +75,13 @@ def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **ch
 def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
     """Walks, not noise: something that can be learnt."""
     draw = torch.Generator().manual_seed(seed)
-    widths = {"pose": net.pose, "audio": AUDIO, "control": 3}
+    widths = {"pose": net.pose, "audio": AUDIO, "control": 3, "cluster": 1}
     arrays = {
         name: torch.randn(rows, net.window, widths[name], generator=draw).cumsum(1) / net.window**0.5 for name in net.arrays
     }
+    if "cluster" in arrays:
+        arrays["cluster"] = torch.randint(net.config.modes, (rows, net.window), generator=draw)
+        arrays["speaker"] = torch.arange(rows) % ROWS
     return Batch(arrays, Chance(seed, step))
 
 
@@ -172,7 +186,7 @@ def test_twenty_steps_lower_the_loss(name):
 def test_sizes_that_are_none_are_told(name):
     kind = network_class(name)
     with pytest.raises(InputError):
-        kind(replace(kind.Config(**TINY[name]), frames=0), pose=POSE, audio=AUDIO)
+        kind(replace(kind.Config(**TINY[name]), frames=0), **sizes(kind))
 
 
 @pytest.mark.parametrize(

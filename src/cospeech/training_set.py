@@ -20,6 +20,7 @@ from .corpora.store import Store
 from .corpora.windows import Windows
 from .errors import InputError
 from .poses.controls import control_quantiles, with_controls
+from .poses.modes import with_modes
 from .recipe import Data, Recipe, build, changed
 
 __all__ = ["TrainingSet", "check_same", "open_set"]
@@ -75,9 +76,14 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     if controlled:
         store = with_controls(store)
         standards["control"] = Standard(*store.statistics("control"))
+    centres = None
+    if "cluster" in kind.arrays:
+        store, centres = with_modes(store, config.modes)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
     if controlled:
         statistics["control_quantiles"] = torch.from_numpy(control_quantiles(store))
+    if centres is not None:
+        statistics["cluster_centres"] = torch.from_numpy(centres)
     needs, known = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),

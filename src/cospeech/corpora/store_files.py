@@ -18,9 +18,10 @@ __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", 
 FORMAT = "cospeech-store-1"
 ARRAYS = {
     "pose": "<f4", "audio": "<f4", "face": "<f4", "semantic": "<f4", "emotion": "|i1", "word": "<i4", "control": "<f4",
+    "cluster": "<i4",
 }  # fmt: skip
-"""Name → type of the arrays that run along the frames; only the pose is always there. ``control`` is in no file: it is worked
-out of the poses (`cospeech.poses.controls`)."""
+"""Name → type of the arrays that run along the frames; only the pose is always there. ``control`` and ``cluster`` are in no
+file: they are worked out of the poses (`cospeech.poses.controls`, `cospeech.poses.modes`)."""
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
 """Those that have statistics."""

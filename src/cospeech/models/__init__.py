@@ -28,6 +28,7 @@ NETWORKS: dict[str, str] = {
     "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
     "moglow": "cospeech.models.moglow:MoGlow",
     "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
+    "mix-stage": "cospeech.models.mix_stage:MixStage",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
 }

@@ -41,7 +41,7 @@ def test_the_losses_are_those_of_the_equations(net):
     net.config = replace(TINY, adversarial=0.5, fake=3.0)
     data = walks()
     with torch.no_grad():
-        made = net.sample(data["audio"])
+        made = net.generate(data["audio"])
         real, false = (net.judge(poses) for poses in (data["pose"], made))
         judged, moved = (objective.loss(data, 0) for objective in net.objectives().values())
     expected = {"real": ((real - 1) ** 2).mean(), "made": 3 * (false**2).mean()}
@@ -93,11 +93,11 @@ def test_a_patch_judges_about_a_second(net):
 def test_as_many_poses_as_frames_of_speech(net, frames):
     net.eval()
     audio = walks(2, frames)["audio"]
-    made = net.sample(audio)
+    made = net.generate(audio)
     assert made.shape == (2, frames, POSE)
     assert made.isfinite().all()
-    assert torch.equal(net.sample(audio), made)
-    whole = net.sample(torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1))  # what it is filled up with
+    assert torch.equal(net.generate(audio), made)
+    whole = net.generate(torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1))  # what it is filled up with
     assert torch.equal(whole[:, :frames], made)
 
 
@@ -138,7 +138,7 @@ def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):
     windows = open_set(recipe, Store(store), torch.device("cpu")).feed(net.eval(), "train", False).at(64, 0, 0)
     pose, audio = (torch.from_numpy(windows[name]) for name in ("pose", "audio"))
     own, strange, mean = (
-        (made - pose).abs().mean() for made in (net.sample(audio), net.sample(audio.flip(0)), torch.zeros_like(pose))
+        (made - pose).abs().mean() for made in (net.generate(audio), net.generate(audio.flip(0)), torch.zeros_like(pose))
     )
     assert own < 0.7 * mean
     assert own < 0.7 * strange

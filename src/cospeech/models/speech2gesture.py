@@ -135,7 +135,7 @@ class Speech2Gesture(nn.Module):
     # generation -----------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
-    def sample(self, audio: Tensor) -> Tensor:
+    def generate(self, audio: Tensor) -> Tensor:
         """The poses of a whole speech, (B, T, A) → (B, T, D); nothing is drawn, it has one motion for a speech."""
         made: Tensor = self(audio)
         return made

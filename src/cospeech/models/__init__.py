@@ -29,6 +29,7 @@ NETWORKS: dict[str, str] = {
     "moglow": "cospeech.models.moglow:MoGlow",
     "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "mix-stage": "cospeech.models.mix_stage:MixStage",
+    "munit": "cospeech.models.munit:Munit",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
 }

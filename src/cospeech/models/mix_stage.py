@@ -62,7 +62,7 @@ class MixStageConfig:
     frames: int = 64
     """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""
     modes: int = 8
-    """M, sub-generators; section 6.2 and supplement (1, 2, 4, 8, 12 tried). 1: StAGE."""
+    """M, sub-generators; section 6.1: little is gained beyond 8. 1: StAGE."""
     channels: int = 256
     """Of content, U-Net and each sub-generator; not stated, authors' code 256."""
     depth: int = 5

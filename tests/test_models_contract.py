@@ -36,6 +36,7 @@ TINY = {
         "steps_seen": True,
     },
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
+    "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }
 
 
@@ -185,6 +186,8 @@ def test_sizes_that_are_none_are_told(name):
         # Alexanderson et al. 2020, authors' code on the upper body: "preferred" and as in the paper
         ("moglow", {"hidden": 512}, 45, 27, 82_004_080),
         ("moglow", {}, 45, 27, 172_330_096),
+        # Ginosar et al. 2019 in one dimension, authors' code of Mix-StAGE: generator and discriminator
+        ("speech2gesture", {}, 96, 64, 7_422_752 + 190_657),
     ],
     ids=lambda value: str(value) if isinstance(value, int | str) else "",
 )

@@ -27,6 +27,7 @@ MODELS: dict[str, str] = {
 NETWORKS: dict[str, str] = {
     "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
     "moglow": "cospeech.models.moglow:MoGlow",
+    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
 }

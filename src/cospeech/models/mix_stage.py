@@ -1,0 +1,267 @@
+"""Mix-StAGE: Ahuja et al. 2020, "Style Transfer for Co-Speech Gesture Animation: A Multi-Speaker Conditional-Mixture Approach".
+
+One network for many speakers: what is said and how somebody moves are encoded apart, and any voice may be put into any style.
+
+      speech ── Eᶜₐ ──┐                      ┌─► H ── softmax ──► Φ (M)
+                      ├─► U-Net ──► Z ───────┤                    │
+      poses ─── Eᶜₚ ──┘       ▲              └─► G₁ … G_M ──────► Σ φₘ Gₘ(Z) ──► Ŷ ──► velocity ──► D
+                              │ Z = [U-Net(content), S(i)]
+      poses ─── Eˢₚ ── argmax i ── style matrix S
+
+The priors Φ are one-hot in training: the k-means cluster of a frame's pose ⊕ velocity ⊕ speed (240 numbers, `mode_features` and
+`nearest_centre` of `cospeech.metrics.mode_f1`); to generate, H estimates them. With Zₐ of speech and Zₚ of poses:
+
+    L_mix   = CCE(Φ, H(Z)), the mean over Zₐ and Zₚ                             (3)
+    L_joint = |Yₚ − G(Zₚ)|₁                                                     (4)
+    L_rec   = |Yₚ − G(Zₐ)|₁                                                     (5)
+    L_id    = CCE(Eˢₚ(Yₚ), ID) + CCE(Eˢₚ(Ŷ), ID),  Ŷ = G(Zₐ)                     (6)
+    L_adv   = log D(Yₚ) + log(1 − D(G(Zₐ)))                                     (7)
+    max over D, min over all others:  L_mix + L_joint + L_rec + λ L_id + L_adv  (8)
+
+What each reaches (G is the sub-generators, of every frame its owner alone; nothing reaches Eˢₚ through the argmax):
+
+    L_mix    Eᶜₐ  Eᶜₚ  U-Net  S  H          L_id   Eˢₚ of both terms; Eᶜₐ  U-Net  S  G  of the second
+    L_joint       Eᶜₚ  U-Net  S     G       L_adv  Eᶜₐ  U-Net  S  G;  in the discriminator's turn D alone
+    L_rec    Eᶜₐ       U-Net  S     G
+
+In the authors' reading (``soft``: Φ is H's in training too) L_joint, L_rec, L_id and L_adv reach H and every sub-generator;
+with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5).
+
+Followed: equations 2–8. Changed: the authors' coin per batch, which of D and G has its turn, is every other step
+(``alternate``), and their coin per batch, which content is decoded, one per row, so that many processes train as one would.
+Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; what is clustered (authors' code: of all training data).
+M = 1 is StAGE; it has no H, which could not learn anything of one class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.func import functional_call
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..nn.content import STYLE_FRAMES, AudioContent, PoseContent, StyleLogits
+from ..nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
+from ..nn.objective import Batch, Objective
+from ..nn.patch import PatchDiscriminator, velocity
+from ..nn.unet1d import UNet1d
+
+__all__ = ["MixStage", "MixStageConfig"]
+
+GROWTH_EVERY, GROWTH_LIMIT = 301, 2.0  # steps between two steps of ``growth``, and where it ends; authors' code
+HALVINGS = 3  # of AudioContent, which the U-Net's multiple of frames has to cover
+
+
+@dataclass(frozen=True)
+class MixStageConfig:
+    """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    frames: int = 64
+    """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""
+    modes: int = 8
+    """M, sub-generators; section 6.2 and supplement (1, 2, 4, 8, 12 tried). 1: StAGE."""
+    channels: int = 256
+    """Of content, U-Net and each sub-generator; not stated, authors' code 256."""
+    depth: int = 5
+    """Halvings of the U-Net; not stated, authors' code 5."""
+    style: int = 10
+    """D, length of a style embedding; not stated, authors' code 10."""
+    patch_channels: int = 64
+    """Of the discriminator's first convolution; not stated, authors' code 64."""
+    identity: float = 0.1
+    """λ_id; supplement."""
+    adversarial: float = 1.0
+    """Weight of L_adv; equation 8."""
+    soft: bool = False
+    """Whether Φ is H's estimate in training too, as in the authors' code; else one-hot, section 4.1."""
+    curriculum: int = 0
+    """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
+    l1_adversarial: bool = False
+    """Whether D's scores are drawn to 1 and 0 by their L1 distance, as in the authors' code; else by logarithms, equation 7."""
+    growth: float = 0.0
+    """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
+    id_freezes: bool = False
+    """Whether the style encoder is frozen where it judges generated poses, as in the authors' code; equation 8: it is not."""
+    alternate: bool = False
+    """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
+
+
+class MixStage(nn.Module):
+    """Mix-StAGE: one motion for one speech, in the style of a speaker or of a mixture of them.
+
+    Poses and audio are standardised vectors.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose; 96 as published.
+        audio: A, numbers of a frame of speech; 64 bands as published.
+        speakers: S, rows of the style matrix.
+
+    Raises:
+        InputError: sizes that do not fit each other.
+    """
+
+    arrays = ("pose", "audio", "cluster")
+    """And ``speaker`` (B,), which every batch has. ``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
+    Config = MixStageConfig
+
+    def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:
+        super().__init__()
+        sizes = (config.modes, config.channels, config.style, config.patch_channels, pose, audio, speakers)
+        if min(sizes) < 1 or config.depth < HALVINGS:
+            raise InputError(
+                f"Mix-StAGE of {config}, {speakers} speakers"[:200], f"sizes are positive, depth {HALVINGS} at least"
+            )
+        if config.frames < STYLE_FRAMES or config.frames % 2**config.depth:
+            hint = f"{STYLE_FRAMES} at least, and a multiple of {2**config.depth}"
+            raise InputError(f"windows of {config.frames} frames", hint)
+        self.config, self.pose, self.audio, self.speakers = config, pose, audio, speakers
+        z = config.channels + config.style
+        self.audio_content = AudioContent(config.channels)
+        self.pose_content = PoseContent(pose, config.channels)
+        self.style_logits = StyleLogits(pose, config.channels, speakers)
+        self.styles = nn.Parameter(torch.randn(speakers, config.style))
+        self.unet = UNet1d(config.channels, config.depth)
+        self.generators = SubGenerators(z, config.channels, pose, config.modes)
+        self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
+        self.discriminator = PatchDiscriminator(pose, config.patch_channels)
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    # the parts of equation 2 ----------------------------------------------------------------------------------------
+
+    def latent(self, content: Tensor, weights: Tensor) -> Tensor:
+        """Z = [U-Net(content), weights · S]: (B, channels, T), (B, T or 1, S) of the speakers → (B, channels + style, T)."""
+        style = (weights @ self.styles).transpose(1, 2).expand(-1, -1, content.shape[-1])
+        return torch.cat([self.unet(content), style], 1)
+
+    def priors(self, z: Tensor) -> Tensor:
+        """Φ as H estimates it: (B, ·, T) → (B, M, T), which sum to 1 over M."""
+        return torch.softmax(self._mode_logits(z), 1)
+
+    def _mode_logits(self, z: Tensor) -> Tensor:
+        if self.mode_logits is None:
+            return z.new_zeros(z.shape[0], 1, z.shape[-1])
+        logits: Tensor = self.mode_logits(z)
+        return logits
+
+    def _made(self, z: Tensor, logits: Tensor, cluster: Tensor) -> Tensor:
+        """Ŷ (B, D, T): with one-hot priors in training, section 4.1, with those of H otherwise."""
+        one_hot = self.training and not self.config.soft
+        priors = one_hot_priors(cluster, self.config.modes).to(z) if one_hot else torch.softmax(logits, 1)
+        return mix(self.generators(z), priors)
+
+    def _own_style(self, pose: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, S) logits of Eˢₚ for (B, D, T), and (B, 1, S) the one-hot of the greatest, by which S is multiplied."""
+        logits = self.style_logits(pose)
+        return logits, F.one_hot(logits.argmax(1), self.speakers).to(logits).unsqueeze(1)
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """Two, in this order: max over D and min over all others of equation 8."""
+        judged = [value for name, value in self.named_parameters() if name.startswith("discriminator.")]
+        others = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
+        every = 2 if self.config.alternate else 1
+        return {
+            "discriminator": Objective(judged, self.discriminator_loss, every),
+            "generator": Objective(others, self.generator_loss, every, start=every - 1),
+        }
+
+    def _growing(self, step: int) -> float:
+        """Weight of generated poses in L_adv; constant in the paper."""
+        return min(GROWTH_LIMIT, 1 + self.config.growth * (step // GROWTH_EVERY)) if self.config.growth else 1.0
+
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """−L_adv of equation 7, for D; or |D(Y) − 1| + |D(Ŷ)|."""
+        pose = batch["pose"].transpose(1, 2)
+        with torch.no_grad():
+            z = self.latent(self._heard(batch, step)[0], self._own_style(pose)[1])
+            made = self._made(z, self._mode_logits(z), batch["cluster"])
+        true, false = self.discriminator(velocity(pose)), self.discriminator(velocity(made))
+        weight = self._growing(step)
+        if self.config.l1_adversarial:
+            return {"true": (true - 1).abs().mean(), "false": weight * false.abs().mean()}
+        return {"true": F.softplus(-true).mean(), "false": weight * F.softplus(false).mean()}
+
+    def _heard(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
+        """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.
+
+        With a curriculum there is one alone: of poses at first, with each step of more rows of speech.
+        """
+        heard = self.audio_content(batch["audio"])
+        if not self.config.curriculum:
+            return heard, self.pose_content(batch["pose"].transpose(1, 2))
+        if not self.training or step >= self.config.curriculum:
+            return heard, None
+        seen = self.pose_content(batch["pose"].transpose(1, 2))
+        speech = batch.chance.uniform(len(batch), 1, 1) < step / self.config.curriculum
+        return torch.where(speech, heard, seen), None
+
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The terms of equation 8, weighted, for all but D."""
+        pose, cluster, speaker = batch["pose"].transpose(1, 2), batch["cluster"], batch["speaker"]
+        logits, own = self._own_style(pose)
+        heard, seen = self._heard(batch, step)
+        made, terms, mixes = [], dict[str, Tensor](), []
+        for name, content in (("rec", heard), ("joint", seen)):
+            if content is None:
+                continue
+            z = self.latent(content, own)
+            guess = self._mode_logits(z)
+            made.append(self._made(z, guess, cluster))
+            terms[name] = (pose - made[-1]).abs().mean()  # equations 5 and 4
+            mixes.append(F.cross_entropy(guess, cluster))
+        if self.mode_logits is not None:
+            terms["mix"] = torch.stack(mixes).mean()  # equation 3
+        again = F.cross_entropy(self._judge_style(made[0]), speaker)
+        terms["id"] = self.config.identity * (F.cross_entropy(logits, speaker) + again)  # equation 6
+        score, weight = self.discriminator(velocity(made[0])), self.config.adversarial * self._growing(step)
+        fooled = (score - 1).abs() if self.config.l1_adversarial else -F.softplus(score)  # equation 7: log(1 − D)
+        terms["adv"] = weight * fooled.mean()
+        return terms
+
+    def _judge_style(self, made: Tensor) -> Tensor:
+        """(B, S) logits of Eˢₚ for generated poses."""
+        if not self.config.id_freezes:
+            logits: Tensor = self.style_logits(made)
+            return logits
+        frozen = {name: value.detach() for name, value in self.style_logits.named_parameters()}
+        judged: Tensor = functional_call(self.style_logits, frozen, (made,))
+        return judged
+
+    # generation -----------------------------------------------------------------------------------------------------
+
+    @torch.no_grad()
+    def generate(self, audio: Tensor, weights: Tensor) -> Tensor:
+        """Motion for speech.
+
+        Args:
+            audio: (B, T, A), of any length; filled up to a multiple of 2 ** depth with its last frame.
+            weights: (B, T or 1, S) of the speakers' styles: one-hot, or sums to 1, which mix the embeddings.
+
+        Returns:
+            (B, T, D).
+
+        Raises:
+            InputError: no frame, or weights of another shape.
+        """
+        frames, rows = audio.shape[1], len(audio)
+        if not frames or weights.shape not in {(rows, 1, self.speakers), (rows, frames, self.speakers)}:
+            problem = f"speech of shape {tuple(audio.shape)}, styles of shape {tuple(weights.shape)}"
+            raise InputError(problem, f"(B, T, {self.audio}) and (B, T or 1, {self.speakers})")
+        more = -frames % 2**self.config.depth
+        audio, weights = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, weights.expand(-1, frames, -1)))
+        z = self.latent(self.audio_content(audio), weights)
+        return mix(self.generators(z), self.priors(z))[..., :frames].transpose(1, 2)
+
+    @torch.no_grad()
+    def style_of(self, pose: Tensor) -> Tensor:
+        """(B, T, D) poses, 64 frames at least → (B, S) how probably they are each speaker's (Eˢₚ)."""
+        return torch.softmax(self.style_logits(pose.transpose(1, 2)), 1)

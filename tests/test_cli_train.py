@@ -87,3 +87,19 @@ class _NoTorch:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] == "torch":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+def test_where_the_store_is_looked_for(app, place):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    with pytest.raises(InputError, match="no store is named"):
+        CliRunner().invoke(app, ["train", "mine.toml"], catch_exceptions=False)
+    with pytest.raises(InputError, match="no store in 'stores/beat'"):
+        CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.corpus=beat"], catch_exceptions=False)
+    done = CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.store=store", "--out", "a"], catch_exceptions=False)
+    assert "4 steps" in done.stdout
+    (place / "stores").mkdir()
+    (place / "store").rename(place / "stores" / "beat")
+    line = ["train", "mine.toml", "--set", "data.corpus=beat", "--out", "b"]
+    assert "4 steps" in CliRunner().invoke(app, line, catch_exceptions=False).stdout
+    moved = ["train", "mine.toml", "--store", "stores/beat", "--out", "a", "--resume", "--set", "train.steps=6"]
+    assert "6 steps" in CliRunner().invoke(app, moved, catch_exceptions=False).stdout

@@ -309,7 +309,7 @@ def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
         (plan(data={"audio": "mel28"}), "no reduction of audio is called 'mel28'"),
         (plan(config={"frames": 4000}), "no window of 4000 frames"),
         (plan(device="abacus"), "no device 'abacus'"),
-        (plan(needs={"omega": "nowhere"}), "'nowhere' is not a run"),
+        (plan(needs={"omega": "nowhere"}), "the run 'nowhere', which is not there"),
     ],
 )
 def test_what_does_not_fit_is_told(store, tmp_path, sections, says):

@@ -17,7 +17,13 @@ __all__ = ["register"]
 Tell = Callable[..., None]
 Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
 Recipe = Annotated[Path, Argument(metavar="RECIPE", help="What is trained and how: a TOML file, see docs/training.md.")]
-Store = Annotated[Path, Option("--store", metavar="STORE", help="Folder made by `cospeech prepare`.")]
+Store = Annotated[
+    Path | None,
+    Option(
+        "--store", metavar="STORE",
+        help="Folder made by `cospeech prepare`; else the recipe's data.store, or stores/ and the corpus.",
+    ),
+]  # fmt: skip
 Set = Annotated[
     list[str] | None, Option("--set", metavar="KEY=VALUE", help="In place of what the recipe says: train.steps=2000.")
 ]
@@ -51,7 +57,7 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
     def train(
         recipe: Recipe,
         *,
-        store: Store,
+        store: Store = None,
         changes: Set = None,
         resume: Resume = False,
         out: Out = None,
@@ -61,21 +67,38 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         """Train a model by a recipe; stopped or killed, it goes on with --resume where it was.
 
         \b
-        cospeech train recipes/flow_ted.toml --store stores/ted
+        cospeech train recipes/flow_ted.toml --set train.steps=2000 --out runs/short
         torchrun --nproc-per-node 4 -m cospeech train recipes/flow_ted.toml --store stores/ted
         """
         from .recipe import load_recipe
 
         plan, folder = load_recipe(recipe, changes or ()), Path("runs", recipe.stem) if out is None else out
+        data = _store(store, plan.data.store, plan.data.corpus)
         with _training():
             from .train import train as run
         with progress("training", quiet) as tell:
-            report = run(plan, store, folder, resume=resume, progress=tell)
+            report = run(plan, data, folder, resume=resume, progress=tell)
         if quiet or report.rank:
             return
         typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")
         if report.best:
             typer.echo(f"  best: {report.best['name']} {report.best['value']:.5g} at step {report.best['step']}")
+
+
+def _store(named: Path | None, recipe: str, corpus: str) -> Path:
+    """Where the data lie.
+
+    Raises:
+        InputError: neither the user nor the recipe says.
+    """
+    if named is not None or recipe:
+        return named or Path(recipe)
+    if not corpus:
+        raise InputError("no store is named", "--store FOLDER, which `cospeech prepare` makes")
+    folder = Path("stores", corpus)
+    if not folder.is_dir():
+        raise InputError(f"there is no store in {str(folder)!r}", "--store names another; `cospeech prepare` makes one")
+    return folder
 
 
 def _add_bundle(app: typer.Typer) -> None:

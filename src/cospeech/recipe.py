@@ -21,7 +21,7 @@ __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_rec
 
 _LARGEST = 1 << 20  # bytes of a recipe; ours
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
-FREE = ("train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
+FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
 
 T = TypeVar("T")
@@ -31,6 +31,8 @@ T = TypeVar("T")
 class Data:
     """[data]: which store the recipe was written for, and what is taken of it."""
 
+    store: str = ""
+    """Folder of the store, where none is named beside the recipe; "": stores/ and the corpus."""
     corpus: str = ""
     """Corpus that the store must hold; "": any."""
     pose: str = ""

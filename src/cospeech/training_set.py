@@ -117,6 +117,9 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
     """The trained models of [needs], frozen, and what has to be known to build them again."""
     models, known = {}, {}
     for name, folder in recipe.needs.items():
+        if not (Path(folder) / "config.json").is_file():
+            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
         alike = facts["store"]["pose"] == store.pose and facts["recipe"]["data"].get("by_clip", False) == recipe.data.by_clip

@@ -16,6 +16,7 @@ import numpy as np
 from ..corpora.clip import Points
 from ..corpora.store import Store
 from ..errors import InputError
+from ..metrics._scipy import scipy
 from ..motion import Motion
 from ..rotations import Array
 from . import Pose, find_pose
@@ -59,8 +60,7 @@ def find_centres(features: Array, modes: int) -> Array:
     Raises:
         InputError: fewer different frames than modes.
     """
-    from scipy.cluster import vq
-
+    vq = scipy("cluster.vq")
     draw = np.random.default_rng(SEED)
     if len(features) > FRAMES:
         features = features[np.sort(draw.choice(len(features), FRAMES, replace=False))]

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.flow_engine import FlowEngine, StudentT, _reason
+from cospeech.runtime.flow_engine import FlowEngine, StudentT
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
+from cospeech.runtime.session import reason
 
 torch = pytest.importorskip("torch")
 
@@ -209,7 +210,7 @@ def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
 
 @pytest.mark.parametrize(("said", "told"), [("first\nsecond", "first"), ("", "RuntimeError"), ("\n", "RuntimeError")])
 def test_an_error_of_onnxruntime_without_words_is_told_too(said, told):
-    assert _reason(RuntimeError(said)) == told
+    assert reason(RuntimeError(said)) == told
 
 
 def test_a_hostile_network_stays_within_bounds():

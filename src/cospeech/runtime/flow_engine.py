@@ -10,9 +10,9 @@ import numpy as np
 from ..errors import InputError
 from ..rotations import Array
 from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .onnx_check import check_onnx
+from .session import failed, open_session, run_session
 
-__all__ = ["FlowEngine", "StudentT", "Takes", "open_session"]
+__all__ = ["FlowEngine", "StudentT", "Takes"]
 
 BLOCK = 64  # ours: frames whose speech is worked off at once, which bounds the memory
 
@@ -39,51 +39,6 @@ class StudentT:
         if self._nu:
             z /= np.sqrt(self._chi.chisquare(self._nu, frames) / self._nu)[:, None]
         return (self._temperature * z).astype(np.float32)
-
-
-def _reason(error: BaseException) -> str:
-    """The first line of what onnxruntime says, which may be nothing."""
-    return next(iter(str(error).splitlines()), "") or type(error).__name__
-
-
-def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
-    """An onnxruntime session on one core, its weights handed over by name.
-
-    Raises:
-        InputError: the graph is not one of ours, or the weights do not fit it.
-    """
-    import onnxruntime as ort
-
-    wanted = check_onnx(graph)
-    for name, (kind, shape) in wanted.items():
-        if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
-            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], "is the bundle damaged?")
-    options = ort.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # what goes wrong is told by the error
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
-    try:
-        return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError(f"a graph cannot be used: {_reason(error)}"[:200], "is the bundle damaged?") from None
-
-
-def _run(session: Any, given: Mapping[str, Array]) -> list[Array]:
-    """Outputs for inputs.
-
-    Raises:
-        InputError: it fails, as only a graph of somebody else's does.
-    """
-    try:
-        made: list[Array] = session.run(None, given)
-    except (RuntimeError, ValueError) as error:
-        raise _failed(error) from None
-    return made
-
-
-def _failed(error: Exception) -> InputError:
-    return InputError(f"a graph fails: {_reason(error)}"[:200], "is the bundle damaged?")
 
 
 class FlowEngine:
@@ -168,7 +123,7 @@ class FlowEngine:
         if np.ndim(poses) != 2 or len(poses) < 8 or np.shape(poses)[1] != self.sizes.pose:
             raise InputError(f"an example of shape {np.shape(poses)}", f"at least 8 × {self.sizes.pose}")
         session = open_session(self._graphs["style"], self.weights)
-        return _run(session, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
+        return run_session(session, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
 
     def windows(self, audio: Array) -> Array:
         """(T, A) rows of speech → (T − heard + 1, heard, A): a window for each frame that has one whole; a view."""
@@ -181,7 +136,7 @@ class FlowEngine:
     def hear(self, windows: Array) -> list[Array]:
         """What the frames' gates have of the speech, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
         flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.heard * self.sizes.audio)
-        return _run(self.speech, {"windows": flat})
+        return run_session(self.speech, {"windows": flat})
 
     def latents(self, poses: Array, audio: Array, style: Array | None = None) -> Array:
         """The z that give these poses after these histories under this speech: the flow's normalising direction.
@@ -212,7 +167,7 @@ class FlowEngine:
             rows = slice(first, first + BLOCK)
             heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
             heard |= {name: code[rows] for name, code in codes.items()}
-            (past[rows],) = _run(session, {"history": histories[rows]} | heard)
+            (past[rows],) = run_session(session, {"history": histories[rows]} | heard)
         x = poses[s.history : s.history + frames] / np.float32(s.pull)
         if s.residual:
             last = poses[s.history - 1 : s.history + frames - 1]
@@ -324,7 +279,7 @@ class Takes:
                 try:
                     run(self._bindings[0][0])
                 except RuntimeError as error:
-                    raise _failed(error) from None
+                    raise failed(error) from None
                 self._bindings.reverse()
                 if pull != 1:
                     self._pose *= pull

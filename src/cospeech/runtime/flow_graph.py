@@ -25,7 +25,7 @@ import numpy as np
 
 from ..rotations import Array
 from .flow_weights import SCALE_FLOOR, STEP_GAIN, FlowSizes, state_kinds
-from .onnx_check import WEIGHTS
+from .graph_builder import GraphBuilder
 
 __all__ = ["build_graphs"]
 
@@ -44,50 +44,12 @@ def build_graphs(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, by
     return made | ({"style": _style_graph(weights, sizes)} if sizes.style else {})
 
 
-class _Builder:
-    """Nodes and the weights that they mention."""
+class _Builder(GraphBuilder):
+    """With what flows are made of."""
 
     def __init__(self, weights: Mapping[str, Array], sizes: FlowSizes) -> None:
-        from onnx import TensorProto, helper
-
-        self.weights, self.sizes, self.helper, self.types = weights, sizes, helper, TensorProto
-        self.nodes: list[Any] = []
-        self.used: dict[str, Any] = {}
-
-    def node(self, op: str, *inputs: str, outputs: int | tuple[str, ...] = 1, **attributes: Any) -> Any:
-        """Add a node; the name of its output, or a list of names."""
-        number = len(self.nodes)
-        names = list(outputs) if isinstance(outputs, tuple) else [f"v{number}.{n}" for n in range(outputs)]
-        domain = "com.microsoft" if op == "MatMulIntegerToFloat" else ""
-        self.nodes.append(self.helper.make_node(op, list(inputs), names, domain=domain, **attributes))
-        return names[0] if len(names) == 1 else names
-
-    def weight(self, name: str) -> str:
-        """A weight, handed over when the session is opened."""
-        if name not in self.used:
-            value = self.weights[name]
-            proto = self.types(name=name, dims=value.shape, data_location=self.types.EXTERNAL)
-            proto.data_type = self.types.INT8 if value.dtype == np.int8 else self.types.FLOAT
-            proto.external_data.add(key="location", value=WEIGHTS)
-            self.used[name] = proto
-        return name
-
-    def const(self, value: Any, dtype: Any = np.float32) -> str:
-        """A small number or shape that lies in the graph."""
-        array = np.asarray(value, dtype)
-        name = f"c.{array.dtype}.{array.ndim}.{'.'.join(map(repr, array.ravel().tolist()))}"
-        if name not in self.used:
-            kind = {"float32": "FLOAT", "int64": "INT64", "uint8": "UINT8"}[array.dtype.name]
-            self.used[name] = self.helper.make_tensor(name, getattr(self.types, kind), array.shape, array.ravel())
-        return name
-
-    def split(self, value: str, *widths: int) -> list[str]:
-        """Columns of a matrix."""
-        return (
-            [value]
-            if len(widths) == 1
-            else self.node("Split", value, self.const(widths, np.int64), outputs=len(widths), axis=1)
-        )
+        super().__init__(weights)
+        self.sizes = sizes
 
     def linear(self, x: str, name: str, add: str) -> str:
         """x · W + add, float32."""
@@ -138,15 +100,7 @@ class _Builder:
 
     def model(self, inputs: dict[str, tuple[Any, ...]], outputs: dict[str, tuple[Any, ...]]) -> bytes:
         """The file; shapes by name, bytes for what is called q or next_q."""
-
-        def values(shapes: dict[str, tuple[Any, ...]]) -> list[Any]:
-            kinds = {name: self.types.UINT8 if name in ("q", "next_q") else self.types.FLOAT for name in shapes}
-            return [self.helper.make_tensor_value_info(name, kinds[name], shape) for name, shape in shapes.items()]
-
-        graph = self.helper.make_graph(self.nodes, "flow", values(inputs), values(outputs), list(self.used.values()))
-        opsets = [self.helper.make_opsetid("", 21), self.helper.make_opsetid("com.microsoft", 1)]
-        made: bytes = self.helper.make_model(graph, opset_imports=opsets, ir_version=10).SerializeToString()
-        return made
+        return self.file("flow", inputs, outputs, in_bytes=("q", "next_q"))
 
 
 def _speech_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:

@@ -1,0 +1,58 @@
+"""Graphs of ours in onnxruntime, on one core; what the engines share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import InputError
+from ..rotations import Array
+from .onnx_check import check_onnx
+
+__all__ = ["failed", "open_session", "reason", "run_session"]
+
+
+def reason(error: BaseException) -> str:
+    """The first line of what onnxruntime says, which may be nothing."""
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
+def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
+    """An onnxruntime session on one core, its weights handed over by name.
+
+    Raises:
+        InputError: the graph is not one of ours, or the weights do not fit it.
+    """
+    import onnxruntime as ort
+
+    wanted = check_onnx(graph)
+    for name, (kind, shape) in wanted.items():
+        if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
+            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], "is the bundle damaged?")
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # what goes wrong is told by the error
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
+    try:
+        return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises classes of its own that have no common base
+        raise InputError(f"a graph cannot be used: {reason(error)}"[:200], "is the bundle damaged?") from None
+
+
+def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
+    """Outputs for inputs.
+
+    Raises:
+        InputError: it fails, as only a graph of somebody else's does.
+    """
+    try:
+        made: list[Array] = session.run(None, given)
+    except (RuntimeError, ValueError) as error:
+        raise failed(error) from None
+    return made
+
+
+def failed(error: Exception) -> InputError:
+    """What to raise for an error of onnxruntime."""
+    return InputError(f"a graph fails: {reason(error)}"[:200], "is the bundle damaged?")

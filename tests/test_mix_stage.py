@@ -25,7 +25,7 @@ torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, MODES, ROWS = 6, 16, 3, 4, 3
 TINY = {"modes": MODES, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
 AUTHORS = {"soft": True, "l1_adversarial": True, "growth": 0.1, "id_freezes": True}
-PARTS = ("audio_content", "pose_content", "style_logits", "styles", "unet", "generators", "mode_logits", "discriminator")
+PARTS = ("audio_content", "pose_content", "style.encoder", "style.matrix", "unet", "generators", "mode_logits", "discriminator")
 
 
 def network(seed: int = 0, **changes) -> MixStage:
@@ -44,11 +44,16 @@ def batch(seed: int = 0, rows: int = ROWS, step: int = 0, modes: int = MODES) ->
     return Batch(arrays, Chance(seed, step))
 
 
+def part_of(name: str) -> str:
+    """`unet.first.0.weight` → `unet`."""
+    return ".".join(name.split(".")[: 2 if name.startswith("style.") else 1])
+
+
 def reached(net: MixStage, term: Tensor) -> set[str]:
     """Parts of which some parameter has a gradient."""
     named = dict(net.named_parameters())
     gradients = torch.autograd.grad(term, list(named.values()), allow_unused=True, retain_graph=True)
-    return {name.partition(".")[0] for name, g in zip(named, gradients, strict=True) if g is not None and g.abs().max() > 0}
+    return {part_of(name) for name, g in zip(named, gradients, strict=True) if g is not None and g.abs().max() > 0}
 
 
 @pytest.mark.parametrize("modes", [1, 2, MODES])
@@ -56,7 +61,7 @@ def test_priors_sum_to_one(modes):
     net = network(modes=modes).eval()
     with torch.no_grad():
         z = net.latent(net.audio_content(batch()["audio"]), torch.eye(SPEAKERS).unsqueeze(1))
-        priors = net.priors(z)
+        priors = torch.softmax(net._logits(z), 1)
     assert priors.shape == (ROWS, modes, 64)
     assert (priors >= 0).all()
     assert torch.allclose(priors.sum(1), torch.ones(ROWS, 64), atol=1e-6)
@@ -83,11 +88,11 @@ def test_soft_training_updates_all():
 
 
 PAPER = {
-    "mix": {"audio_content", "pose_content", "unet", "styles", "mode_logits"},
-    "joint": {"pose_content", "unet", "styles", "generators"},
-    "rec": {"audio_content", "unet", "styles", "generators"},
-    "id": {"style_logits", "audio_content", "unet", "styles", "generators"},
-    "adv": {"audio_content", "unet", "styles", "generators", "discriminator"},  # D has a gradient, but is not in the objective
+    "mix": {"audio_content", "pose_content", "unet", "style.matrix", "mode_logits"},
+    "joint": {"pose_content", "unet", "style.matrix", "generators"},
+    "rec": {"audio_content", "unet", "style.matrix", "generators"},
+    "id": {"style.encoder", "audio_content", "unet", "style.matrix", "generators"},
+    "adv": {"audio_content", "unet", "style.matrix", "generators", "discriminator"},  # D has a gradient, but is not in the objective
 }
 
 
@@ -114,9 +119,9 @@ def test_what_each_loss_reaches_in_the_authors_code():
 def test_the_style_encoder_judges_generated_poses_frozen_or_not(freezes):
     net = network(id_freezes=freezes).train()
     made = torch.randn(ROWS, POSE, 64, requires_grad=True)
-    loss = net._judge_style(made).square().sum()
+    loss = net.style.judge(made).square().sum()
     assert torch.autograd.grad(loss, made, retain_graph=True)[0].abs().max() > 0
-    assert ("style_logits" in reached(net, loss)) is not freezes
+    assert ("style.encoder" in reached(net, loss)) is not freezes
 
 
 def test_objectives_share_out_all_parameters():
@@ -243,4 +248,4 @@ def test_it_trains_from_a_store_of_key_points(tmp_path):
     statistics = load_file(tmp_path / "run" / "statistics.safetensors")
     assert statistics["cluster_centres"].shape == (2, 240)
     model, facts = load_run(tmp_path / "run")
-    assert facts["sizes"]["speakers"] == model.speakers == 2
+    assert facts["sizes"]["speakers"] == model.styles == 2

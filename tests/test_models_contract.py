@@ -40,7 +40,8 @@ TINY = {
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
     "mix-stage": _MIX,
     "mix-stage+authors": _MIX | {"soft": True, "l1_adversarial": True, "growth": 0.1, "id_freezes": True},
-    "mix-stage+stage": _MIX | {"modes": 1},
+    "stage": _MIX | {"modes": 1},
+    "cmix-gan": {name: size for name, size in _MIX.items() if name != "style"},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 1},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }

@@ -93,7 +93,7 @@ def test_content_knows_no_place_and_no_size_and_style_does(net):
 @pytest.mark.parametrize("frames", [1, 15, 64, 101])
 def test_one_speech_in_two_styles(net, frames):
     audio = walks(2, frames)["audio"]
-    styles = torch.randn(2, 2, 2, generator=torch.Generator().manual_seed(1))
+    styles = torch.randn(2, 2, 1, 2, generator=torch.Generator().manual_seed(1))
     first, second = (net.generate(audio, style) for style in styles)
     assert first.shape == (2, frames, POSE)
     assert first.isfinite().all()
@@ -105,7 +105,7 @@ def test_wrong_sizes_are_told(net):
     audio = walks(2)["audio"]
     for wrong in (audio[:, :0], audio[:1]):
         with pytest.raises(InputError, match="speech of shape"):
-            net.generate(wrong, torch.zeros(2, 2))
+            net.generate(wrong, torch.zeros(2, 1, 2))
     with pytest.raises(InputError, match="31 frames"):
         net.style_of(walks(2, 31)["pose"])
     assert net.style_of(walks(2, 32)["pose"]).shape == (2, 2)

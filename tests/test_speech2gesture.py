@@ -22,6 +22,7 @@ from tiny_store import make_store  # noqa: E402
 ROOT = Path(__file__).parents[1]
 TINY = Speech2GestureConfig(frames=32, channels=8, depth=2, decoder=1, judge=4)
 POSE, AUDIO = 6, 16
+NO_STYLE = torch.zeros(3, 1, 0)
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def test_the_losses_are_those_of_the_equations(net):
     net.config = replace(TINY, adversarial=0.5, fake=3.0)
     data = walks()
     with torch.no_grad():
-        made = net.generate(data["audio"])
+        made = net.generate(data["audio"], NO_STYLE)
         real, false = (net.judge(poses) for poses in (data["pose"], made))
         judged, moved = (objective.loss(data, 0) for objective in net.objectives().values())
     expected = {"real": ((real - 1) ** 2).mean(), "made": 3 * (false**2).mean()}
@@ -93,11 +94,11 @@ def test_a_patch_judges_about_a_second(net):
 def test_as_many_poses_as_frames_of_speech(net, frames):
     net.eval()
     audio = walks(2, frames)["audio"]
-    made = net.generate(audio)
+    made = net.generate(audio, NO_STYLE[:2])
     assert made.shape == (2, frames, POSE)
     assert made.isfinite().all()
-    assert torch.equal(net.generate(audio), made)
-    whole = net.generate(torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1))  # what it is filled up with
+    assert torch.equal(net.generate(audio, NO_STYLE[:2]), made)
+    whole = net.generate(torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1), NO_STYLE[:2])  # what it is filled up with
     assert torch.equal(whole[:, :frames], made)
 
 
@@ -138,7 +139,7 @@ def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):
     windows = open_set(recipe, Store(store), torch.device("cpu")).feed(net.eval(), "train", False).at(64, 0, 0)
     pose, audio = (torch.from_numpy(windows[name]) for name in ("pose", "audio"))
     own, strange, mean = (
-        (made - pose).abs().mean() for made in (net.generate(audio), net.generate(audio.flip(0)), torch.zeros_like(pose))
+        (made - pose).abs().mean() for made in (net(audio), net(audio.flip(0)), torch.zeros_like(pose))
     )
     assert own < 0.7 * mean
     assert own < 0.7 * strange

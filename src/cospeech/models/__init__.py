@@ -21,14 +21,21 @@ MODELS: dict[str, str] = {
     "rules": "cospeech.rules:RuleGesturer",
     "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
     "moglow": "cospeech.models.moglow:MoGlow",
+    "mix-stage": "cospeech.models.mix_stage:MixStage",
+    "stage": "cospeech.models.stage:Stage",
+    "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
+    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
+    "munit": "cospeech.models.munit:Munit",
 }
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
 
 NETWORKS: dict[str, str] = {
     "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
     "moglow": "cospeech.models.moglow:MoGlow",
-    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "mix-stage": "cospeech.models.mix_stage:MixStage",
+    "stage": "cospeech.models.stage:Stage",
+    "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
+    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "munit": "cospeech.models.munit:Munit",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",

@@ -30,7 +30,8 @@ with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curr
 Followed: equations 2–8. Changed: the authors' coin per batch, which of D and G has its turn, is every other step
 (``alternate``), and their coin per batch, which content is decoded, one per row, so that many processes train as one would.
 Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; what is clustered (authors' code: of all training data).
-M = 1 is StAGE; it has no H, which could not learn anything of one class.
+M = 1 is StAGE (`cospeech.models.stage`); it has no H, which could not learn anything of one class. Without Eˢₚ, S and L_id it
+is CMix-GAN, for one speaker (`cospeech.models.cmix_gan`).
 """
 
 from __future__ import annotations
@@ -38,26 +39,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
-from torch.func import functional_call
+from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.content import STYLE_FRAMES, AudioContent, PoseContent, StyleLogits
+from ..nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from ..nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PatchDiscriminator, velocity
+from ..nn.style import NoStyle, SpeakerStyle
 from ..nn.unet1d import UNet1d
+from ..nn.windowed import Windowed
 
-__all__ = ["MixStage", "MixStageConfig"]
+__all__ = ["MixGan", "MixGanConfig", "MixStage", "MixStageConfig"]
 
 GROWTH_EVERY, GROWTH_LIMIT = 301, 2.0  # steps between two steps of ``growth``, and where it ends; authors' code
 HALVINGS = 3  # of AudioContent, which the U-Net's multiple of frames has to cover
 
 
 @dataclass(frozen=True)
-class MixStageConfig:
-    """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+class MixGanConfig:
+    """Sizes and weights without those of style; the defaults are the paper's, or, where it is silent, the authors' code's."""
 
     frames: int = 64
     """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""
@@ -67,12 +69,8 @@ class MixStageConfig:
     """Of content, U-Net and each sub-generator; not stated, authors' code 256."""
     depth: int = 5
     """Halvings of the U-Net; not stated, authors' code 5."""
-    style: int = 10
-    """D, length of a style embedding; not stated, authors' code 10."""
     patch_channels: int = 64
     """Of the discriminator's first convolution; not stated, authors' code 64."""
-    identity: float = 0.1
-    """λ_id; supplement."""
     adversarial: float = 1.0
     """Weight of L_adv; equation 8."""
     soft: bool = False
@@ -83,14 +81,24 @@ class MixStageConfig:
     """Whether D's scores are drawn to 1 and 0 by their L1 distance, as in the authors' code; else by logarithms, equation 7."""
     growth: float = 0.0
     """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
-    id_freezes: bool = False
-    """Whether the style encoder is frozen where it judges generated poses, as in the authors' code; equation 8: it is not."""
     alternate: bool = False
     """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
 
 
-class MixStage(nn.Module):
-    """Mix-StAGE: one motion for one speech, in the style of a speaker or of a mixture of them.
+@dataclass(frozen=True)
+class MixStageConfig(MixGanConfig):
+    """And those of style."""
+
+    style: int = 10
+    """D, length of a style embedding; not stated, authors' code 10."""
+    identity: float = 0.1
+    """λ_id; supplement."""
+    id_freezes: bool = False
+    """Whether the style encoder is frozen where it judges generated poses, as in the authors' code; equation 8: it is not."""
+
+
+class MixGan(Windowed):
+    """Equations 2–8, for whatever style there is.
 
     Poses and audio are standardised vectors.
 
@@ -98,7 +106,8 @@ class MixStage(nn.Module):
         config: sizes and weights.
         pose: D, numbers of a pose; 96 as published.
         audio: A, numbers of a frame of speech; 64 bands as published.
-        speakers: S, rows of the style matrix.
+        style: Eˢₚ and S, or nothing.
+        identity: λ_id.
 
     Raises:
         InputError: sizes that do not fit each other.
@@ -106,24 +115,23 @@ class MixStage(nn.Module):
 
     arrays = ("pose", "audio", "cluster")
     """And ``speaker`` (B,), which every batch has. ``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
-    Config = MixStageConfig
 
-    def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:
+    def __init__(
+        self, config: MixGanConfig, *, pose: int, audio: int, style: SpeakerStyle | NoStyle, identity: float = 0.0
+    ) -> None:
         super().__init__()
-        sizes = (config.modes, config.channels, config.style, config.patch_channels, pose, audio, speakers)
-        if min(sizes) < 1 or config.depth < HALVINGS:
-            raise InputError(
-                f"Mix-StAGE of {config}, {speakers} speakers"[:200], f"sizes are positive, depth {HALVINGS} at least"
-            )
+        if min(config.modes, config.channels, config.patch_channels, pose, audio) < 1 or config.depth < HALVINGS:
+            raise InputError(f"a network of {config}"[:200], f"sizes are positive, depth {HALVINGS} at least")
         if config.frames < STYLE_FRAMES or config.frames % 2**config.depth:
             hint = f"{STYLE_FRAMES} at least, and a multiple of {2**config.depth}"
             raise InputError(f"windows of {config.frames} frames", hint)
-        self.config, self.pose, self.audio, self.speakers = config, pose, audio, speakers
-        z = config.channels + config.style
+        self.config, self.pose, self.audio, self.identity = config, pose, audio, identity
+        self.multiple = self.shortest = 2**config.depth
+        self.styles, self.modes = style.speakers, config.modes if config.modes > 1 else 0
+        z = config.channels + style.width
         self.audio_content = AudioContent(config.channels)
         self.pose_content = PoseContent(pose, config.channels)
-        self.style_logits = StyleLogits(pose, config.channels, speakers)
-        self.styles = nn.Parameter(torch.randn(speakers, config.style))
+        self.style = style
         self.unet = UNet1d(config.channels, config.depth)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
@@ -138,14 +146,11 @@ class MixStage(nn.Module):
 
     def latent(self, content: Tensor, weights: Tensor) -> Tensor:
         """Z = [U-Net(content), weights · S]: (B, channels, T), (B, T or 1, S) of the speakers → (B, channels + style, T)."""
-        style = (weights @ self.styles).transpose(1, 2).expand(-1, -1, content.shape[-1])
+        style = self.style(weights).expand(-1, -1, content.shape[-1])
         return torch.cat([self.unet(content), style], 1)
 
-    def priors(self, z: Tensor) -> Tensor:
-        """Φ as H estimates it: (B, ·, T) → (B, M, T), which sum to 1 over M."""
-        return torch.softmax(self._mode_logits(z), 1)
-
-    def _mode_logits(self, z: Tensor) -> Tensor:
+    def _logits(self, z: Tensor) -> Tensor:
+        """Of H, whose softmax estimates Φ: (B, ·, T) → (B, M, T)."""
         if self.mode_logits is None:
             return z.new_zeros(z.shape[0], 1, z.shape[-1])
         logits: Tensor = self.mode_logits(z)
@@ -156,11 +161,6 @@ class MixStage(nn.Module):
         one_hot = self.training and not self.config.soft
         priors = one_hot_priors(cluster, self.config.modes).to(z) if one_hot else torch.softmax(logits, 1)
         return mix(self.generators(z), priors)
-
-    def _own_style(self, pose: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, S) logits of Eˢₚ for (B, D, T), and (B, 1, S) the one-hot of the greatest, by which S is multiplied."""
-        logits = self.style_logits(pose)
-        return logits, F.one_hot(logits.argmax(1), self.speakers).to(logits).unsqueeze(1)
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -182,8 +182,8 @@ class MixStage(nn.Module):
         """−L_adv of equation 7, for D; or |D(Y) − 1| + |D(Ŷ)|."""
         pose = batch["pose"].transpose(1, 2)
         with torch.no_grad():
-            z = self.latent(self._heard(batch, step)[0], self._own_style(pose)[1])
-            made = self._made(z, self._mode_logits(z), batch["cluster"])
+            z = self.latent(self._heard(batch, step)[0], self.style.see(pose).weights)
+            made = self._made(z, self._logits(z), batch["cluster"])
         true, false = self.discriminator(velocity(pose)), self.discriminator(velocity(made))
         weight = self._growing(step)
         if self.config.l1_adversarial:
@@ -207,61 +207,59 @@ class MixStage(nn.Module):
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 8, weighted, for all but D."""
         pose, cluster, speaker = batch["pose"].transpose(1, 2), batch["cluster"], batch["speaker"]
-        logits, own = self._own_style(pose)
+        own = self.style.see(pose)
         heard, seen = self._heard(batch, step)
         made, terms, mixes = [], dict[str, Tensor](), []
         for name, content in (("rec", heard), ("joint", seen)):
             if content is None:
                 continue
-            z = self.latent(content, own)
-            guess = self._mode_logits(z)
+            z = self.latent(content, own.weights)
+            guess = self._logits(z)
             made.append(self._made(z, guess, cluster))
             terms[name] = (pose - made[-1]).abs().mean()  # equations 5 and 4
             mixes.append(F.cross_entropy(guess, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
-        again = F.cross_entropy(self._judge_style(made[0]), speaker)
-        terms["id"] = self.config.identity * (F.cross_entropy(logits, speaker) + again)  # equation 6
+        terms |= {name: self.identity * term for name, term in self.style.identity(own, made[0], speaker).items()}
         score, weight = self.discriminator(velocity(made[0])), self.config.adversarial * self._growing(step)
         fooled = (score - 1).abs() if self.config.l1_adversarial else -F.softplus(score)  # equation 7: log(1 − D)
         terms["adv"] = weight * fooled.mean()
         return terms
 
-    def _judge_style(self, made: Tensor) -> Tensor:
-        """(B, S) logits of Eˢₚ for generated poses."""
-        if not self.config.id_freezes:
-            logits: Tensor = self.style_logits(made)
-            return logits
-        frozen = {name: value.detach() for name, value in self.style_logits.named_parameters()}
-        judged: Tensor = functional_call(self.style_logits, frozen, (made,))
-        return judged
-
     # generation -----------------------------------------------------------------------------------------------------
 
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """Equation 2 with the priors of H: (B, T, A), (B, T, S) of the speakers, (B, T, M; M = 1: 0) → (B, T, D)."""
+        z = self.latent(self.audio_content(audio), style)
+        logits = self._logits(z)
+        return mix(self.generators(z), torch.softmax(logits + nudge.mT if self.modes else logits, 1)).mT
+
+
+class MixStage(MixGan):
+    """Mix-StAGE: one motion for one speech, in the style of a speaker or of a mixture of them.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose; 96 as published.
+        audio: A, numbers of a frame of speech; 64 bands as published.
+        speakers: S, rows of the style matrix.
+    """
+
+    Config = MixStageConfig
+    style: SpeakerStyle
+
+    def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:
+        if min(pose, config.channels, config.style, speakers) < 1:
+            raise InputError(f"{config.style} numbers for each of {speakers} speakers", "sizes are positive")
+        style = SpeakerStyle(pose, config.channels, speakers, config.style, freezes=config.id_freezes)
+        super().__init__(config, pose=pose, audio=audio, style=style, identity=config.identity)
+
     @torch.no_grad()
-    def generate(self, audio: Tensor, weights: Tensor) -> Tensor:
-        """Motion for speech.
-
-        Args:
-            audio: (B, T, A), of any length; filled up to a multiple of 2 ** depth with its last frame.
-            weights: (B, T or 1, S) of the speakers' styles: one-hot, or sums to 1, which mix the embeddings.
-
-        Returns:
-            (B, T, D).
-
-        Raises:
-            InputError: no frame, or weights of another shape.
-        """
-        frames, rows = audio.shape[1], len(audio)
-        if not frames or weights.shape not in {(rows, 1, self.speakers), (rows, frames, self.speakers)}:
-            problem = f"speech of shape {tuple(audio.shape)}, styles of shape {tuple(weights.shape)}"
-            raise InputError(problem, f"(B, T, {self.audio}) and (B, T or 1, {self.speakers})")
-        more = -frames % 2**self.config.depth
-        audio, weights = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, weights.expand(-1, frames, -1)))
-        z = self.latent(self.audio_content(audio), weights)
-        return mix(self.generators(z), self.priors(z))[..., :frames].transpose(1, 2)
-
-    @torch.no_grad()
-    def style_of(self, pose: Tensor) -> Tensor:
+    def style_of(self, poses: Tensor) -> Tensor:
         """(B, T, D) poses, 64 frames at least → (B, S) how probably they are each speaker's (Eˢₚ)."""
-        return torch.softmax(self.style_logits(pose.transpose(1, 2)), 1)
+        return torch.softmax(self.style.encoder(poses.mT), 1)
+
+    @torch.no_grad()
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """The identity: a speaker's style is a row of the style matrix."""
+        return torch.eye(self.styles).to(stretches)

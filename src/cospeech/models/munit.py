@@ -15,7 +15,7 @@ With x of one domain, (c, s) = E(x); c' the content of the other, s' ~ N(0, 1), 
 summed over both domains (a dash: of the other one), and for the discriminators E (D(x) − 1)² + E D(x̂)². No term compares what
 is made of a speech with the poses that went with it.
 
-Followed, changed, not said in the papers: docs/models/munit.md, by number. No runtime engine plays it: it serves comparison.
+Followed, changed, not said in the papers: docs/models/munit.md, by number.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from ..nn.objective import Batch, Objective
 from ..nn.unet1d import SLOPE
+from ..nn.windowed import Windowed
 
 __all__ = ["Munit", "MunitConfig"]
 
@@ -39,6 +40,7 @@ STYLE_DOWN = 4  # by the style encoder; authors' code 4
 SCALES = 3  # of a discriminator; authors' configuration 3
 JUDGED = 4  # convolutions with stride 2 at each scale; authors' configuration 4
 SHORTEST = 2 ** (JUDGED + SCALES - 1)  # frames that leave one score at the coarsest scale
+MADE = 4 * 2**DOWN  # frames that can be made at least: of fewer, what is left after the halvings has no edges to reflect
 
 
 @dataclass(frozen=True)
@@ -212,7 +214,7 @@ class _Translated(NamedTuple):
 # the model ----------------------------------------------------------------------------------------------------------
 
 
-class Munit(nn.Module):
+class Munit(Windowed):
     """MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020, section 5.1).
 
     Poses and audio are standardised vectors; a style is that of a window of poses of whoever it is.
@@ -231,6 +233,7 @@ class Munit(nn.Module):
         if min(pose, audio) < 1:
             raise InputError(f"a MUNIT from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config, self.pose, self.audio = config, pose, audio
+        self.multiple, self.shortest, self.styles, self.modes = 2**DOWN, MADE, config.style, 0
         self.heard, self.moved = _Domain(audio, config), _Domain(pose, config)
         self.judge_heard, self.judge_moved = (_Discriminator(width, config.channels) for width in (audio, pose))
 
@@ -304,24 +307,11 @@ class Munit(nn.Module):
         return style
 
     @torch.no_grad()
-    def generate(self, audio: Tensor, style: Tensor) -> Tensor:
-        """Poses of a whole speech.
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """The mean style of each speaker's stretches, (S, n, T, D) → (S, style)."""
+        return torch.stack([self.style_of(own).mean(0) for own in stretches])
 
-        Args:
-            audio: (B, T, A), of any length; its last frame is repeated until it is as long as can be halved.
-            style: (B, style), of `style_of` or drawn from N(0, 1).
-
-        Returns:
-            (B, T, D).
-
-        Raises:
-            InputError: no frame, or styles of another shape.
-        """
-        rows, frames = audio.shape[:2]
-        if not frames or style.shape != (rows, self.config.style):
-            problem = f"speech of shape {tuple(audio.shape)}, styles of shape {tuple(style.shape)}"
-            raise InputError(problem, f"(B, T, {self.audio}) and (B, {self.config.style})")
-        more = max(-frames % 2**DOWN, 4 * 2**DOWN - frames)
-        heard = torch.cat([audio, audio[:, -1:].expand(-1, more, -1)], 1).mT
-        made: Tensor = self.moved.decode(self.heard.content(heard), style).mT
-        return made[:, :frames]
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """(B, T, A) and (B, T, style), of which the first frame's holds throughout, → (B, T, D); there are no modes."""
+        made: Tensor = self.moved.decode(self.heard.content(audio.mT), style[:, 0]).mT
+        return made

@@ -12,8 +12,7 @@ What is optimised, with the least squares of the authors' code:
     min_D   E (D(Δy) − 1)² + λ_D E D(Δŷ)²                    y poses, ŷ = G(speech), Δ from one frame to the next
     min_G   E |ŷ − y|₁     + λ_G E (D(Δŷ) − 1)²
 
-Followed, changed, not said in the paper: docs/models/speech2gesture.md, by number. No runtime engine plays it: it serves
-comparison.
+Followed, changed, not said in the paper: docs/models/speech2gesture.md, by number.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from ..nn.content import AudioContent
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
 from ..nn.unet1d import UNet1d, conv_block
+from ..nn.windowed import Windowed
 
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 
@@ -64,7 +64,7 @@ class Speech2GestureConfig:
 # the model ----------------------------------------------------------------------------------------------------------
 
 
-class Speech2Gesture(nn.Module):
+class Speech2Gesture(Windowed):
     """Speech2Gesture (Ginosar et al. 2019): one motion for one speech, of one speaker.
 
     Poses and audio are standardised vectors.
@@ -83,6 +83,8 @@ class Speech2Gesture(nn.Module):
         if min(pose, audio) < 1:
             raise InputError(f"a Speech2Gesture from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config, self.pose, self.audio = config, pose, audio
+        self.multiple = self.shortest = 2 ** max(HEARD, config.depth)
+        self.styles = self.modes = 0
         self.encoder = AudioContent(config.channels)
         self.unet = UNet1d(config.channels, config.depth)
         self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
@@ -97,9 +99,12 @@ class Speech2Gesture(nn.Module):
     def forward(self, audio: Tensor) -> Tensor:
         """G: (B, T, A) → (B, T, D), for T of any length: the last frame is repeated until it can be halved so often."""
         frames = audio.shape[1]
-        filled = F.pad(audio.mT, (0, -frames % 2 ** max(HEARD, self.config.depth)), mode="replicate").mT
-        made: Tensor = self.out(self.decoder(self.unet(self.encoder(filled)))).mT
-        return made[:, :frames]
+        filled = F.pad(audio.mT, (0, -frames % self.multiple), mode="replicate").mT
+        return self._poses(filled)[:, :frames]
+
+    def _poses(self, audio: Tensor) -> Tensor:
+        made: Tensor = self.out(self.decoder(self.unet(self.encoder(audio)))).mT
+        return made
 
     def judge(self, poses: Tensor) -> Tensor:
         """D(Δ): the scores of the patches of a motion, (B, T, D) → (B, T / 4 − 4); 12 for 64 frames."""
@@ -134,8 +139,6 @@ class Speech2Gesture(nn.Module):
 
     # generation -----------------------------------------------------------------------------------------------------
 
-    @torch.no_grad()
-    def generate(self, audio: Tensor) -> Tensor:
-        """The poses of a whole speech, (B, T, A) → (B, T, D); nothing is drawn, it has one motion for a speech."""
-        made: Tensor = self(audio)
-        return made
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """(B, T, A) → (B, T, D); there is no style to choose and no mode."""
+        return self._poses(audio)

@@ -1,0 +1,23 @@
+"""StAGE: Mix-StAGE (`cospeech.models.mix_stage`) with one sub-generator: "M = 1 in equation 2" (Ahuja et al. 2020, 5.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .mix_stage import MixStage, MixStageConfig
+
+__all__ = ["Stage", "StageConfig"]
+
+
+@dataclass(frozen=True)
+class StageConfig(MixStageConfig):
+    """As Mix-StAGE's but for M."""
+
+    modes: int = 1
+    """M; section 5.1."""
+
+
+class Stage(MixStage):
+    """StAGE: no mixture, and therefore no H."""
+
+    Config = StageConfig

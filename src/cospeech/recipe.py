@@ -46,6 +46,9 @@ class Data:
     by_clip: bool = False
     """Poses of every recording by its own mean and deviation: how somebody stands and how large they move is then not
     learnt but set, at run time by a speaker's or an example's own. Ours."""
+    speakers: tuple[str, ...] = ()
+    """Names of the speakers that are trained on, in the order in which the model numbers them; none: all of the store.
+    Statistics and modes are then theirs alone."""
     validation: float = 0.0
     """Share of the training clips held out for validation, for stores without a validation split."""
 
@@ -62,6 +65,8 @@ class Optimiser:
     """Peak of the learning rate."""
     betas: tuple[float, float] = (0.9, 0.999)
     eps: float = 1e-8
+    weight_decay: float = 0.0
+    """Adam's: so much of a parameter is added to its gradient (L2)."""
     schedule: str = "constant"
     """One of nn/schedule.py: constant, noam, exponential."""
     warmup: int = 3000
@@ -79,7 +84,9 @@ class Optimiser:
 
     def __post_init__(self) -> None:
         _check(
-            self, {"lr": 0, "eps": 0, "floor": 0, "gamma": 0, "clip_value": 0, "clip_norm": 0, "warmup": 1, "gamma_every": 1}
+            self,
+            {"lr": 0, "eps": 0, "weight_decay": 0, "floor": 0, "gamma": 0, "clip_value": 0, "clip_norm": 0}
+            | {"warmup": 1, "gamma_every": 1},
         )
         if not all(0 <= beta < 1 for beta in self.betas):
             raise InputError(f"train.betas is {[*self.betas]}", "two numbers, 0 … 1")

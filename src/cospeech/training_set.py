@@ -17,11 +17,12 @@ from .checkpoint import load_run, network, read_tensors
 from .corpora.examples import examples_of
 from .corpora.feed import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
 from .corpora.store import Store
+from .corpora.subset import of_speakers
 from .corpora.windows import Windows
 from .errors import InputError
 from .poses.controls import control_quantiles, with_controls
 from .poses.modes import with_modes
-from .recipe import Data, Recipe, build, changed
+from .recipe import Data, Recipe, build, changed, read_recipe
 
 __all__ = ["TrainingSet", "check_same", "open_set"]
 
@@ -67,6 +68,8 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         if wanted and wanted != getattr(store, what):
             problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {getattr(store, what)!r}"
             raise InputError(problem, f"prepare one that fits, or set data.{what}")
+    if data.speakers:
+        store = of_speakers(store, data.speakers)
     check_mirror(store, data.mirror)
     reduce = _reduction(data.audio)
     standards = {"pose": standard_pose(store)}
@@ -145,7 +148,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         InputError: says what differs.
     """
     new = json.loads(json.dumps(new))
-    found = changed(old["recipe"], new["recipe"])
+    found = changed(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
     for part in ("config", "sizes", "store"):
         found += changed({part: old[part]}, {part: new[part]})
     if found:

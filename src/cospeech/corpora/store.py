@@ -53,7 +53,8 @@ class Store:
         self._check()
 
     def __len__(self) -> int:
-        return len(self.arrays["pose"])
+        """Frames of all clips."""
+        return sum(clip.frames for clip in self.clips)
 
     def _check(self) -> None:
         """The clips cover the frames, each once and in order; the arrays have as many."""

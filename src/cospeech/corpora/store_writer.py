@@ -14,7 +14,7 @@ from ..files import all_or_none, describe_os_error
 from ..rotations import Array
 from .store_files import ARRAYS, FORMAT, STATISTICS, Entry
 
-__all__ = ["Piece", "write_store"]
+__all__ = ["Piece", "RowMoments", "write_store"]
 
 _FLAT = 1e-6  # ours: a dimension that varies less is constant; its deviation becomes 1, so that nothing is divided by zero
 
@@ -34,7 +34,7 @@ class Piece:
     load: Callable[[], dict[str, Array]]
 
 
-class _Moments:
+class RowMoments:
     """Mean and sum of squared deviations per row of the statistics, merged clip by clip (Chan et al. 1979)."""
 
     def __init__(self, rows: int, columns: int) -> None:
@@ -89,7 +89,7 @@ def write_store(
                 for name in present
             }
             entries, moments = _fill(
-                arrays, pieces, speakers, words, {n: _Moments(1 + len(speakers), len(names[n])) for n in counted}
+                arrays, pieces, speakers, words, {n: RowMoments(1 + len(speakers), len(names[n])) for n in counted}
             )
             arrays.clear()  # unmaps them, so that they can be moved everywhere
             for numbered, moment in moments.items():
@@ -106,8 +106,8 @@ def write_store(
 
 
 def _fill(
-    arrays: dict[str, Array], pieces: Sequence[Piece], speakers: list[str], words: list[str], moments: dict[str, _Moments]
-) -> tuple[list[Entry], dict[str, _Moments]]:
+    arrays: dict[str, Array], pieces: Sequence[Piece], speakers: list[str], words: list[str], moments: dict[str, RowMoments]
+) -> tuple[list[Entry], dict[str, RowMoments]]:
     """Copy every piece to its rows. Statistics are those of the train split (of everything where there is none)."""
     entries, at = [], 0
     train = any(piece.entry.split == "train" for piece in pieces)

@@ -35,7 +35,7 @@ class Part:
             raise InputError(f"no schedule is called {settings.schedule!r}", nearest(settings.schedule, SCHEDULES))
         self.name, self.objective, self.settings = name, objective, settings
         self.parameters = [p for p in objective.parameters if p.requires_grad]
-        self.adam = torch.optim.Adam(self.parameters, settings.lr, settings.betas, settings.eps)
+        self.adam = torch.optim.Adam(self.parameters, settings.lr, settings.betas, settings.eps, settings.weight_decay)
 
     def active(self, step: int) -> bool:
         """Whether it has begun and not ended, due or not."""

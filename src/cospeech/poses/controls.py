@@ -101,9 +101,12 @@ def with_controls(store: Store) -> Store:
         rows = np.concatenate(own or parts).astype(np.float64)
         means.append(rows.mean(0))
         stds.append(np.where(rows.std(0) < _TINY, 1, rows.std(0)))
+    control = np.full((len(store.arrays["pose"]), len(CONTROLS)), np.nan, np.float32)  # of rows that belong to no clip
+    for clip, part in zip(store.clips, parts, strict=True):
+        control[clip.offset : clip.offset + clip.frames] = part
     more = copy(store)
     more.arrays = store.arrays | {
-        "control": np.concatenate(parts),
+        "control": control,
         "control_mean": np.array(means, np.float32),
         "control_std": np.array(stds, np.float32),
     }

@@ -90,8 +90,10 @@ def with_modes(store: Store, modes: int) -> tuple[Store, Array]:
     train = [part for clip, part in zip(store.clips, parts, strict=True) if clip.split == "train" and len(part)]
     centres = find_centres(np.concatenate(train or [part for part in parts if len(part)]), modes)
     square = np.square(centres.astype(np.float64)).sum(1)
-    nearest = [np.argmin(square - 2 * part @ centres.T, axis=1) for part in parts if len(part)]
+    cluster = np.full(len(store.arrays["pose"]), -1, np.int32)  # of rows that belong to no clip
+    for clip, part in zip(store.clips, parts, strict=True):
+        cluster[clip.offset : clip.offset + clip.frames] = np.argmin(square - 2 * part @ centres.T, axis=1)
     more = copy(store)
-    more.arrays = store.arrays | {"cluster": np.concatenate(nearest).astype(np.int32)}
+    more.arrays = store.arrays | {"cluster": cluster}
     more.clips = tuple(replace(clip, has=(*clip.has, "cluster")) for clip in store.clips)
     return more, centres

@@ -14,9 +14,10 @@ __all__ = ["WEIGHTS", "check_onnx"]
 WEIGHTS = "weights"
 """The place that our graphs name for weights, which is no file: they are handed over when a session is opened."""
 OPERATORS = {
-    "Abs", "Add", "Clip", "Concat", "Conv", "DequantizeLinear", "Div", "Gather", "Gemm", "MatMulIntegerToFloat", "Max",
-    "Min", "Mul", "QuantizeLinear", "ReduceMax", "ReduceMean", "Relu", "Reshape", "Sigmoid", "Split", "Sqrt", "Sub",
-    "Tanh", "Transpose",
+    "Abs", "Add", "Clip", "Concat", "Conv", "DequantizeLinear", "Div", "Gather", "Gemm", "InstanceNormalization",
+    "LeakyRelu", "MatMulIntegerToFloat", "Max", "Min", "Mul", "Pad", "QuantizeLinear", "ReduceMax", "ReduceMean",
+    "ReduceSum", "Relu", "Reshape", "Resize", "Sigmoid", "Slice", "Softmax", "Split", "Sqrt", "Sub", "Tanh",
+    "Transpose",
 }  # fmt: skip
 """Everything that our graphs are made of."""
 DOMAINS = ("", "ai.onnx", "com.microsoft")

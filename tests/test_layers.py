@@ -30,7 +30,7 @@ LAYERS = [
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
     {"train", "bundling", "evaluation"},
-    {"contest"},
+    {"contest", "style_mixing"},
     {"tables"},
     {"generate"},
     {"convert", "demo", "catalogue"},

@@ -213,6 +213,7 @@ def draw_heat(
     columns: Sequence[str],
     rows: Sequence[str],
     title: str = "",
+    frame: Frame | None = None,
 ) -> Pictures:
     """A grid of heat maps, (H, W, 3); all cells are to one scale, of place and of colour.
 
@@ -223,6 +224,7 @@ def draw_heat(
         columns: heads, of styles.
         rows: labels; may have several lines.
         title: above all.
+        frame: what every cell shows; None: what there is to be seen.
 
     Raises:
         InputError: no cells, rows of different lengths, or labels that are more or fewer.
@@ -230,7 +232,7 @@ def draw_heat(
     if len(rows) != len(cells) or not cells or any(len(row) != len(columns) for row in cells):
         counts = f"{[len(row) for row in cells]} cells, {len(rows)} labels, {len(columns)} heads"
         raise InputError(f"a heat map of {counts}", "a label for each row, a head for each column")
-    frame = frame_of([cell for row in cells for cell in row], figure)
+    frame = frame_of([cell for row in cells for cell in row], figure) if frame is None else frame
     inks = np.stack([[heat(cell, figure, frame, fps) for cell in row] for row in cells])
     full = max(float(np.percentile(inks.max(2), _FULL)), 1e-12)
     big, small, head = (ImageFont.load_default(size) for size in (20, 15, 17))

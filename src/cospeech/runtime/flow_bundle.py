@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..features.reduce import REDUCTIONS, audio_width
-from ..poses import POSES, find_pose
 from ..poses.controls import CONTROLS, QUANTILES
 from ..rotations import Array
 from .bundle import Bundle, pack_arrays, write_bundle
 from .flow_engine import FlowEngine
 from .flow_graph import build_graphs
 from .flow_weights import FlowSizes, check_weights, pack_weights
+from .manifest import STATISTICS, check_numbers, pose_bounds, read_facts, read_sizes, read_statistics
 
 __all__ = ["KIND", "FlowSystem", "Statistics", "open_flow", "write_flow"]
 
 KIND = "flow"
 """What a manifest's ``kind`` says of a bundle of this module."""
-MARGIN = 0.25  # ours: of the range of a number in the training data, beyond either end, that a pose may reach
-FRAME_RATES = (1.0, 240.0)
 
 
 @dataclass(frozen=True)
@@ -113,7 +110,7 @@ def write_flow(
     manifest = {**facts, "kind": KIND, "sizes": asdict(sizes), "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
     members = {
         "weights.safetensors": pack_arrays(weights),
-        "statistics.safetensors": pack_arrays({f.name: getattr(statistics, f.name) for f in fields(Statistics)}),
+        STATISTICS: pack_arrays({f.name: getattr(statistics, f.name) for f in fields(Statistics)}),
         **{f"{name}.onnx": graph for name, graph in build_graphs(weights, sizes).items()},
         "card.md": card.encode(),
     }
@@ -128,35 +125,19 @@ def open_flow(bundle: Bundle) -> FlowSystem:
     """
     if bundle.manifest.get("kind") != KIND:
         raise InputError(f"{bundle.name!r} holds a {str(bundle.manifest.get('kind'))[:40]!r}, not a flow")
-    given = bundle.fact("sizes", dict)
-    needed = {f.name for f in fields(FlowSizes) if f.default is MISSING}  # bundles outlive sizes that are added with a default
-    if not needed <= set(given) <= {f.name for f in fields(FlowSizes)}:
-        raise InputError(f"{bundle.name!r} does not tell the sizes of a flow", "is it of another version?")
-    sizes = FlowSizes(**given)
-    pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
-    smooth, names, style = bundle.fact("smooth", int), bundle.fact("styles", list), bundle.fact("style", str)
-    if style not in names or len({str(name) for name in names}) < len(names) or not all(isinstance(n, str) for n in names):
-        raise InputError(f"{bundle.name!r} has no list of styles", "is it damaged?")
+    sizes = read_sizes(bundle, FlowSizes)
     controls = bundle.fact("controls", list) if "controls" in bundle.manifest else []
     if any(controls.count(name) > 1 or name not in CONTROLS for name in controls):
         raise InputError(f"{bundle.name!r} has style controls {str(controls)[:60]}", f"of {', '.join(CONTROLS)}, each once")
-    known = pose in POSES and audio in REDUCTIONS
-    if not known or find_pose(pose).dimensions != sizes.pose or audio_width(audio) + len(controls) != sizes.audio:
-        raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
-    if not (FRAME_RATES[0] <= fps <= FRAME_RATES[1] and 0 <= smooth <= 8):
-        raise InputError(f"{bundle.name!r} has {fps} frames per second, smoothed over {smooth}", "is it damaged?")
-    arrays = bundle.arrays("statistics.safetensors")
-    if set(arrays) != {f.name for f in fields(Statistics)}:
-        raise InputError(f"{bundle.name!r} has other statistics than a flow", "is it of another version?")
-    statistics = Statistics(**arrays)
-    _check_statistics(statistics, sizes, len(names), len(controls))
+    known = read_facts(bundle, sizes.pose, sizes.audio - len(controls))
+    statistics = read_statistics(bundle, Statistics)
+    _check_statistics(statistics, sizes, len(known.styles), len(controls))
     weights = bundle.arrays("weights.safetensors")
     check_weights(weights, sizes)
     graphs = {name.removesuffix(".onnx"): data for name, data in bundle.members.items() if name.endswith(".onnx")}
-    margin = MARGIN * (statistics.pose_high - statistics.pose_low) + 1e-3
-    engine = FlowEngine(sizes, weights, graphs, statistics.pose_low - margin, statistics.pose_high + margin)
+    engine = FlowEngine(sizes, weights, graphs, *pose_bounds(statistics))
     card = bundle.members.get("card.md", b"").decode("utf-8", "replace")
-    return FlowSystem(engine, statistics, pose, fps, audio, smooth, tuple(names), style, tuple(controls), card)
+    return FlowSystem(engine, statistics, **vars(known), controls=tuple(controls), card=card)
 
 
 def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, controls: int) -> None:
@@ -167,21 +148,9 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
         "spreads": (len(statistics.spreads), sizes.pose if statistics.spreads.shape[-1] else 0),
         **dict.fromkeys(("made_mean", "made_std"), (sizes.pose if statistics.spreads.size else 0,)),
     }  # fmt: skip
-    for name in (f.name for f in fields(Statistics)):
-        value = getattr(statistics, name)
-        shape = shapes.get(name, (sizes.pose if name.startswith("pose") else sizes.audio - controls,))
-        if value.shape != shape or value.dtype != np.float32:
-            raise InputError(f"statistics {name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
-        if not np.abs(value).max(initial=0) < _FARTHEST:  # not a number fails this too
-            raise InputError(f"statistics {name!r} hold numbers that are not finite or absurd")
+    each_number = {f.name: (sizes.pose if f.name.startswith("pose") else sizes.audio - controls,) for f in fields(Statistics)}
+    check_numbers(statistics, each_number | shapes)
     if statistics.spreads.size and (len(statistics.spreads) != speakers or statistics.spreads.min() <= 0):
         raise InputError("spreads of speakers that are not positive, or not one for each")
     if statistics.made_std.size and statistics.made_std.min() <= 0:
         raise InputError("a deviation of the network's own poses that is not positive")
-    if min(statistics.pose_std.min(), statistics.audio_std.min()) <= 0:
-        raise InputError("statistics with a deviation that is not positive")
-    if (statistics.pose_low > statistics.pose_high).any() or (statistics.audio_low > statistics.audio_high).any():
-        raise InputError("statistics with a range whose ends are exchanged")
-
-
-_FARTHEST = 1e6  # ours: no pose, no feature comes near

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from .onnx_check import check_onnx
 from .session import open_session, run_session
 
-__all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes"]
+__all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes", "check_weights"]
 
 LIMIT = (
     1e3  # ours: standardised speech, weights of styles and nudges come nowhere near; keeps what is absurd out of the network
@@ -87,6 +88,8 @@ class WindowEngine:
         if not {"make"} <= set(graphs) <= {"make", "style"} or ("style" in graphs and not sizes.styles):
             raise InputError(f"graphs {', '.join(sorted(graphs))[:60]!r}", "make, and style where there are styles")
         check_weights(weights)
+        if set(weights) != (used := {name for graph in graphs.values() for name in check_onnx(graph)}):
+            raise InputError(f"weights that no graph has: {sorted(set(weights) ^ used)[0]!r}"[:200], "is the bundle damaged?")
         self._make = open_session(graphs["make"], weights)
         self._style = open_session(graphs["style"], weights) if "style" in graphs else None
         self._check_ends()

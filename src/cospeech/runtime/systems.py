@@ -1,0 +1,30 @@
+"""Bundles of every kind, opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..errors import InputError
+from . import flow_bundle, window_bundle
+from .bundle import Bundle
+from .flow_bundle import FlowSystem, open_flow
+from .window_bundle import WindowSystem, open_window
+
+__all__ = ["open_system"]
+
+_KINDS: dict[str, Callable[[Bundle], FlowSystem | WindowSystem]] = {
+    flow_bundle.KIND: open_flow,
+    window_bundle.KIND: open_window,
+}
+
+
+def open_system(bundle: Bundle) -> FlowSystem | WindowSystem:
+    """What a bundle holds, ready to perform.
+
+    Raises:
+        InputError: the bundle is of no kind that is known, or its parts do not fit together.
+    """
+    kind = bundle.manifest.get("kind")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise InputError(f"{bundle.name!r} holds a {str(kind)[:40]!r}", f"this version plays {', '.join(_KINDS)}")
+    return _KINDS[kind](bundle)

@@ -28,6 +28,10 @@ Speeds = Annotated[
 Pitches = Annotated[
     list[float] | None, Option("--pitch", metavar="NUMBER", help="Add training clips this many semitones higher.")
 ]
+Twins = Annotated[
+    list[str] | None,
+    Option("--twin", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
+]
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
 Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
@@ -67,6 +71,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         mirror: Mirror = False,
         speed: Speeds = None,
         pitch: Pitches = None,
+        twin: Twins = None,
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
@@ -84,7 +89,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                jobs=jobs, backend=backend, scheduler=scheduler, overwrite=overwrite, progress=tell,
+                twins=twin or (), jobs=jobs, backend=backend, scheduler=scheduler, overwrite=overwrite, progress=tell,
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")

@@ -22,6 +22,7 @@ import numpy as np
 from .corpora import CORPORA
 from .corpora.clip import SPLITS, Clip, Points, Semantic
 from .corpora.store import Entry, Store
+from .corpora.twins import heard_of
 from .errors import InputError, nearest
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, Track, load_metric
 from .metrics.controls import CONTROLS, WRONG, control_rows, faults_of_order
@@ -257,11 +258,11 @@ def _stretches(scores: Array, fps: float) -> tuple[Semantic, ...]:
 
 
 def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) -> dict[str, Speech]:
-    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``."""
+    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``, and a twin says what its original says."""
     wanted: dict[str, list[Entry]] = {}
     for entry in entries:
-        wanted.setdefault(entry.name.partition("@")[0], []).append(entry)
-        wanted.setdefault(entry.name, []).append(entry)
+        for name in {entry.name, entry.name.partition("@")[0], heard_of(entry.name.partition("@")[0])}:
+            wanted.setdefault(name, []).append(entry)
     found = {}
     for clip in import_module(CORPORA[store.corpus].module).read(raw):
         if isinstance(clip, Clip) and clip.speech is not None:

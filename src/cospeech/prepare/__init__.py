@@ -10,17 +10,21 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
+from itertools import count
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..corpora import CORPORA
+from ..corpora.attributes import Attributes, speaker_attributes
 from ..corpora.augment import faster, mirrored, shifted
 from ..corpora.clip import Clip, Dropped
+from ..corpora.store import Store
 from ..corpora.store_files import FORMAT
 from ..corpora.store_writer import write_store
 from ..errors import CospeechError, InputError, nearest
@@ -29,6 +33,7 @@ from ..poses import find_pose
 from ..skeletons.arkit import ARKIT
 from .filters import FILTERS
 from .pieces import Plan, audio_names, make_part, needed, read_part, split_of
+from .twinning import Change, twin_maker
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -49,10 +54,10 @@ class PrepareReport:
     pose: str
     fps: float
     clips: int
-    """Read, without augmented ones."""
+    """Read, without twins and augmented ones."""
     augmented: int
     seconds: float
-    """Of motion in the store, augmented clips included."""
+    """Of motion in the store, twins and augmented clips included."""
     splits: dict[str, float]
     """Seconds per split."""
     speakers: dict[str, float]
@@ -61,11 +66,16 @@ class PrepareReport:
     """Reason → seconds that filters dropped for it."""
     dropped: tuple[dict[str, Any], ...]
     """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
+    twins: int
+    """Clips of twins; see `cospeech.corpora.twins`."""
+    attributes: dict[str, Attributes]
+    """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
 
     def summary(self) -> str:
         """One line."""
         whole = sum("start" not in row for row in self.dropped)
         parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
+        parts += [f"of twins: {self.twins}"] if self.twins else []
         parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
         parts += [f"dropped: {whole}"] if whole else []
         parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
@@ -83,6 +93,7 @@ def prepare(
     mirror: bool = False,
     speeds: Sequence[float] = (),
     pitches: Sequence[float] = (),
+    twins: Sequence[str] = (),
     jobs: int = 1,
     backend: str = "loky",
     scheduler: str | None = None,
@@ -101,6 +112,8 @@ def prepare(
         mirror: add every training clip with left and right exchanged.
         speeds: add training clips so many times as fast, 0.5 … 2.
         pitches: add training clips with the voice so many semitones higher (−12 … 12).
+        twins: add further speakers, in every split: a name of `cospeech.corpora.twins.TWINS` makes one of every speaker,
+            ``"cleo|leftarm"`` one of cleo. The corpus is read twice then.
         jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
         backend: joblib's name: loky, threading, multiprocessing, dask, ray.
         scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
@@ -128,22 +141,23 @@ def prepare(
     target = Path(store)
     if (target / "index.json").exists() and not overwrite:
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
-    items = import_module(CORPORA[corpus].module).read(raw)
+    read = import_module(CORPORA[corpus].module).read
+    twins_for = twin_maker(twins, lambda: read(raw), mirror)
     plan = Plan(corpus, chosen.name, float(rate), filters)
-    changes = _changes(mirror, speeds, pitches)
-    parts = _parts_folder(target, {"plan": asdict(plan), "mirror": mirror, "speeds": [*speeds], "pitches": [*pitches]})
+    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*twins]}
+    parts = _parts_folder(target, {"plan": asdict(plan)} | settings)
     dropped: list[dict[str, Any]] = []
-    tasks = _tasks(items, changes, parts, dropped)
-    with _workers(jobs, backend, scheduler) as (run, count):
-        made = _make_parts(tasks, plan, run, count, progress)
+    tasks = _tasks(read(raw), twins_for, _changes(mirror, speeds, pitches), parts, dropped)
+    with _workers(jobs, backend, scheduler) as (run, together):
+        made = _make_parts(tasks, plan, run, together, progress)
     report = _assemble(target, made, plan, dropped)
     shutil.rmtree(parts, ignore_errors=True)
     return report
 
 
-def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Callable[[Clip], Clip]]:
+def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:
     """The augmentations that were asked for."""
-    found: list[Callable[[Clip], Clip]] = [mirrored] if mirror else []
+    found: list[Change] = [mirrored] if mirror else []
     found += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
     return found + [lambda clip, p=pitch: shifted(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
 
@@ -166,11 +180,23 @@ def _parts_folder(target: Path, settings: dict[str, Any]) -> Path:
     return parts
 
 
+class _Task(NamedTuple):
+    """A clip, the path of its part, and where it comes from: read, twin or augmented."""
+
+    clip: Clip
+    path: Path
+    origin: str
+
+
 def _tasks(
-    items: Iterator[Clip | Dropped], changes: list[Callable[[Clip], Clip]], parts: Path, dropped: list[dict[str, Any]]
-) -> Iterator[tuple[Clip, Path, bool]]:
-    """Every clip, and those made from it, with the path of its part and whether it was made up; drops go into the list."""
-    number, names = 0, set()
+    items: Iterator[Clip | Dropped],
+    twins_for: Callable[[Clip], list[Change]],
+    changes: list[Change],
+    parts: Path,
+    dropped: list[dict[str, Any]],
+) -> Iterator[_Task]:
+    """Every clip, its twins, and what augmentation makes of the training clips among them; drops go into the list."""
+    number, names = count(), set()
     for item in items:
         if isinstance(item, Dropped):
             dropped.append({"name": item.name, "reason": item.reason})
@@ -180,35 +206,39 @@ def _tasks(
             continue
         names.add(item.name)
         clip = replace(item, split=split_of(item), extra=needed(item))
-        yield clip, parts / f"{number:07d}.npz", False
-        number += 1
-        for change in changes if clip.split == "train" else ():
-            try:
-                other = change(clip)
-            except CospeechError as error:
-                dropped.append({"name": clip.name, "reason": f"not augmented: {error}"})
-                continue
-            yield other, parts / f"{number:07d}.npz", True
-            number += 1
+        twins = _changed(clip, twins_for(clip), "no twin", dropped)
+        for one, origin in ((clip, "read"), *((twin, "twin") for twin in twins)):
+            yield _Task(one, parts / f"{next(number):07d}.npz", origin)
+            for other in _changed(one, changes, "not augmented", dropped) if one.split == "train" else ():
+                yield _Task(other, parts / f"{next(number):07d}.npz", "augmented")
+
+
+def _changed(clip: Clip, changes: list[Change], failed: str, dropped: list[dict[str, Any]]) -> Iterator[Clip]:
+    """What each change makes of a clip; what fails goes into the list."""
+    for change in changes:
+        try:
+            yield change(clip)
+        except CospeechError as error:
+            dropped.append({"name": clip.name, "reason": f"{failed}: {error}"})
 
 
 def _make_parts(
-    tasks: Iterator[tuple[Clip, Path, bool]],
+    tasks: Iterator[_Task],
     plan: Plan,
     run: Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]],
-    count: int,
+    together: int,
     progress: Callable[[float, float | None], None] | None,
-) -> list[tuple[Path, dict[str, Any], bool]]:
+) -> list[tuple[Path, dict[str, Any], str]]:
     """Make the parts, some clips at a time: the reader runs here, joblib's workers encode."""
-    made: list[tuple[Path, dict[str, Any], bool]] = []
+    made: list[tuple[Path, dict[str, Any], str]] = []
     done, more = 0.0, True
     while more:
-        batch: list[tuple[Clip, Path, bool]] = []
-        while len(batch) < count and (task := next(tasks, None)) is not None:
+        batch: list[_Task] = []
+        while len(batch) < together and (task := next(tasks, None)) is not None:
             batch.append(task)
-        more = len(batch) == count
-        results = run([(clip, plan, path) for clip, path, _ in batch])
-        made += [(path, meta, extra) for (_, path, extra), meta in zip(batch, results, strict=True)]
+        more = len(batch) == together
+        results = run([(task.clip, plan, task.path) for task in batch])
+        made += [(task.path, meta, task.origin) for task, meta in zip(batch, results, strict=True)]
         done += sum(meta["frames"] for meta in results) / plan.fps
         if progress is not None:
             progress(done, None)
@@ -231,8 +261,8 @@ def _workers(
     try:
         client = _connect(backend, scheduler)
         with parallel_config(backend, n_jobs=jobs), Parallel() as parallel:
-            count = _AHEAD * max(1, effective_n_jobs(jobs))
-            yield lambda tasks: list(parallel(delayed(make_part)(*task) for task in tasks)), count
+            together = _AHEAD * max(1, effective_n_jobs(jobs))
+            yield lambda tasks: list(parallel(delayed(make_part)(*task) for task in tasks)), together
     except ValueError as error:  # joblib's words for an unknown backend, or a Dask that has no client
         if isinstance(error, CospeechError):
             raise
@@ -262,7 +292,7 @@ def _connect(backend: str, scheduler: str | None) -> Any:
 
 
 def _assemble(
-    target: Path, made: list[tuple[Path, dict[str, Any], bool]], plan: Plan, dropped: list[dict[str, Any]]
+    target: Path, made: list[tuple[Path, dict[str, Any], str]], plan: Plan, dropped: list[dict[str, Any]]
 ) -> PrepareReport:
     """Put the parts together and write the report."""
     pieces = []
@@ -286,9 +316,10 @@ def _assemble(
         seconds = piece.entry.frames / plan.fps
         splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
         speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
+    origins = Counter(origin for *_, origin in made)
     report = PrepareReport(
-        plan.corpus, plan.pose, plan.fps, sum(not extra for *_, extra in made), sum(extra for *_, extra in made),
-        sum(splits.values()), splits, speakers, reasons, tuple(dropped),
+        plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
+        reasons, tuple(dropped), origins["twin"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:
         temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")

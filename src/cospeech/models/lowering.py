@@ -56,8 +56,9 @@ def lower(net: Windowed) -> Lowered:
         b = ConvGraph(weights, "style")
         _recognise(net, b, b.rows("poses", net.pose))
         graphs["style"] = b.made({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})
+    window: Any = net.window
     sizes = WindowSizes(
-        pose=net.pose, audio=net.audio, styles=net.styles, modes=net.modes, window=net.window, multiple=net.multiple,
+        pose=net.pose, audio=net.audio, styles=net.styles, modes=net.modes, window=window, multiple=net.multiple,
         reach=None if isinf(poses.reach) else int(poses.reach),
     )  # fmt: skip
     return Lowered(sizes, weights, graphs)
@@ -123,8 +124,9 @@ def _(net: MixStage, b: ConvGraph, poses: Signal) -> None:
 
 @_recognise.register
 def _(net: Munit, b: ConvGraph, poses: Signal) -> None:
-    *layers, _, last = net.moved.style
-    for layer in layers:
+    layers: list[Any] = [*net.moved.style]
+    last = layers.pop()
+    for layer in layers[:-1]:  # but for the mean
         poses = _conv(b, poses, layer) if isinstance(layer, nn.Conv1d) else b.leaky(poses, 0)
     b.full(b.over_frames(poses), _array(last.weight)[:, :, 0], _array(last.bias), output="style")
 
@@ -144,7 +146,7 @@ def _array(x: Tensor) -> Array:
     return x.detach().double().numpy()
 
 
-def _folded(conv: nn.Module, norm: nn.Module) -> tuple[Array, Array]:
+def _folded(conv: Any, norm: Any) -> tuple[Array, Array]:
     """Weight and bias of a convolution with the batch norm after it."""
     gain = _array(norm.weight) / np.sqrt(_array(norm.running_var) + norm.eps)
     weight = _array(conv.weight)
@@ -152,14 +154,14 @@ def _folded(conv: nn.Module, norm: nn.Module) -> tuple[Array, Array]:
     return weight * gain.reshape(-1, *[1] * (weight.ndim - 1)), bias
 
 
-def _block(b: ConvGraph, x: Signal, block: nn.Sequential) -> Signal:
+def _block(b: ConvGraph, x: Signal, block: Any) -> Signal:
     """`cospeech.nn.unet1d.conv_block`."""
     conv, norm, relu = block
     weight, bias = _folded(conv, norm)
     return b.leaky(_over_time(b, x, conv, weight, bias), relu.negative_slope)
 
 
-def _over_time(b: ConvGraph, x: Signal, conv: nn.Conv1d, weight: Array, bias: Array | None) -> Signal:
+def _over_time(b: ConvGraph, x: Signal, conv: Any, weight: Array, bias: Array | None) -> Signal:
     """A convolution over frames with these weights in place of its own."""
     pad, reflected = int(conv.padding[0]), conv.padding_mode == "reflect"
     x = b.reflected(x, pad) if reflected and pad else x
@@ -167,7 +169,7 @@ def _over_time(b: ConvGraph, x: Signal, conv: nn.Conv1d, weight: Array, bias: Ar
     return b.conv(x, weight[:, :, None], bias, stride=(1, conv.stride[0]), pads=pads, groups=conv.groups)
 
 
-def _conv(b: ConvGraph, x: Signal, conv: nn.Conv1d) -> Signal:
+def _conv(b: ConvGraph, x: Signal, conv: Any) -> Signal:
     """A convolution over frames as it is."""
     return _over_time(b, x, conv, _array(conv.weight), None if conv.bias is None else _array(conv.bias))
 
@@ -175,11 +177,12 @@ def _conv(b: ConvGraph, x: Signal, conv: nn.Conv1d) -> Signal:
 def _audio_content(b: ConvGraph, net: AudioContent, bands: int) -> Signal:
     """`cospeech.nn.content.AudioContent`, of whose last bands only those in the middle are worked out: they alone are kept."""
     x = b.more_bands(b.picture("rows", bands), BANDS)
-    for number, block in enumerate(net.blocks):
+    blocks: list[Any] = [*net.blocks]
+    for number, block in enumerate(blocks):
         weight, bias = _folded(block.conv, block.norm)
         frames, high = block.conv.padding
         pads = (high, frames, high, frames)
-        if number == len(net.blocks) - 1:
+        if number == len(blocks) - 1:
             made, kernel = x.bands + 2 * high - block.conv.kernel_size[1] + 1, block.conv.kernel_size[1]
             first, last = (made - 1) // 2 - high, made // 2 + kernel - high  # of the bands that the middle is made of
             pads = (max(0, -first), frames, max(0, last - x.bands), frames)
@@ -201,7 +204,7 @@ def _unet(b: ConvGraph, x: Signal, net: UNet1d) -> Signal:
     return x
 
 
-def _of_z(b: ConvGraph, content: Signal, style: _Style | None, block: nn.Sequential) -> Signal:
+def _of_z(b: ConvGraph, content: Signal, style: _Style | None, block: Any) -> Signal:
     """A block of [content, weights · matrix]: the content's share once for all takes, the matrix in the weights."""
     if style is None:
         return _block(b, content, block)
@@ -228,7 +231,7 @@ def _mode_logits(b: ConvGraph, content: Signal, style: _Style | None, net: ModeL
     return _conv(b, x, last)
 
 
-def _residual(b: ConvGraph, x: Signal, block: nn.Module, moves: list[str] | None) -> Signal:
+def _residual(b: ConvGraph, x: Signal, block: Any, moves: list[str] | None) -> Signal:
     """A residual block of MUNIT; ``moves``: shift and scale after the first norm and after the second."""
     y = b.normalised(_conv(b, x, block.first))
     y = b.leaky(y if moves is None else b.moved(y, moves[1], moves[0]), 0)
@@ -236,7 +239,7 @@ def _residual(b: ConvGraph, x: Signal, block: nn.Module, moves: list[str] | None
     return b.add(x, z if moves is None else b.moved(z, moves[3], moves[2]))
 
 
-def _grown(b: ConvGraph, x: Signal, layers: nn.Sequential) -> Signal:
+def _grown(b: ConvGraph, x: Signal, layers: Any) -> Signal:
     """The end of MUNIT's decoder."""
     for layer in layers:
         if isinstance(layer, nn.Upsample):

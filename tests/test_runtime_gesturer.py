@@ -16,6 +16,8 @@ from cospeech.errors import InputError
 from cospeech.motion import Motion
 from cospeech.rules import RuleGesturer
 from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.sampling import Sampled
+from cospeech.runtime.style import CodeSource, Styles
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
 from runtime_bundles import write_small
@@ -32,8 +34,8 @@ def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel
 
 
 def source(style: object, seed: int = 0):
-    known = gesturer()._known.blend(style)
-    return gesturer()._source(known, seed, 1.0)
+    system = gesturer().system
+    return CodeSource(system, Styles(system).blend(style), seed=seed)
 
 
 def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
@@ -157,7 +159,7 @@ def test_style_controls(tmp_path):
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
     session = controlled.session(style="hand_speed:0.25")
     table = controlled.system.statistics.controls
-    np.testing.assert_allclose(session._listener._controls, [table[25, 0], table[50, 1]], atol=1e-6)
+    np.testing.assert_allclose(session._listener.quiet[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
             controlled.session(style=wrong)
@@ -180,19 +182,14 @@ def test_temperature_and_emotion():
 @pytest.mark.parametrize("fps", [20.0, 47.0])
 def test_resampling_keeps_poses_and_holds_ends(fps):
     """A straight line stays one; smoothing and the cubic add up to one everywhere."""
-    from cospeech.runtime.performance import _Poses
-
-    system = gesturer().system
-    sources = [source(None)]
-    poses = _Poses(system, sources, fps, 1.0)
-    line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones(system.engine.sizes.pose, np.float32)
-    poses._made = line
+    sampled = Sampled(2, 3, smooth=1, step=20 / fps)
+    line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones((2, 1, 3), np.float32)
     count = int(40 * fps / 20)
-    made = (poses.push(np.zeros((0, 8, 24)), count, 39) - system.statistics.pose_mean) / system.statistics.pose_std
-    at = np.arange(count) * 20 / fps
+    made, at = sampled.push(line, count, 39)
+    np.testing.assert_allclose(at, np.arange(count) * 20 / fps)
     inner = (at > 3) & (at < 36)
     np.testing.assert_allclose(made[0, inner, 0], at[inner], atol=2e-4)
-    assert made[0, 0, 0] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
+    assert made[1, 0, 2] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
     assert (np.diff(made[0, :, 0]) >= -1e-4).all()
 
 

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +29,10 @@ from cospeech.motion import Motion
 from cospeech.poses import find_pose
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
+from cospeech.runtime.flow_player import FlowPlayer, Source
+from cospeech.runtime.listener import Listener
 from cospeech.runtime.manner import named
-from cospeech.runtime.performance import PIECE, Performance, Source
+from cospeech.runtime.performance import PIECE, Performance, Wish
 from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
 from cospeech.speech import Speech
 
@@ -103,9 +106,11 @@ def movement(motion: Motion) -> np.ndarray:
 
 def perform(system: FlowSystem, speech: Speech, sources: Sequence[Source]) -> list[Motion]:
     """A performance of each source in one pass, without faces."""
-    controls = np.zeros(len(system.controls), np.float32)
-    faces = [Silent() for _ in sources]
-    playing = Performance(system, sources, faces, fps=system.fps, intensity=1.0, parts=PARTS, controls=controls)  # type: ignore[arg-type]
+    wish = Wish((), np.zeros(len(system.controls), np.float32))
+    listener = Listener(system, wish.controls)
+    player = FlowPlayer(system, lambda blend: sources, wish.blend, listener.quiet)
+    faces: Any = [Silent() for _ in sources]
+    playing = Performance(system, listener, player, faces, fps=system.fps, parts=PARTS, wish=wish, direct=lambda style: wish)
     pieces = [made for chunk in speech.chunks(PIECE) for made in playing.push_takes(chunk)]
     pieces += playing.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]

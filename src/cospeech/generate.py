@@ -156,6 +156,7 @@ def generate_files(
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
             emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
             style=_style_text(options.style) or gesturer.default_style,
+            style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names],
             version=__version__,
         )

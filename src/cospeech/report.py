@@ -21,5 +21,8 @@ class Report(BaseModel):
     realtime_factor: float = Field(description="seconds of work per second of motion, files included")
     emotion: dict[str, float] = Field(description="probability of each emotion, over the whole speech")
     style: str = Field(description="style in which was gestured")
+    style_mixture: dict[str, float] | None = Field(
+        None, description="speaker → weight, where a model plays a mixture of speakers; of an example the nearest one"
+    )
     outputs: list[str] = Field(description="files written")
     version: str = Field(description="version of cospeech")

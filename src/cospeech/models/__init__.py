@@ -39,6 +39,7 @@ NETWORKS: dict[str, str] = {
     "munit": "cospeech.models.munit:Munit",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
+    "speaker-classifier": "cospeech.models.speaker_classifier:SpeakerClassifier",
 }
 """Name → ``module:Class`` of what recipes train: networks of systems, and those whose features are for losses and metrics."""
 
@@ -59,6 +60,11 @@ class Performance(Protocol):
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
+        ...
+
+    @property
+    def style_mixture(self) -> dict[str, float] | None:
+        """Speaker → weight, where a mixture of speakers is played."""
         ...
 
     def push(self, chunk: Speech) -> Iterator[Motion]:

@@ -77,6 +77,10 @@ class Session:
         """Probability of each emotion, over all that was heard."""
         return self.mood.mean
 
+    @property
+    def style_mixture(self) -> None:
+        """Styles of rules are numbers of their own, and no mixtures of speakers."""
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""
         check_speech(chunk)

@@ -227,15 +227,15 @@ def _sigmoid(x: Array) -> Array:
 class Takes:
     """N takes of one speech under way, in one pass; none depends on the others.
 
-    Memory is bound once; states go to and fro between two halves of it. ``history`` (N, τ·D) are the poses made last; what is
-    written into it conditions the next frame.
+    Memory is bound once; states go to and fro between two halves of it. ``history`` (N, τ·D) are the poses made last and
+    ``styles`` (N, style) the codes; what is written into them conditions the next frame.
     """
 
     def __init__(self, engine: FlowEngine, histories: Array, styles: Array) -> None:
         s = engine.sizes
         if histories.ndim != 3 or histories.shape[1:] != (s.history, s.pose) or not len(histories):
             raise InputError(f"histories of shape {histories.shape}", f"(takes, {s.history}, {s.pose})")
-        self._engine, self._styles, takes = engine, styles, len(histories)
+        self._engine, self.styles, takes = engine, styles, len(histories)
         self.history: Array = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
         self._z, self._pose = np.zeros((takes, s.pose), np.float32), np.zeros((takes, s.pose), np.float32)
         self._heard = [np.zeros((1, s.steps * s.gates), np.float32)]
@@ -249,7 +249,7 @@ class Takes:
         binding, engine = self._engine.frame.io_binding(), self._engine
         given = {"z": self._z, "history": self.history, "low": engine.low, "high": engine.high}
         given |= dict(zip(("gates", "code"), self._heard, strict=False)) | before
-        given |= {"style": self._styles} if engine.sizes.style else {}
+        given |= {"style": self.styles} if engine.sizes.style else {}
         for name, array in given.items():
             binding.bind_input(name, "cpu", 0, array.dtype, array.shape, array.ctypes.data)
         for name, array in {"pose": self._pose, **{f"next_{kind}": array for kind, array in after.items()}}.items():

@@ -17,9 +17,11 @@ from ..rules import RuleGesturer
 from ..rules.session import check_speech
 from ..speech import Speech
 from .bundle import read_bundle
-from .flow_bundle import FlowSystem, open_flow
-from .performance import PIECE, Performance, Source
-from .style import Blend, Styles, Transfer, best_transfer
+from .flow_bundle import open_flow
+from .listener import Listener, System
+from .performance import PIECE, Performance, Wish
+from .players import Players, Terms, players_of
+from .style import Transfer
 
 __all__ = ["BundleGesturer"]
 
@@ -31,20 +33,20 @@ class BundleGesturer:
 
     Args:
         system: an opened bundle; `BundleGesturer.open` takes a path.
-        transfer: how styles become motion, see `cospeech.runtime.style`; the best one for the system where not given.
+        transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
 
     Raises:
-        InputError: poses of a kind that cannot be decoded in pieces.
+        InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
     """
 
     takes_at_once = 8  # ours: they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
-    def __init__(self, system: FlowSystem, transfer: Transfer | None = None) -> None:
+    def __init__(self, system: System, transfer: Transfer | None = None) -> None:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles, self.default_style = system.styles, system.style
-        self._known, self._transfer = Styles(system), transfer or best_transfer(system)
+        self._players = players_of(system, transfer)
         self._rules = RuleGesturer()
 
     @classmethod
@@ -66,6 +68,7 @@ class BundleGesturer:
         temperature: float = 1.0,
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
+        look_ahead: float | None = None,
         takes: int = 1,
     ) -> Performance:
         """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
@@ -74,17 +77,20 @@ class BundleGesturer:
         options: dict[str, Any] = {"emotion": emotion, "fps": fps, "intensity": intensity, "temperature": temperature}
         seeds = [int(seed) + take for take in range(takes)]
         self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
-        wishes, controls = _wishes(style, self.system)
-        blend = self._known.blend(wishes)
+        wish = self._understood(style)
         faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
-        sources = [self._source(blend, k, float(temperature)) for k in seeds]
+        listener = Listener(self.system, wish.controls)
+        terms = Terms(seeds, float(temperature), float(intensity), look_ahead)
+        player = self._players.play(wish.blend, listener.quiet, terms)
         return Performance(
-            self.system, sources, faces, fps=float(fps), intensity=float(intensity), parts=parts, controls=controls
+            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
         )
 
-    def _source(self, blend: Blend, seed: int, temperature: float) -> Source:
-        """Where a take's latents come from."""
-        return self._transfer(self.system, blend, seed=seed, temperature=temperature)
+    def _understood(self, style: object) -> Wish:
+        """What a style means."""
+        wishes, controls = _wishes(style, self._players)
+        blend = self._players.styles.blend(wishes)
+        return Wish(blend, controls, self._players.mixture(blend))
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
@@ -97,9 +103,12 @@ class BundleGesturer:
             emotion: of the face: one of `cospeech.rules.EMOTIONS`, or "auto": from the voice.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
-            temperature: scale of the latents, 0 (the likeliest motion) … 2.
+            temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice
+                among its modes, 0 (the network's own motion) … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
+            look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
+                the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.
@@ -130,11 +139,11 @@ _WHOLE = frozenset({"expmap-full"})
 _MOST_TAKES = 64  # ours, of one pass
 
 
-def _wishes(style: object, system: FlowSystem) -> tuple[object, Array]:
+def _wishes(style: object, system: Players) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
     parts = style.split(",") if isinstance(style, str) and style else []
     said = [part for part in parts if part.partition(":")[0].strip() in system.controls]
-    row = control_row(read_controls(",".join(said)) if said else {}, system.statistics.controls, system.controls)
+    row = control_row(read_controls(",".join(said)) if said else {}, system.quantiles, system.controls)
     speakers = ",".join(part for part in parts if part not in said) or None
     return (speakers if said else style), row
 

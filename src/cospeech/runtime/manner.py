@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -12,8 +14,9 @@ from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
 from .flow_bundle import FlowSystem
+from .listener import System
 
-__all__ = ["Manner", "example", "latents_of", "named"]
+__all__ = ["Blend", "Manner", "example", "latents_of", "named", "seen", "stretches", "weighted"]
 
 SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
@@ -41,6 +44,18 @@ class Manner:
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
 
 
+Blend = tuple[tuple[float, Manner], ...]
+"""Manners with their shares, in sum 1."""
+
+
+def weighted(parts: Iterable[tuple[float, Array]]) -> Array:
+    """The weighted mean in float32; a single part as it is, to the bit."""
+    parts = list(parts)
+    if len(parts) == 1:
+        return np.asarray(parts[0][1], np.float32)
+    return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
+
+
 def named(system: FlowSystem, name: str) -> Manner:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
@@ -61,19 +76,14 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Ma
     """
     sizes = system.engine.sizes
     least = max(SHORTEST, max(8, sizes.history + 2) / system.fps)  # 8: cospeech.nn.conditioning.StyleEncoder
-    if motion.duration < least:
-        raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
-    try:
-        shown = tuple(_seen(piece, system) for piece in _spread(motion))
-    except InputError as error:
-        raise InputError(f"{name}: {error.problem}", error.hint) from None
+    shown = seen(system, motion, least, name)
     centre, spread = np.concatenate(shown).mean(0), None
     if system.statistics.spreads.size:
         spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
         shown = tuple((poses - centre) / spread for poses in shown)
     shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
     if sizes.style:
-        code = np.mean([system.engine.style_code(stretch) for poses in shown for stretch in _stretches(poses)], 0)
+        code = np.mean([system.engine.style_code(stretch) for poses in shown for stretch in stretches(poses, STRETCH)], 0)
     else:
         code = np.zeros(0)
     places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
@@ -82,22 +92,42 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Ma
     return Manner(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
 
 
-def _spread(motion: Motion) -> list[Motion]:
-    """The whole of it, or pieces evenly spread."""
+def seen(system: System, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
+    """(T, D) standardised poses of an example, or of pieces of it.
+
+    Args:
+        system: who looks at it.
+        motion: see `example`.
+        least: seconds that it has at least.
+        name: for messages.
+
+    Raises:
+        InputError: it is shorter, or its skeleton is not recognised.
+    """
+    if motion.duration < least:
+        raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
+    try:
+        return tuple(_seen(piece, system) for piece in _spread(motion, least))
+    except InputError as error:
+        raise InputError(f"{name}: {error.problem}", error.hint) from None
+
+
+def _spread(motion: Motion, least: float) -> list[Motion]:
+    """The whole of it, or pieces evenly spread, each of ``least`` seconds at least."""
     if motion.duration <= LONGEST:
         return [motion]
-    length = round(PIECE * motion.fps)
+    length = max(round(PIECE * motion.fps), math.ceil(least * motion.fps))
     starts = np.linspace(0, len(motion) - length, round(LONGEST / PIECE)).astype(int)
     return [motion[int(start) : int(start) + length] for start in starts]
 
 
-def _stretches(poses: Array) -> list[Array]:
-    """Overlapping by half, the last one at the end."""
-    last = max(0, len(poses) - STRETCH)
-    return [poses[start : start + STRETCH] for start in [*range(0, last, STRETCH // 2), last]]
+def stretches(poses: Array, length: int) -> list[Array]:
+    """Stretches of this length, overlapping by half, the last one at the end; fewer frames are one stretch."""
+    last = max(0, len(poses) - length)
+    return [poses[start : start + length] for start in [*range(0, last, length // 2), last]]
 
 
-def _seen(motion: Motion, system: FlowSystem) -> Array:
+def _seen(motion: Motion, system: System) -> Array:
     """(T, D) standardised poses."""
     pose: Pose = find_pose(system.pose)
     body = _placed(motion.resample(system.fps).retarget("humanoid"))

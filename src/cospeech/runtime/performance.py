@@ -1,24 +1,21 @@
 """One speech under way on a trained system: features, poses of one or several takes, faces from the rules.
 
-speech → rows of features (`FrameFeatures`, `reduce_audio`, standardised) → engine → standardised poses → smoothed and brought
-to the asked rate, in the space of poses → decoded. Every number of a frame follows from its own index, so that a stream has
+speech → standardised rows of features (`Listener`) → standardised poses (`Player`) → smoothed and brought to the asked rate
+(`Sampled`), in the space of poses → decoded. Every number of a frame follows from its own index, so that a stream has
 the bits of the whole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import comb
 from typing import Protocol
 
 import numpy as np
 
 from ..corpora.clip import Points
 from ..errors import InputError
-from ..features.frames import FrameFeatures, audio_features
-from ..features.reduce import reduce_audio
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
@@ -27,9 +24,11 @@ from ..rules import Session as RuleSession
 from ..rules.session import check_speech
 from ..skeleton import humanoid
 from ..speech import Speech, count_frames
-from .flow_bundle import FlowSystem
+from .listener import Listener, System
+from .manner import Blend
+from .sampling import Sampled
 
-__all__ = ["PIECE", "Performance", "Source"]
+__all__ = ["PIECE", "Performance", "Player", "Wish"]
 
 _EYES = ("leftEye", "rightEye")
 PIECE = 2.0  # seconds of speech worked off at once
@@ -69,121 +68,49 @@ class Source(Protocol):
         ...
 
 
-class _Listener:
-    """Speech → standardised rows of features, with silence before and after: as many as windows of the engine need.
-
-    Args:
-        system: whose.
-        controls: (C,) standardised style controls, behind each row.
-    """
-
-    def __init__(self, system: FlowSystem, controls: Array) -> None:
-        self._system, self._sizes, self._controls = system, system.engine.sizes, controls
-        self._features = FrameFeatures(system.fps)
-        self._quiet = self._controlled(_silence(system))
-        self._rows = np.repeat(self._quiet, self._sizes.history, 0)
+class Player(Protocol):
+    """A network of any kind under way: rows of speech in, poses of N takes out."""
 
     @property
-    def frames(self) -> int:
-        """Of the model, in all that was heard."""
-        return count_frames(self._features.duration, self._system.fps)
+    def takes(self) -> int:
+        """N."""
+        ...
 
-    def push(self, chunk: Speech) -> Array:
-        """(F, heard, A) windows of the frames that have become certain."""
-        return self._windows(self._features.push(chunk))
+    @property
+    def width(self) -> int:
+        """D."""
+        ...
 
-    def finish(self) -> Array:
-        """Those of the rest."""
-        after = np.repeat(self._quiet, self._sizes.heard - 1 - self._sizes.history, 0)
-        return self._windows(self._features.finish(), after)
+    def push(self, rows: Array) -> Array:
+        """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
+        ...
 
-    def _windows(self, columns: Array, after: Array | None = None) -> Array:
-        rows = self._controlled(_standard(self._system, columns)) if len(columns) else self._rows[:0]
-        self._rows = np.concatenate([self._rows, rows, self._rows[:0] if after is None else after])
-        windows = self._system.engine.windows(self._rows)
-        self._rows = self._rows[len(windows) :].copy()
-        return windows
+    def finish(self, quiet: Array) -> Array:
+        """The poses of the rest; ``quiet`` (1, A) is the row of silence, which is after the speech."""
+        ...
 
-    def _controlled(self, rows: Array) -> Array:
-        return np.concatenate([rows, np.broadcast_to(self._controls, (len(rows), len(self._controls)))], 1)
-
-
-def _standard(system: FlowSystem, columns: Array) -> Array:
-    """(T, 84) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
-    s = system.statistics
-    rows = (reduce_audio(columns, system.audio) - s.audio_mean) / s.audio_std
-    return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
-
-
-def _silence(system: FlowSystem) -> Array:
-    """(1, A) what silence sounds like, standardised."""
-    return _standard(system, audio_features(Speech(np.zeros(16_000, np.float32)), 1, system.fps))
-
-
-class _Poses:
-    """Poses of N takes from the engine, smoothed, at the rate of the motion."""
-
-    def __init__(self, system: FlowSystem, sources: Sequence[Source], fps: float, intensity: float) -> None:
-        self._system, self._sources, self._intensity = system, sources, intensity
-        styles = np.stack([source.style for source in sources])
-        self._takes = system.engine.begin(np.stack([source.history for source in sources]), styles)
-        self._step = system.fps / fps
-        taps = 2 * system.smooth
-        self._taps = [np.float32(comb(taps, n) / 2**taps) for n in range(taps + 1)]
-        self._made = np.zeros((len(sources), 0, system.engine.sizes.pose), np.float32)
-        self._first = 0  # index of the first pose of the model that is kept
-        self._given = 0  # frames of the motion handed out
-
-    def push(self, windows: Array, total: int | None = None, last: int | None = None) -> Array:
-        """The next poses (N, n, D), standardised no more.
+    def units(self, poses: Array, at: Array) -> Array:
+        """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
 
         Args:
-            windows: of speech.
-            total: frames of the motion in all, once they are known.
-            last: index of the model's last pose, once it is known.
+            at: (n,) where they lie, in frames of the model.
         """
-        if len(windows):
-            z = np.stack([source.draw(len(windows)) for source in self._sources])
-            self._made = np.concatenate([self._made, self._takes.frames(windows, z)], 1)
-        known = self._first + self._made.shape[1]
-        end = self._given
-        if total is not None:
-            end = total
-        else:  # frame j lies between poses m and m + 1; the cubic takes m − 1 … m + 2, each smoothed
-            while int(end * self._step) + 2 + self._system.smooth < known:
-                end += 1
-        poses = self._sampled(np.arange(self._given, end), known - 1 if last is None else last)
-        self._given = end
-        keep = int(end * self._step) - 1 - self._system.smooth
-        if keep > self._first and last is None:
-            self._made, self._first = self._made[:, keep - self._first :].copy(), keep
-        return poses
+        ...
 
-    def _sampled(self, frames: Array, last: int) -> Array:
-        """Catmull-Rom through the smoothed poses; ends are held."""
-        at = frames * self._step
-        low = np.floor(at).astype(int)
-        t = (at - low).astype(np.float32)[:, None]
-        before, here, there, after = (self._smoothed(low + n, last) for n in (-1, 0, 1, 2))
-        bend = 2 * before - 5 * here + 4 * there - after + (3 * (here - there) + after - before) * t
-        poses = here + np.float32(0.5) * t * (there - before + t * bend)
-        s, centres = self._system.statistics, np.stack([source.centre for source in self._sources])[:, None]
-        return (centres + np.float32(self._intensity) * self._strayed(poses, centres)) * s.pose_std + s.pose_mean
+    def restyle(self, blend: Blend, frame: int) -> None:
+        """Another style, faded in from this frame of the model on; no row beyond it has been pushed yet."""
+        ...
 
-    def _strayed(self, poses: Array, centres: Array) -> Array:
-        """(N, n, D) how far poses are from the mean ones, standardised."""
-        drifts, spreads = ([getattr(source, name) for source in self._sources] for name in ("drift", "spread"))
-        if spreads[0] is None:  # all or none
-            return poses - centres
-        return (poses - np.stack(drifts)[:, None]) * np.stack(spreads)[:, None]
 
-    def _smoothed(self, poses: Array, last: int) -> Array:
-        """(N, n, D) of these indices."""
-        total = np.zeros((len(self._sources), len(poses), self._made.shape[2]), np.float32)
-        for n, tap in enumerate(self._taps):
-            index = np.clip(poses + n - self._system.smooth, 0, last)
-            total += tap * self._made[:, np.maximum(index - self._first, 0)]
-        return total
+@dataclass(frozen=True)
+class Wish:
+    """A style, understood."""
+
+    blend: Blend
+    controls: Array
+    """(C,) standardised style controls."""
+    mixture: Mapping[str, float] | None = None
+    """Of which speakers the network plays a mixture, where it plays one."""
 
 
 class Performance:
@@ -191,31 +118,34 @@ class Performance:
 
     Args:
         system: the bundle, opened.
-        sources: of the takes.
+        listener: of the speech.
+        player: of the network.
         faces: a rule-based session for each take: face, eyes, and the emotion that is heard.
         fps: of the motion.
-        intensity: see `BundleGesturer.generate`.
         parts: what is generated.
-        controls: (C,) standardised style controls.
+        wish: the style that the player begins with.
+        direct: understands a style, as `BundleGesturer.generate` describes them.
     """
 
     def __init__(
         self,
-        system: FlowSystem,
-        sources: Sequence[Source],
+        system: System,
+        listener: Listener,
+        player: Player,
         faces: Sequence[RuleSession],
         *,
         fps: float,
-        intensity: float,
         parts: tuple[str, ...],
-        controls: Array,
+        wish: Wish,
+        direct: Callable[[object], Wish],
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
-        self._listener = _Listener(system, controls)
-        self._poses = _Poses(system, sources, fps, intensity)
+        self._listener, self._player = listener, player
+        self._sampled = Sampled(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
-        self._bodies: list[list[Motion]] = [[] for _ in sources]
-        self._heads: list[list[Motion]] = [[] for _ in sources]
+        self._wish, self._direct = wish, direct
+        self._bodies: list[list[Motion]] = [[] for _ in faces]
+        self._heads: list[list[Motion]] = [[] for _ in faces]
         self._duration = Fraction(0)
         self._frame = 0
 
@@ -223,6 +153,27 @@ class Performance:
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
         return self._faces[0].emotion
+
+    @property
+    def style_mixture(self) -> dict[str, float] | None:
+        """Speaker → weight, the heaviest first, where a system that plays mixtures of its speakers plays one; of an example
+        the nearest. None for a speaker by name, and for systems of another kind. After `restyle` that of the new style."""
+        return None if self._wish.mixture is None else dict(self._wish.mixture)
+
+    def restyle(self, style: object) -> None:
+        """Another style from here on: it is faded in over half a second from where the speech that was pushed has come to.
+
+        The same speech and the same changes at the same samples give the same motion, however the speech is cut. A piece
+        counts as pushed when its motion has been taken: `push` is a generator. Motion that was not handed out yet may
+        foresee the change: by as much as the network looks ahead, smoothing and the cubic included (docs/runtime.md).
+
+        Raises:
+            InputError: a style that cannot be used; the old one goes on.
+        """
+        wish = self._direct(style)
+        self._player.restyle(wish.blend, self._listener.frames)
+        self._listener.control(wish.controls)
+        self._wish = wish
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece; yields the motion of the first take that has become certain."""
@@ -245,7 +196,7 @@ class Performance:
             for face, kept in zip(self._faces, self._heads, strict=True):
                 kept += face.push(piece)
             self._duration += piece.duration
-            self._keep(self._poses.push(self._listener.push(piece)))
+            self._keep(self._player.push(self._listener.push(piece)))
             yield from self._ready()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -255,15 +206,17 @@ class Performance:
             raise InputError("there is no speech to gesture to", "give at least one sample")
         for face, kept in zip(self._faces, self._heads, strict=True):
             kept += face.finish()
-        windows = self._listener.finish()
-        self._keep(self._poses.push(windows, total, self._listener.frames - 1))
+        rest = self._player.push(self._listener.finish())
+        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
+        self._keep(rest, total, self._listener.frames - 1)
         yield from self._ready()
 
-    def _keep(self, poses: Array) -> None:
-        """Decode the next poses of every take, and let parts rest that were not asked for."""
-        if not poses.shape[1]:
+    def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
+        """Decode what further poses of the model make certain, and let parts rest that were not asked for."""
+        poses, at = self._sampled.push(made, total, last)
+        if not len(at):
             return
-        for rows, kept in zip(poses, self._bodies, strict=True):
+        for rows, kept in zip(self._player.units(poses, at), self._bodies, strict=True):
             kept.append(_chosen(_moving(self._pose, rows, self._fps), self._parts))
 
     def _ready(self) -> Iterator[list[Motion]]:

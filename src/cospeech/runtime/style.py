@@ -14,7 +14,7 @@ The latter two also go without the code (``coded=False``), as the paper does. do
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
@@ -27,8 +27,9 @@ from ..motion import Motion
 from ..rotations import Array
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
-from .manner import Manner, example, latents_of, named
-from .performance import Source
+from .flow_player import Source
+from .listener import System
+from .manner import Blend, Manner, example, latents_of, named, weighted
 
 __all__ = [
     "Blend", "CodeSource", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer", "example_files",
@@ -40,8 +41,6 @@ BLOCK = 1.0  # s; ours: of latents drawn together, about a gesture stroke with i
 CHUNK = 64  # frames drawn at once
 ALL = 1 - 1e-6  # ours: weights that add up to so much leave nothing to the default style
 MOST_WEIGHT = 1e9  # ours: so that shares are numbers
-Blend = tuple[tuple[float, Manner], ...]
-"""Manners with their shares, in sum 1."""
 
 
 class Transfer(Protocol):
@@ -63,9 +62,9 @@ class CodeSource:
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
         rng, sizes = np.random.default_rng([seed, 1]), system.engine.sizes
         begun = [(share, manner.beginnings[rng.integers(len(manner.beginnings))]) for share, manner in blend]
-        self.history: Array = _mean(begun)
-        self.style: Array = _mean([(share, manner.code) for share, manner in blend])
-        self.centre: Array = _mean([(share, manner.centre) for share, manner in blend])
+        self.history: Array = weighted(begun)
+        self.style: Array = weighted([(share, manner.code) for share, manner in blend])
+        self.centre: Array = weighted([(share, manner.centre) for share, manner in blend])
         self.spread: Array | None = _size(blend)
         self.drift: Array | None = None
         if self.spread is not None:  # random latents: what the network makes of them by itself is known
@@ -170,14 +169,7 @@ def best_transfer(system: FlowSystem) -> Transfer:
 def _size(blend: Blend) -> Array | None:
     """(D,) deviation of the poses, for systems that know them by their recording's own."""
     spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
-    return _mean(spreads) if spreads else None
-
-
-def _mean(parts: list[tuple[float, Array]]) -> Array:
-    """The weighted mean; a single part as it is, to the bit."""
-    if len(parts) == 1:
-        return np.asarray(parts[0][1], np.float32)
-    return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
+    return weighted(spreads) if spreads else None
 
 
 # styles by what users say ---------------------------------------------------------------------------------------------
@@ -188,10 +180,17 @@ class Styles:
 
     Args:
         system: whose.
+        named: what it knows of a speaker.
+        example: what a motion shows it, which has a name for messages.
     """
 
-    def __init__(self, system: FlowSystem) -> None:
-        self._system = system
+    def __init__(
+        self,
+        system: System,
+        named: Callable[[Any, str], Manner] = named,
+        example: Callable[[Any, Motion, str], Manner] = example,
+    ) -> None:
+        self._system, self._named, self._example = system, named, example
         self._seen: OrderedDict[tuple[str, int, int], Manner] = OrderedDict()
 
     def blend(self, style: object) -> Blend:
@@ -213,15 +212,15 @@ class Styles:
         scale = max(total, 1.0) if total < ALL else total
         parts = [(weight / scale, self._manner(who)) for who, weight in weights.items() if weight > 0]
         if total < ALL:
-            parts.append((1.0 - total, named(self._system, self._system.style)))
+            parts.append((1.0 - total, self._named(self._system, self._system.style)))
         return tuple(parts)
 
     def _manner(self, who: object) -> Manner:
         """One part of a mixture; files that were read lately are not read again."""
         if isinstance(who, str) and who in self._system.styles:
-            return named(self._system, who)
+            return self._named(self._system, who)
         if isinstance(who, Motion):
-            return example(self._system, who, "the example")
+            return self._example(self._system, who, "the example")
         path = Path(fspath(who))  # type: ignore[call-overload]
         try:
             status = path.stat()
@@ -229,7 +228,7 @@ class Styles:
             status = None  # what is wrong, the reader says better
         key = (str(path), status.st_mtime_ns, status.st_size) if status else ("", 0, 0)
         if status is None or key not in self._seen:
-            manner = example(self._system, Motion.load(path), repr(path.name))
+            manner = self._example(self._system, Motion.load(path), repr(path.name))
             if status is None:
                 return manner
             self._seen[key] = manner

@@ -1,0 +1,92 @@
+"""Speech → rows of features as a network hears them."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..features.frames import FrameFeatures, audio_features
+from ..features.reduce import reduce_audio
+from ..rotations import Array
+from ..speech import Speech, count_frames
+from .fading import Fading
+
+__all__ = ["Listener", "System"]
+
+
+class System(Protocol):
+    """What trained systems of every kind have (`cospeech.runtime.flow_bundle.FlowSystem` says what it is)."""
+
+    @property
+    def statistics(self) -> Any: ...
+    @property
+    def pose(self) -> str: ...
+    @property
+    def fps(self) -> float: ...
+    @property
+    def audio(self) -> str: ...
+    @property
+    def smooth(self) -> int: ...
+    @property
+    def styles(self) -> tuple[str, ...]: ...
+    @property
+    def style(self) -> str: ...
+
+
+class Listener:
+    """Speech in pieces → standardised rows, style controls behind each.
+
+    Args:
+        system: whose.
+        controls: (C,) standardised style controls.
+    """
+
+    def __init__(self, system: System, controls: Array) -> None:
+        self._system = system
+        self._controls = Fading(_row(controls), system.fps)
+        self._features = FrameFeatures(system.fps)
+        self._silence = self._standard(audio_features(Speech(np.zeros(16_000, np.float32)), 1, system.fps))
+        self._given = 0
+
+    @property
+    def frames(self) -> int:
+        """Of the model, in all that was heard."""
+        return count_frames(self._features.duration, self._system.fps)
+
+    @property
+    def quiet(self) -> Array:
+        """(1, A) what silence sounds like where rows have come to."""
+        return self._controlled(self._silence)
+
+    def control(self, controls: Array) -> None:
+        """Other style controls (C,) from the frame on that was heard last."""
+        self._controls.change(_row(controls), self.frames)
+
+    def push(self, chunk: Speech) -> Array:
+        """(n, A) rows that have become certain."""
+        return self._rows(self._features.push(chunk))
+
+    def finish(self) -> Array:
+        """The rest."""
+        return self._rows(self._features.finish())
+
+    def _rows(self, columns: Array) -> Array:
+        rows = self._controlled(self._standard(columns)) if len(columns) else self.quiet[:0]
+        self._given += len(rows)
+        self._controls.forget(self._given)
+        return rows
+
+    def _standard(self, columns: Array) -> Array:
+        """(T, 84) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
+        s = self._system.statistics
+        rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
+        return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
+
+    def _controlled(self, rows: Array) -> Array:
+        controls = self._controls.mixed(lambda row: row, self._given + np.arange(len(rows)))[0]
+        return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
+
+
+def _row(controls: Array) -> Array:
+    return np.asarray(controls)[None, None]

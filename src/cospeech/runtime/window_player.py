@@ -1,0 +1,235 @@
+"""A network that turns windows of speech into windows of poses, played over speech of any length that comes in pieces.
+
+Windows slide over the rows of the speech, with silence before and after. Each makes the next ``hop`` frames, hears ``ahead``
+frames after them, and as many before as it has left; of what it makes of the frames ahead the next window takes ``fade`` frames
+over step by step. Windows lie where the frame's index puts them: pieces of any size give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from .fading import Fading
+from .manner import Blend, weighted
+from .nudge import SmoothGumbel
+from .sampling import MOST_LAG
+from .window_style import plays_mixtures
+
+if TYPE_CHECKING:
+    from .window_bundle import WindowSystem
+    from .window_engine import WindowSizes
+
+__all__ = ["LIVE", "Setting", "WindowPlayer", "live", "looking", "whole"]
+
+BLOCK = 256  # ours: frames that are made at once where nobody waits
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How windows lie, in frames.
+
+    Raises:
+        InputError: windows that do not hold what they shall.
+    """
+
+    window: int
+    hop: int
+    """New frames of each."""
+    ahead: int
+    """Heard after the new ones."""
+    fade: int
+    """Of the new ones, blended with what the window before made of them."""
+
+    def __post_init__(self) -> None:
+        if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.hop + self.ahead <= self.window):
+            raise InputError(f"{self}", "0 < hop, fade ≤ ahead and hop, hop + ahead ≤ window")
+
+    @property
+    def past(self) -> int:
+        """Frames heard before the new ones."""
+        return self.window - self.hop - self.ahead
+
+    @property
+    def waits(self) -> int:
+        """Frames of speech, from its own on, that a frame waits for at most."""
+        return self.hop + self.ahead
+
+
+LIVE = Setting(window=64, hop=4, ahead=8, fade=4)
+"""Ours: half a second of foresight at 15 frames a second, about the preparation of a stroke; windows as in training (64 frames,
+Ahuja et al. 2020, section 5)."""
+
+
+def live(sizes: WindowSizes) -> Setting:
+    """`LIVE`, in windows as the network was trained on."""
+    return replace(LIVE, window=_up(max(sizes.window, LIVE.waits), sizes.multiple))
+
+
+def whole(sizes: WindowSizes) -> Setting:
+    """Exact: what one pass over the whole speech makes, with silence around it.
+
+    Windows begin where the network's own steps in time do, and every new frame has all around it that matters to it. There is
+    no such thing for a network that normalises over a window: that hears as much before as after, in windows as in training.
+    """
+    if sizes.reach is None:
+        usual = live(sizes)
+        return replace(usual, ahead=max(usual.ahead, (usual.window - usual.hop) // 2))
+    reach, block = _up(sizes.reach, sizes.multiple), _up(BLOCK, sizes.multiple)
+    return Setting(window=2 * reach + block, hop=block, ahead=reach, fade=0)
+
+
+def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> Setting:
+    """The setting with this look-ahead: `live` where it is None, `whole` from the network's reach on.
+
+    Raises:
+        InputError: no number of seconds from 0 on.
+    """
+    if seconds is None:
+        return live(sizes)
+    if isinstance(seconds, bool) or not (isinstance(seconds, int | float | np.number) and seconds >= 0):
+        raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
+    usual, most = live(sizes), whole(sizes)
+    if seconds * fps >= (most.ahead if sizes.reach is None else sizes.reach):
+        return most
+    ahead = ceil(seconds * fps - 1e-9)
+    longer = sizes.reach is not None and ahead > usual.ahead
+    window = _up(usual.window + ahead - usual.ahead, sizes.multiple) if longer else usual.window
+    return Setting(window, usual.hop, ahead, min(usual.fade, ahead))
+
+
+def _up(frames: int, multiple: int) -> int:
+    return -(-frames // multiple) * multiple
+
+
+@dataclass(frozen=True, eq=False)
+class _Style:
+    """What the network plays a style by."""
+
+    codes: Array
+    """(N, 1, styles) of each take."""
+    centre: Array
+    """(1, 1, D) standardised mean pose."""
+
+
+class WindowPlayer:
+    """Takes of one speech on a network of windows; see `cospeech.runtime.performance.Player`.
+
+    A take's seed draws noise for the network's choice among its modes (`SmoothGumbel`), or, for a network without modes
+    whose style is a code of its own, where the take lies beside the style: for good, by so many deviations of the speakers'
+    codes. Takes of a network with neither are alike. At temperature 0 all are the network's own, deterministic motion.
+
+    A mixture of speakers may be another at every frame; a code of another kind is one for a window (MUNIT), that of the middle
+    of its new frames.
+
+    Args:
+        system: the bundle, opened.
+        setting: how windows lie.
+        blend: the style to begin with.
+        seeds: of the takes.
+        quiet: (1, A) row of silence, which is before the speech.
+        temperature: scale of the noise.
+        intensity: how far poses stray from the style's mean one.
+    """
+
+    def __init__(
+        self,
+        system: WindowSystem,
+        setting: Setting,
+        blend: Blend,
+        seeds: Sequence[int],
+        quiet: Array,
+        *,
+        temperature: float = 1.0,
+        intensity: float = 1.0,
+    ) -> None:
+        self._system, self.setting, self._intensity = system, setting, np.float32(intensity)
+        sizes = system.engine.sizes
+        self.takes, self.width = len(seeds), sizes.pose
+        self._temperature, self._by_frame = np.float32(temperature), plays_mixtures(system)
+        self._noise = [SmoothGumbel(sizes.modes, system.fps, seed=seed) for seed in seeds]
+        self._moved = self._temperature * _asides(system, seeds)
+        self._styles = Fading(self._style(blend), system.fps)
+        self._rows = np.repeat(quiet, setting.past, 0)
+        self._nudge = np.repeat(self._drawn(1), setting.past + 1, 1)  # before the speech it stands still
+        self._before = np.zeros((self.takes, 0, sizes.pose), np.float32)  # what the last window made of the frames ahead
+        self._made, self._heard = 0, 0
+
+    @property
+    def latency(self) -> float:
+        """Seconds of speech, from its own time on, that a frame waits for at most; features and smoothing come on top."""
+        return self.setting.waits / self._system.fps
+
+    def push(self, rows: Array) -> Array:
+        """See `Player`."""
+        self._heard += len(rows)
+        return self._slid(rows)
+
+    def finish(self, quiet: Array) -> Array:
+        """See `Player`."""
+        missing = self._heard - self._made
+        windows = -(-missing // self.setting.hop)
+        until = self.setting.window + (windows - 1) * self.setting.hop if windows else 0
+        return self._slid(np.repeat(quiet, max(0, until - len(self._rows)), 0))[:, :missing]
+
+    def units(self, poses: Array, at: Array) -> Array:
+        """See `Player`."""
+        s, centre = self._system.statistics, self._styles.mixed(lambda style: style.centre, at)
+        return (centre + self._intensity * (poses - centre)) * s.pose_std + s.pose_mean
+
+    def restyle(self, blend: Blend, frame: int) -> None:
+        """See `Player`."""
+        self._styles.change(self._style(blend), frame)
+
+    def _style(self, blend: Blend) -> _Style:
+        code, centre = (weighted((share, getattr(m, name)) for share, m in blend) for name in ("code", "centre"))
+        return _Style((code + self._moved)[:, None], centre[None, None])
+
+    def _drawn(self, frames: int) -> Array:
+        """(N, frames, modes) the next noise."""
+        return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
+
+    def _slid(self, rows: Array) -> Array:
+        """(N, k, D) of the windows that these rows fill."""
+        self._styles.forget(self._made - self.setting.past - MOST_LAG)
+        self._rows = np.concatenate([self._rows, rows])
+        made = [np.zeros((self.takes, 0, self.width), np.float32)]
+        while len(self._rows) >= self.setting.window:
+            made.append(self._next())
+            self._rows = self._rows[self.setting.hop :]
+        self._rows = self._rows.copy()
+        return np.concatenate(made, 1)
+
+    def _next(self) -> Array:
+        """(N, hop, D) of the next window."""
+        window, hop, past = self.setting.window, self.setting.hop, self.setting.past
+        missing = window - self._nudge.shape[1]
+        self._nudge = np.concatenate([self._nudge, self._drawn(missing)], 1)
+        at = np.arange(window) + (self._made - past) if self._by_frame else np.array([self._made + hop // 2])
+        codes = self._styles.mixed(lambda style: style.codes, at)
+        codes = np.broadcast_to(codes, (self.takes, window, codes.shape[2]))
+        poses = self._system.engine.make(self._rows[:window], codes, self._nudge)
+        fresh = poses[:, past : past + hop]
+        if self._made and self.setting.fade:
+            fade = self.setting.fade
+            share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]
+            fresh = np.concatenate([self._before + share * (fresh[:, :fade] - self._before), fresh[:, fade:]], 1)
+        self._before = poses[:, past + hop : past + hop + self.setting.fade]
+        self._nudge = self._nudge[:, hop:]
+        self._made += hop
+        return fresh
+
+
+def _asides(system: WindowSystem, seeds: Sequence[int]) -> Array:
+    """(N, styles) how far takes lie beside a style: for networks that have codes of their own and no modes, else not at all."""
+    sizes, codes = system.engine.sizes, system.statistics.codes
+    if sizes.modes or plays_mixtures(system):
+        return np.zeros((len(seeds), sizes.styles), np.float32)
+    drawn = [np.random.default_rng([seed, 4]).standard_normal(sizes.styles) * codes.std(0) for seed in seeds]
+    return np.array(drawn, np.float32).reshape(len(seeds), sizes.styles)

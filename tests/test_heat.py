@@ -32,8 +32,8 @@ def mirrored(body: np.ndarray) -> np.ndarray:
 
 def test_ink_in_all_is_the_mean_speed_of_the_arm():
     body = waving()
-    frame = frame_of([body], BODY)
-    right, left = heat(body, BODY, frame, FPS)
+    frame = frame_of([[body]], BODY)
+    right, left = heat([body], BODY, frame, FPS)
     speed = np.abs(np.diff(body[:, 4, 1])).mean() * FPS  # of the wrist; the elbow stands still, so half of it on the mean
     assert right.sum() / frame.scale**2 == pytest.approx(speed / 2, rel=0.01)
     assert not left.any()
@@ -44,27 +44,27 @@ def test_the_same_movement_at_another_rate_leaves_the_same_ink(fps):
     times = np.arange(round(6 * fps)) / fps
     body = np.repeat(REST[None], len(times), 0)
     body[:, 4, 1] += 0.4 * np.sin(2 * np.pi * times / 3)
-    frame = frame_of([body], BODY)
+    frame = frame_of([[body]], BODY)
     steps = np.arange(6 * 120) / 120
     fine = np.repeat(REST[None], len(steps), 0)
     fine[:, 4, 1] += 0.4 * np.sin(2 * np.pi * steps / 3)
-    found, wanted = heat(body, BODY, frame, fps)[0], heat(fine, BODY, frame, 120)[0]
+    found, wanted = heat([body], BODY, frame, fps)[0], heat([fine], BODY, frame, 120)[0]
     assert np.abs(found - wanted).sum() < 0.05 * wanted.sum()
 
 
 def test_neither_place_nor_size_of_the_person_matters():
     body = waving()
-    frame, far = frame_of([body], BODY), body * 167 + np.array([640, -300])
-    other = frame_of([far], BODY)
+    frame, far = frame_of([[body]], BODY), body * 167 + np.array([640, -300])
+    other = frame_of([[far]], BODY)
     assert other.size == frame.size
-    np.testing.assert_allclose(heat(far, BODY, other, FPS), heat(body, BODY, frame, FPS), atol=1e-6)
+    np.testing.assert_allclose(heat([far], BODY, other, FPS), heat([body], BODY, frame, FPS), atol=1e-6)
 
 
 def test_in_the_mirror_right_becomes_left():
     body = waving() + np.array([0.03, 0])
-    frame = frame_of([body, mirrored(body)], BODY)
-    right, left = heat(body, BODY, frame, FPS)
-    also_right, also_left = heat(mirrored(body), BODY, frame, FPS)
+    frame = frame_of([[body], [mirrored(body)]], BODY)
+    right, left = heat([body], BODY, frame, FPS)
+    also_right, also_left = heat([mirrored(body)], BODY, frame, FPS)
     assert not left.any()
     assert not also_right.any()
     assert right.sum() == pytest.approx(also_left.sum())
@@ -73,15 +73,28 @@ def test_in_the_mirror_right_becomes_left():
     assert also_left[:, int(middle) :].sum() > 0.99 * also_left.sum()
 
 
+def test_between_clips_nothing_moves():
+    up, down = np.repeat(REST[None], 20, 0), np.repeat(REST[None], 20, 0)
+    up[:, 4, 1] += 2
+    frame = frame_of([[up, down]], BODY)
+    assert not heat([up, down], BODY, frame, FPS).any()
+    assert heat([np.concatenate([up, down])], BODY, frame, FPS)[0].sum() > 0
+    body = waving()
+    whole, halves = heat([body], BODY, frame, FPS), heat([body[:46], body[45:]], BODY, frame, FPS)
+    np.testing.assert_allclose(halves, whole, atol=1e-9)
+
+
 def test_depth_does_not_count():
     body = waving()
     deep = np.concatenate([body, np.zeros((*body.shape[:2], 1))], -1)
     deep[:, 4, 2] += np.sin(np.arange(len(body)))
-    np.testing.assert_allclose(heat(deep, BODY, frame_of([body], BODY), FPS), heat(body, BODY, frame_of([body], BODY), FPS))
+    np.testing.assert_allclose(
+        heat([deep], BODY, frame_of([[body]], BODY), FPS), heat([body], BODY, frame_of([[body]], BODY), FPS)
+    )
 
 
 def test_pictures_are_red_for_the_right_arm_and_blue_for_the_left():
-    grid = [[waving("right"), waving("left")], [waving("right", 0.1), waving("left", 0.1)]]
+    grid = [[[waving("right")], [waving("left")]], [[waving("right", 0.1)], [waving("left", 0.1)]]]
     picture = draw_heat(grid, BODY, FPS, columns=["a", "b"], rows=["much", "little"], title="two").astype(int)
     assert picture.ndim == 3
     assert picture.shape[2] == 3
@@ -111,8 +124,8 @@ def test_figures_name_the_arms_from_the_shoulder_on(layout):
 
 @pytest.mark.parametrize(
     ("cells", "columns", "rows"),
-    [([], [], []), ([[waving()]], ["a", "b"], ["r"]), ([[waving()]], ["a"], []), ([[waving()[:1]]], ["a"], ["r"]),
-     ([[waving()[:, :7]]], ["a"], ["r"]), ([[waving() * np.nan]], ["a"], ["r"]), ([[]], [], ["r"])],
+    [([], [], []), ([[[waving()]]], ["a", "b"], ["r"]), ([[[waving()]]], ["a"], []), ([[[waving()[:1]]]], ["a"], ["r"]),
+     ([[[waving()[:, :7]]]], ["a"], ["r"]), ([[[waving() * np.nan]]], ["a"], ["r"]), ([[[]]], ["a"], ["r"]), ([[]], [], ["r"])],
 )  # fmt: skip
 def test_what_cannot_be_drawn_is_refused(cells, columns, rows):
     with pytest.raises(InputError):

@@ -97,9 +97,9 @@ class Mixing:
         return fall_back(self.means(measure).tolist()) <= tolerance
 
     @cached_property
-    def points(self) -> tuple[Array, ...]:
-        """Of every weight (T, 52, 2) key points of all its performances, one after the other."""
-        return tuple(np.concatenate([points_of(motion).values for motion in row]) for row in self.motions)
+    def points(self) -> tuple[list[Array], ...]:
+        """Of every weight the key points (T, 52, 2) of each performance."""
+        return tuple([points_of(motion).values for motion in row] for row in self.motions)
 
 
 def measure_mixing(

@@ -17,9 +17,11 @@ from ..errors import InputError
 from ..rotations import Array
 from ..skeletons import pats, ted
 
-__all__ = ["FIGURES", "Figure", "Frame", "draw_heat", "frame_of", "heat"]
+__all__ = ["FIGURES", "Cell", "Figure", "Frame", "draw_heat", "frame_of", "heat"]
 
 Pictures = NDArray[np.uint8]
+Cell = Sequence[Array]
+"""Clips, each (T, J, 2 or 3): positions of the joints, y up, the person's left at +x. Between two clips nothing moves."""
 
 _PAPER, _INK, _GREY, _EDGE = (255, 255, 255), (43, 49, 58), (126, 134, 146), (222, 226, 232)
 _BONE, _BODY = (186, 192, 201), (238, 240, 243)
@@ -90,11 +92,12 @@ class Frame:
         return np.stack([column, (self.high[1] - points[..., 1]) * self.scale], -1)
 
 
-def _placed(positions: Array, figure: Figure) -> Array:
-    """(T, J, 2 or 3), y up → (T, J, 2) from the root, in shoulders' breadths of their median."""
-    points = np.asarray(positions, np.float64)
-    breadth = float(np.median(np.linalg.norm(points[:, figure.left[0]] - points[:, figure.right[0]], axis=-1)))
-    return (points - points[:, [figure.root]])[..., :2] / max(breadth, 1e-9)
+def _placed(clips: Cell, figure: Figure) -> list[Array]:
+    """(T, J, 2) each, from the root, in shoulders' breadths of their median."""
+    whole = [np.asarray(clip, np.float64) for clip in clips]
+    lines = np.concatenate([clip[:, figure.left[0]] - clip[:, figure.right[0]] for clip in whole])
+    breadth = max(float(np.median(np.linalg.norm(lines, axis=-1))), 1e-9)
+    return [(clip - clip[:, [figure.root]])[..., :2] / breadth for clip in whole]
 
 
 def _limb(points: Array, arm: Sequence[int]) -> Array:
@@ -106,24 +109,30 @@ def _limb(points: Array, arm: Sequence[int]) -> Array:
     return np.asarray(chain[:, low] * (1 - part) + chain[:, low + 1] * part)
 
 
-def frame_of(cells: Sequence[Array], figure: Figure) -> Frame:
+def _check(clips: Cell, figure: Figure) -> None:
+    if not len(clips):
+        raise InputError("a heat map without a clip", "one for each cell at least")
+    for clip in clips:
+        if clip.ndim != 3 or len(clip) < 2 or clip.shape[1] != figure.joints or clip.shape[2] not in (2, 3):
+            raise InputError(f"a heat map of positions {clip.shape}", f"(T, {figure.joints}, 2 or 3), two frames at least")
+        if not np.isfinite(clip).all():
+            raise InputError("a heat map of positions that are not finite", "leave those frames out")
+
+
+def frame_of(cells: Sequence[Cell], figure: Figure) -> Frame:
     """What a cell has to show so that the mean figures and nearly all that the arms do are seen in all cells.
 
     Args:
-        cells: each (T, J, 2 or 3), y up, of two frames at least.
+        cells: of two frames a clip at least.
         figure: what the joints are.
 
     Raises:
         InputError: other shapes, numbers that are not finite, or no cell.
     """
     seen = []
-    for positions in cells:
-        shape = positions.shape
-        if len(shape) != 3 or shape[0] < 2 or shape[1] != figure.joints or shape[2] not in (2, 3):
-            raise InputError(f"a heat map of positions {shape}", f"(T, {figure.joints}, 2 or 3), two frames at least")
-        if not np.isfinite(positions).all():
-            raise InputError("a heat map of positions that are not finite", "leave those frames out")
-        points = _placed(positions, figure)
+    for clips in cells:
+        _check(clips, figure)
+        points = np.concatenate(_placed(clips, figure))
         arms = np.concatenate([_limb(points, figure.right), _limb(points, figure.left)], 1).reshape(-1, 2)
         head = points[:, figure.head].mean(0)
         still = np.concatenate([points.mean(0), [head - _HEAD, head + _HEAD]])
@@ -149,19 +158,20 @@ def _blurred(image: Array, sigma: float) -> Array:
     return image
 
 
-def heat(positions: Array, figure: Figure, frame: Frame, fps: float) -> Array:
+def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
     """(2, H, W) how much the right and the left arm move where: length of way per second and area, in shoulders' breadths.
 
     Summed over the area (a pixel has 1 / scale²) it is the mean speed of the points of the arm.
     """
-    points, found = _placed(positions, figure), []
+    placed, found = _placed(clips, figure), []
     wide, tall = frame.size
     part = ((np.arange(_STEPS) + 0.5) / _STEPS)[:, None, None, None]
-    for joints in (figure.right, figure.left):
-        way = _limb(points, joints)
-        step = np.diff(way, axis=0)
+    for arm in (figure.right, figure.left):
+        ways = [_limb(points, arm) for points in placed]
+        step = np.concatenate([np.diff(way, axis=0) for way in ways])
+        start = np.concatenate([way[:-1] for way in ways])
         length = np.broadcast_to(np.linalg.norm(step, axis=-1) / (_STEPS * _POINTS), (_STEPS, *step.shape[:2])).ravel()
-        places = np.floor(frame.pixels(way[:-1] + part * step)).astype(int).reshape(-1, 2)
+        places = np.floor(frame.pixels(start + part * step)).astype(int).reshape(-1, 2)
         inside = ((places >= 0) & (places < [wide, tall])).all(1)
         ink = np.bincount(places[inside] @ [1, wide], length[inside], wide * tall).reshape(tall, wide)
         found.append(_blurred(ink, _BLUR * frame.scale))
@@ -175,11 +185,11 @@ def _inked(paper: Array, ink: Array) -> Array:
     return np.asarray(paper * (1 - cover) + colour * cover)
 
 
-def _person(positions: Array, figure: Figure, frame: Frame) -> Image.Image:
+def _person(clips: Cell, figure: Figure, frame: Frame) -> Image.Image:
     """The mean figure, faint: arms as they are on the mean, a chest as wide as the shoulders, a head."""
     image = Image.new("RGB", (frame.size[0] * _SCALE, frame.size[1] * _SCALE), _PAPER)
     pen, unit = ImageDraw.Draw(image), frame.scale * _SCALE
-    pose = frame.pixels(_placed(positions, figure).mean(0)) * _SCALE
+    pose = frame.pixels(np.concatenate(_placed(clips, figure)).mean(0)) * _SCALE
     thick, hips = 0.075 * unit, pose[figure.root] + np.array([[-0.36, 1.5], [0.36, 1.5]]) * unit
     right, left = pose[list(figure.right)], pose[list(figure.left)]
     pen.polygon([(float(x), float(y)) for x, y in (right[0], left[0], hips[1], hips[0])], _BODY)
@@ -206,7 +216,7 @@ def _legend(sheet: Image.Image, left: int, top: int) -> None:
 
 
 def draw_heat(
-    cells: Sequence[Sequence[Array]],
+    cells: Sequence[Sequence[Cell]],
     figure: Figure,
     fps: float,
     *,
@@ -218,7 +228,7 @@ def draw_heat(
     """A grid of heat maps, (H, W, 3); all cells are to one scale, of place and of colour.
 
     Args:
-        cells: rows of columns of positions, each (T, J, 2 or 3), y up, person's left at +x.
+        cells: rows of columns.
         figure: what the joints are.
         fps: of all of them.
         columns: heads, of styles.

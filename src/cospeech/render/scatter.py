@@ -36,12 +36,14 @@ class Panel:
         text: below the title.
         points: (N, 2).
         groups: (N,) names, such as speakers.
+        behind: (M, 2) points of the same plane, drawn pale behind the others.
     """
 
     title: str
     text: str
     points: Array
     groups: Sequence[str]
+    behind: Array | None = None
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 2 or len(self.points) != len(self.groups) or not len(self.points):
@@ -65,9 +67,15 @@ def _panel(panel: Panel, names: Sequence[str]) -> Image.Image:
     image = Image.new("RGB", (side, side), _PAPER)
     pen = ImageDraw.Draw(image)
     pen.rounded_rectangle([_SCALE, _SCALE, side - _SCALE, side - _SCALE], 10 * _SCALE, _PAPER, _FRAME, 2 * _SCALE)
-    low, high = panel.points.min(0), panel.points.max(0)
+    behind = np.zeros((0, 2)) if panel.behind is None else panel.behind
+    both = np.concatenate([panel.points, behind])
+    low, high = both.min(0), both.max(0)
     room = side - 2 * (_DOT + 14) * _SCALE
     scale = room / max(float((high - low).max()), 1e-12)
+    for place in behind:
+        x, y = (place - (low + high) / 2) * scale
+        r = 0.8 * _DOT * _SCALE
+        pen.ellipse([side / 2 + x - r, side / 2 - y - r, side / 2 + x + r, side / 2 - y + r], _FRAME)
     for k in np.random.default_rng(0).permutation(len(panel.points)):  # so that no group lies on top of all
         x, y = (panel.points[k] - (low + high) / 2) * scale
         _dot(pen, side / 2 + float(x), side / 2 - float(y), names.index(panel.groups[k]))

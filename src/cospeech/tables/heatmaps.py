@@ -1,0 +1,100 @@
+"""Heat maps of styles by voices (Mix-StAGE, figure 7): a column has one style, a row one person's speech."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..corpora.clip import Points
+from ..corpora.pats_points import points_of
+from ..corpora.store import Store, gather
+from ..errors import InputError, nearest
+from ..poses import find_pose
+from ..render.heat import FIGURES, draw_heat
+from ..rotations import Array
+from .stages import Player
+
+__all__ = ["FRAMES", "draw_heatmaps", "numbers_of", "window_points", "windows_of"]
+
+Pictures = NDArray[np.uint8]
+
+FRAMES = 64  # authors' code: of a window, 4.3 s at 15 frames per second
+SECONDS = 60.0  # ours: in each cell, at most; where arms move does not change with more
+
+
+def numbers_of(player: Player, names: Sequence[str]) -> list[int]:
+    """Places of speakers among those of a network; of all where none are named.
+
+    Raises:
+        InputError: it does not know one.
+    """
+    unknown = next((name for name in names if name not in player.speakers), None)
+    if unknown is not None:
+        raise InputError(f"the network knows no speaker {unknown!r}", nearest(unknown, player.speakers))
+    return [player.speakers.index(name) for name in names or player.speakers]
+
+
+def windows_of(store: Store, speaker: str, most: int, seed: int) -> Array:
+    """(n,) first rows of windows of `FRAMES` frames of a speaker's test clips, which do not overlap; ``most`` at random.
+
+    Raises:
+        InputError: there is none.
+    """
+    numbers, offsets, counts = store.starts(FRAMES, "test", ("pose", "audio"))
+    own = [
+        offset + np.arange(0, count, FRAMES)
+        for number, offset, count in zip(numbers, offsets, counts, strict=True)
+        if store.clips[number].speaker == speaker
+    ]
+    if not own:
+        raise InputError(f"no test clip of {speaker!r} has {FRAMES} frames", "a longer test split")
+    starts = np.concatenate(own)
+    chosen = np.random.default_rng([seed, *speaker.encode()]).permutation(len(starts))[:most]
+    return np.asarray(starts[np.sort(chosen)])
+
+
+def window_points(store: Store, rows: Array) -> tuple[list[Array], str]:
+    """Poses in the units of a store (n, T, D) as key points (T, J, 2 or 3) of each window, and their layout."""
+    pose, found, layout = find_pose(store.pose), [], "pats"
+    for window in rows:
+        body = pose.decode(np.asarray(window, np.float64), store.fps)
+        points = body if isinstance(body, Points) else points_of(body)
+        found.append(points.values)
+        layout = points.layout
+    return found, layout
+
+
+def draw_heatmaps(
+    player: Player, store: Store, styles: Sequence[str] = (), voices: Sequence[str] = (), *, seed: int = 0
+) -> Pictures:
+    """Where the arms move, of every voice in every style, below the recordings of the styles' own speakers.
+
+    Args:
+        player: a network played by windows (`cospeech.nn.windowed.Windowed`).
+        store: its test clips give the speech.
+        styles: speakers, a column each; (): all that the network knows.
+        voices: whose speech, a row each; (): the styles'.
+        seed: which windows of the test clips, a minute of each voice.
+
+    Raises:
+        InputError: a speaker that the network or the store does not know, or another network.
+    """
+    from ..models.playing import play, styles_of
+
+    if player.stretches is None:
+        raise InputError("a network without examples of its speakers", "train it on a store with speech")
+    columns = [player.speakers[k] for k in numbers_of(player, styles)]
+    most, known = max(1, round(SECONDS * store.fps / FRAMES)), styles_of(player.net, player.stretches)
+    recorded = [
+        window_points(store, gather(store.arrays["pose"], windows_of(store, name, most, seed), FRAMES)) for name in columns
+    ]
+    cells, rows, layout = [[points for points, _ in recorded]], ["recordings"], recorded[0][1]
+    for voice in voices or columns:
+        audio = player.audio(gather(store.arrays["audio"], windows_of(store, voice, most, seed), FRAMES))
+        made = [player.unpose(play(player.net, audio, known[k])) for k in numbers_of(player, columns)]
+        cells.append([window_points(store, vectors)[0] for vectors in made])
+        rows.append(f"{voice}'s speech")
+    title = "Where the arms move: a style in each column, whose speech in each row"
+    return draw_heat(cells, FIGURES[layout], store.fps, columns=columns, rows=rows, title=title)

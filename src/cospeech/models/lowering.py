@@ -45,7 +45,7 @@ class Lowered(NamedTuple):
 def lower(net: Windowed) -> Lowered:
     """A network, as it evaluates, as graphs."""
     weights: dict[str, Array] = {}
-    b = ConvGraph(weights, "make")
+    b = ConvGraph(weights, "make", net.multiple)
     inputs: dict[str, tuple[Any, ...]] = {"rows": (1, "T", net.audio)}
     inputs |= {"style": ("N", "T", net.styles)} if net.styles else {}
     inputs |= {"nudge": ("N", "T", net.modes)} if net.modes else {}
@@ -53,7 +53,7 @@ def lower(net: Windowed) -> Lowered:
     b.as_rows(poses, "poses")
     graphs = {"make": b.made(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
     if hasattr(net, "style_of"):
-        b = ConvGraph(weights, "style")
+        b = ConvGraph(weights, "style", net.multiple)
         _recognise(net, b, b.rows("poses", net.pose))
         graphs["style"] = b.made({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})
     window: Any = net.window

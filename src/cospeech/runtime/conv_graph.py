@@ -22,24 +22,37 @@ from .graph_builder import GraphBuilder
 __all__ = ["ConvGraph", "Signal"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signal:
     """A value of a graph: (N, channels, bands, T / step)."""
 
     name: str
     channels: int
-    bands: int = 1
-    step: int = 1
+    bands: int
+    step: int
     """Frames from one position to the next."""
-    low: float = 0.0
-    """Position i hears the frames from i · step + low …"""
-    high: float = 0.0
-    """… to i · step + high."""
+    low: Array
+    """(period / step,) position i hears the frames from i · step + low[i mod (period / step)] …"""
+    high: Array
+    """… to i · step + high[…]: which they are repeats with the network's coarsest grid."""
 
     @property
     def reach(self) -> float:
         """Frames to either side beyond which nothing matters; infinite where something was normalised over all of them."""
-        return max(-self.low, self.high, 0.0)
+        return max(-self.low.min(), self.high.max(), 0.0)
+
+    def heard(self, positions: Array, step: int) -> tuple[Array, Array]:
+        """What new positions hear that are made of some of this signal.
+
+        Args:
+            positions: (n, k) which ones, for each of the first n new positions.
+            step: of the new ones.
+
+        Returns:
+            ``low`` and ``high``.
+        """
+        frames, phase, own = positions * self.step, positions % len(self.low), step * np.arange(len(positions))
+        return (frames + self.low[phase]).min(1) - own, (frames + self.high[phase]).max(1) - own
 
 
 class ConvGraph(GraphBuilder):
@@ -48,23 +61,24 @@ class ConvGraph(GraphBuilder):
     Args:
         weights: where those of this graph are put.
         prefix: of their names.
+        period: frames after which what is heard repeats: what the number of frames is a multiple of.
     """
 
-    def __init__(self, weights: dict[str, Array], prefix: str) -> None:
+    def __init__(self, weights: dict[str, Array], prefix: str, period: int) -> None:
         super().__init__(weights)
-        self._store, self._prefix = weights, prefix
+        self._store, self._prefix, self._period = weights, prefix, period
 
     # ends -----------------------------------------------------------------------------------------------------------
 
     def rows(self, name: str, channels: int) -> Signal:
         """An input (N, T, channels) as a signal of so many channels."""
         turned = self.node("Transpose", name, perm=[0, 2, 1])
-        return Signal(self._shaped(turned, 0, channels, 1, -1), channels)
+        return Signal(self._shaped(turned, 0, channels, 1, -1), channels, 1, 1, *np.zeros((2, self._period)))
 
     def picture(self, name: str, bands: int) -> Signal:
         """An input (N, T, bands) as a signal of one channel."""
         turned = self.node("Transpose", name, perm=[0, 2, 1])
-        return Signal(self._shaped(turned, 0, 1, bands, -1), 1, bands)
+        return Signal(self._shaped(turned, 0, 1, bands, -1), 1, bands, 1, *np.zeros((2, self._period)))
 
     def as_rows(self, x: Signal, name: str) -> None:
         """A signal of one band → the output (N, T, channels)."""
@@ -107,8 +121,9 @@ class ConvGraph(GraphBuilder):
         name = self.node("Conv", x.name, *given, strides=list(stride), pads=list(pads), group=groups)
         high_kernel, wide_kernel = weight.shape[2:]
         bands = (x.bands + pads[0] + pads[2] - high_kernel) // stride[0] + 1
-        low, high = x.low - pads[1] * x.step, x.high + (wide_kernel - 1 - pads[1]) * x.step
-        return Signal(name, len(weight), bands, x.step * stride[1], low, high)
+        step = x.step * stride[1]
+        first = np.arange(max(1, self._period // step)) * stride[1] - pads[1]
+        return Signal(name, len(weight), bands, step, *x.heard(first[:, None] + np.arange(wide_kernel), step))
 
     def leaky(self, x: Signal, slope: float) -> Signal:
         """Leaky ReLU; with slope 0 the plain one."""
@@ -117,7 +132,7 @@ class ConvGraph(GraphBuilder):
 
     def add(self, x: Signal, y: Signal) -> Signal:
         """The sum of two signals of one rate; one of them may be the same for all takes."""
-        return replace(x, name=self.node("Add", x.name, y.name), low=min(x.low, y.low), high=max(x.high, y.high))
+        return replace(x, name=self.node("Add", x.name, y.name), low=np.minimum(x.low, y.low), high=np.maximum(x.high, y.high))
 
     def moved(self, x: Signal, scale: str, shift: str) -> Signal:
         """x · scale + shift, of shapes that go with (N, channels, bands, T)."""
@@ -128,13 +143,14 @@ class ConvGraph(GraphBuilder):
         modes, width = priors.channels, x.channels // priors.channels
         each = self.node("Mul", self._shaped(x.name, 0, modes, width, -1), priors.name)
         name = self._shaped(self.node("ReduceSum", each, self.const([1], np.int64), keepdims=0), 0, width, 1, -1)
-        return replace(x, name=name, channels=width, low=min(x.low, priors.low), high=max(x.high, priors.high))
+        return replace(x, name=name, channels=width, low=np.minimum(x.low, priors.low), high=np.maximum(x.high, priors.high))
 
     def doubled(self, x: Signal) -> Signal:
         """Every position twice (nearest)."""
         name = self.node("Resize", x.name, "", self.const([1, 1, 1, 2]), mode="nearest", nearest_mode="floor",
                          coordinate_transformation_mode="asymmetric")  # fmt: skip
-        return replace(x, name=name, step=x.step // 2, low=x.low - x.step // 2)
+        low, high = x.heard(np.arange(2 * len(x.low))[:, None] // 2, x.step // 2)
+        return replace(x, name=name, step=x.step // 2, low=low, high=high)
 
     def stretched(self, x: Signal) -> Signal:
         """Back to one position a frame, linearly, as if positions lay in the middle of their frames."""
@@ -142,9 +158,9 @@ class ConvGraph(GraphBuilder):
             return x
         name = self.node("Resize", x.name, "", self.const([1, 1, 1, x.step]), mode="linear",
                          coordinate_transformation_mode="half_pixel")  # fmt: skip
-        frame = np.arange(x.step)
-        before = np.floor((frame + 0.5) / x.step - 0.5) * x.step - frame  # the frame of the position before, seen from a frame
-        return replace(x, name=name, step=1, low=x.low + before.min(), high=x.high + before.max() + x.step)
+        before = np.floor((np.arange(self._period) + 0.5) / x.step - 0.5).astype(int)  # the position before a frame
+        low, high = x.heard(np.stack([before, before + 1], 1), 1)
+        return replace(x, name=name, step=1, low=low, high=high)
 
     def bands(self, x: Signal, first: int, last: int) -> Signal:
         """Some bands: from first to last, not included."""
@@ -169,8 +185,8 @@ class ConvGraph(GraphBuilder):
         """So many positions more at either end, mirrored at the first and at the last."""
         pads = self.const([0, 0, 0, frames, 0, 0, 0, frames], np.int64)
         name = self.node("Pad", x.name, pads, mode="reflect")
-        edge = 2 * frames * x.step  # what is mirrored lies up to so far beyond its image
-        return replace(x, name=name, low=x.low - frames * x.step - edge, high=x.high + edge - frames * x.step)
+        low, high = x.heard(np.arange(len(x.low))[:, None] - frames, x.step)  # but near the ends
+        return replace(x, name=name, low=low, high=high)
 
     def normalised(self, x: Signal, *, together: bool = False) -> Signal:
         """Mean 0 and variance 1 over all frames of each channel, or ``together``, of all channels."""
@@ -179,7 +195,7 @@ class ConvGraph(GraphBuilder):
         ends = self.const(np.ones(channels)), self.const(np.zeros(channels))
         name = self.node("InstanceNormalization", flat, *ends, epsilon=1e-5)
         name = self._shaped(name, 0, x.channels, x.bands, -1) if together else name
-        return replace(x, name=name, low=-inf, high=inf)
+        return replace(x, name=name, low=np.full_like(x.low, -inf), high=np.full_like(x.high, inf))
 
     def over_frames(self, x: Signal) -> str:
         """The mean of every channel: (N, channels)."""

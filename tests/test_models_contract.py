@@ -18,6 +18,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import MODELS, NETWORKS  # noqa: E402
 from cospeech.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
@@ -43,6 +44,7 @@ TINY = {
     "stage": _MIX | {"modes": 1},
     "cmix-gan": {name: size for name, size in _MIX.items() if name != "style"},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 1},
+    "speaker-classifier": {"channels": 4},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }
 
@@ -58,7 +60,7 @@ NAMES = [*REGISTERED, *(name for name in TINY if "+" in name)]
 
 def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int]:
     """Those that a network is built by."""
-    known = {"pose": pose, "audio": audio, "speakers": ROWS}
+    known = {"pose": pose, "audio": audio, "speakers": 1 if kind.__name__ == "CMixGan" else ROWS}
     return {key: size for key, size in known.items() if key in signature(kind.__init__).parameters}
 
 
@@ -83,7 +85,7 @@ def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
     }
     if "cluster" in arrays:
         arrays["cluster"] = torch.randint(net.config.modes, (rows, net.window), generator=draw)
-        arrays["speaker"] = torch.arange(rows) % ROWS
+    arrays["speaker"] = torch.arange(rows) % ROWS
     return Batch(arrays, Chance(seed, step))
 
 
@@ -212,6 +214,133 @@ def test_parameters_at_paper_size(name, config, pose, audio, count):
     with torch.device("meta"):
         net = kind(kind.Config(**config), pose=pose, audio=audio)
     assert sum(value.numel() for value in net.parameters()) == count
+
+
+def windowed() -> list[str]:
+    return [name for name in NAMES if issubclass(network_class(name), Windowed)]
+
+
+def speech(rows: int, frames: int, seed: int = 3):
+    return torch.randn(rows, frames, AUDIO, generator=torch.Generator().manual_seed(seed)).cumsum(1) / 8
+
+
+def styles(net, *shape: int, seed: int = 4):
+    return torch.randn(*shape, net.styles, generator=torch.Generator().manual_seed(seed)).softmax(-1)
+
+
+def trained_windowed(name: str, **options):
+    """A network whose statistics of normalisation are those of its data, so that it does not deaden what it is given."""
+    net = network(name, **options).train()
+    for part in net.modules():
+        if isinstance(part, torch.nn.BatchNorm1d):
+            part.momentum = None  # a plain average
+    with torch.no_grad():
+        for seed in range(3):
+            total(net, batch(net, seed))
+    return net.eval()
+
+
+def test_the_networks_that_make_windows_are_these():
+    assert {name.partition("+")[0] for name in windowed()} == {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage"}
+    for name in windowed():
+        net = network(name)
+        assert net.window % net.multiple == net.shortest % net.multiple == 0 or name == "speech2gesture"
+        assert (net.styles > 0) is (hasattr(net, "style_of"))
+        assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_of_whole_multiples_what_is_generated_is_what_is_made(name):
+    net = trained_windowed(name)
+    for frames in (net.shortest, 3 * net.shortest, net.shortest + net.multiple):
+        audio, style = speech(ROWS, frames), styles(net, ROWS, 1)
+        with torch.no_grad():
+            made = net.make(audio, style.expand(-1, frames, -1), torch.zeros(ROWS, frames, net.modes))
+        assert made.shape == (ROWS, frames, POSE)
+        assert torch.equal(net.generate(audio, style), made)
+        assert torch.equal(net.generate(audio, style.expand(-1, frames, -1)), made)
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_speech_of_any_length_is_filled_up_with_its_last_frame(name):
+    net = trained_windowed(name)
+    for frames in (1, 2, net.shortest - 1, net.shortest + 1, 2 * net.multiple + 3, 131):
+        audio, style = speech(ROWS, frames), styles(net, ROWS, frames)
+        whole = max(net.shortest, -(-frames // net.multiple) * net.multiple)
+        held = [torch.cat([x, x[:, -1:].repeat(1, whole - frames, 1)], 1) for x in (audio, style)]
+        made = net.generate(audio, style)
+        assert made.shape == (ROWS, frames, POSE)
+        assert made.isfinite().all()
+        assert torch.equal(made, net.generate(*held)[:, :frames])
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_rows_of_speech_are_made_apart(name):
+    net = trained_windowed(name)
+    audio, style = speech(ROWS, 70), styles(net, ROWS, 1)
+    made = net.generate(audio, style)
+    alone = torch.cat([net.generate(audio[k : k + 1], style[k : k + 1]) for k in range(ROWS)])
+    assert torch.allclose(made, alone, atol=1e-5)
+    other = audio.clone()
+    other[1] = other[1].flip(0)
+    changed = (net.generate(other, style) - made).abs().amax((1, 2))
+    assert changed[1] > 1e-3
+    assert changed[[0, 2]].max() < 1e-6
+
+
+@pytest.mark.parametrize("name", [name for name in windowed() if hasattr(network_class(name), "style_of")])
+def test_styles_and_mixtures_of_them_differ(name):
+    net = trained_windowed(name)
+    audio, (one, other) = speech(1, 64), torch.eye(net.styles)[:2]
+    first, second, half = (net.generate(audio, style.view(1, 1, -1)) for style in (one, other, (one + other) / 2))
+    gap = (first - second).abs().mean()
+    assert gap > 1e-3
+    for end in (first, second):
+        assert 1e-4 < (half - end).abs().mean() < gap
+    assert torch.equal(net.generate(audio, one.view(1, 1, -1)), first)
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_every_speaker_has_a_style_that_can_be_fed(name):
+    net = trained_windowed(name)
+    speakers = ROWS if name != "cmix-gan" else 1
+    stretches = torch.randn(speakers, 4, 128, POSE, generator=torch.Generator().manual_seed(5)).cumsum(2) / 8
+    found = net.speaker_styles(stretches)
+    assert found.shape == (speakers, net.styles)
+    if hasattr(net, "style_of"):
+        assert net.style_of(stretches[:, 0, :64]).shape == (speakers, net.styles)
+        assert len({tuple(row.tolist()) for row in found}) == speakers
+    assert net.generate(speech(speakers, 40), found.unsqueeze(1)).isfinite().all()
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_nudges_move_the_modes_and_only_them(name):
+    net = trained_windowed(name)
+    audio, style = speech(1, 64), styles(net, 1, 64)
+    with torch.no_grad():
+        made = net.make(audio, style, torch.zeros(1, 64, net.modes))
+        if not net.modes:
+            assert made.shape == (1, 64, POSE)
+            return
+        even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))
+        assert torch.allclose(even, made, atol=1e-5)  # a softmax does not feel what all have
+        certain = [net.make(audio, style, 1e4 * torch.eye(net.modes)[m].expand(1, 64, -1)) for m in range(net.modes)]
+        own = net.generators(net.latent(net.audio_content(audio), style))
+    for m, alone in enumerate(certain):
+        assert torch.allclose(alone, own[:, m].mT, atol=1e-6)
+    assert (certain[0] - certain[1]).abs().mean() > 1e-3
+    low, high = (torch.stack(certain).amin(0), torch.stack(certain).amax(0))
+    assert ((made >= low - 1e-5) & (made <= high + 1e-5)).all()  # a weighted sum lies between them
+
+
+@pytest.mark.parametrize("name", windowed())
+def test_speech_and_styles_of_other_shapes_are_told(name):
+    net = network(name).eval()
+    audio, style = speech(2, 40), styles(net, 2, 1)
+    wrong = [(audio[:, :0], style), (audio[..., :-1], style), (audio, style[:1]), (audio, torch.zeros(2, 1, net.styles + 1))]
+    for heard, told in [*wrong, (audio, style.expand(-1, 2, -1)), (audio, style[:, 0])]:
+        with pytest.raises(InputError, match="speech of shape"):
+            net.generate(heard, told)
 
 
 def flows() -> list[str]:

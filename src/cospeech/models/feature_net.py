@@ -1,14 +1,15 @@
-"""Feature net: a trained gesture autoencoder as the named function that metrics take (FGD, clustering, multimodality)."""
+"""Trained networks as the functions that metrics take: codes of gesture autoencoders (FGD), speakers' probabilities (IS)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from hashlib import sha256
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..corpora.clip import Points
 from ..errors import InputError
@@ -17,10 +18,10 @@ from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..rotations import Array
 from ..skeleton import named_skeleton
-from . import NETWORKS
 from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
+from .speaker_classifier import SpeakerClassifier
 
-__all__ = ["feature_net", "fingerprint", "load_features", "vectors_of"]
+__all__ = ["classifier_net", "feature_net", "fingerprint", "load_classifier", "load_features", "vectors_of"]
 
 HOP = 10  # frames between windows; stride of the published data of TED (and of BEAT's FGD)
 RATE = 1e-3  # ours: relative difference of frame rates that is none
@@ -61,6 +62,39 @@ def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
     return pose.encode(Motion(sample.fps, rotations, np.array(sample.positions[:, 0]), skeleton=skeleton))
 
 
+def _window_net(
+    net: nn.Module,
+    rows: Callable[[Tensor], Tensor],
+    window: int,
+    *,
+    name: str,
+    pose: str,
+    fps: float,
+    mean: Array,
+    std: Array,
+    hop: int,
+) -> FeatureNet:
+    """``rows`` of standardised windows (N, window, D) as a named function of recordings."""  # fmt: skip
+    representation = find_pose(pose)
+    mean, std = np.asarray(mean, np.float64), np.asarray(std, np.float64)
+    if net.pose != representation.dimensions:
+        raise InputError(f"{name!r} sees {net.pose} numbers a pose", f"{pose} has {representation.dimensions}")
+    if mean.shape != (representation.dimensions,) or std.shape != mean.shape or not (std > 0).all():
+        raise InputError(
+            f"statistics of shapes {mean.shape} and {std.shape} for {pose}", f"({representation.dimensions},), > 0"
+        )
+    net.eval()
+
+    @torch.no_grad()
+    def features(windows: Array) -> Array:
+        device = next(net.parameters()).device
+        standard = torch.from_numpy(((windows - mean) / std).astype(np.float32))
+        return np.concatenate([rows(part.to(device)).cpu().double().numpy() for part in standard.split(BATCH)])
+
+    full = f"{name} {fingerprint(net)}, {pose} at {fps:g} fps"
+    return FeatureNet(full, features, window, hop, lambda sample: vectors_of(sample, representation, fps))
+
+
 def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
     """The codes of a trained autoencoder, in evaluation mode, as the features of metrics.
 
@@ -74,26 +108,30 @@ def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array
     Raises:
         InputError: the statistics do not fit the representation, or the network has no codes.
     """
-    representation = find_pose(pose)
-    mean, std = np.asarray(mean, np.float64), np.asarray(std, np.float64)
     if not isinstance(net, GestureAutoencoder | FgdAutoencoder):
-        raise InputError(f"{name!r} is no feature network", f"train one of {', '.join(NETWORKS)}")
-    if net.pose != representation.dimensions:
-        raise InputError(f"{name!r} sees {net.pose} numbers a pose", f"{pose} has {representation.dimensions}")
-    if mean.shape != (representation.dimensions,) or std.shape != mean.shape or not (std > 0).all():
-        raise InputError(
-            f"statistics of shapes {mean.shape} and {std.shape} for {pose}", f"({representation.dimensions},), > 0"
-        )
-    net.eval()
+        raise InputError(f"{name!r} is no feature network", "train recipes/fgd_ted.toml or its like")
+    return _window_net(net, net.encode, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)
 
-    @torch.no_grad()
-    def codes(windows: Array) -> Array:
-        device = next(net.parameters()).device
-        standard = torch.from_numpy(((windows - mean) / std).astype(np.float32))
-        return np.concatenate([net.encode(part.to(device)).cpu().double().numpy() for part in standard.split(BATCH)])
 
-    full = f"{name} {fingerprint(net)}, {pose} at {fps:g} fps"
-    return FeatureNet(full, codes, net.window, hop, lambda sample: vectors_of(sample, representation, fps))
+def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
+    """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as of `feature_net`."""
+    if not isinstance(net, SpeakerClassifier):
+        raise InputError(f"{name!r} is no classifier", "train recipes/speaker_classifier_pats.toml or its like")
+    return _window_net(net, net.probabilities, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)
+
+
+def _load(run: str | PathLike[str], which: str, build: Callable[..., FeatureNet]) -> FeatureNet:
+    """A network of a run, with what it was trained on."""
+    from ..checkpoint import load_run, read_tensors
+
+    net, facts = load_run(run, which)
+    statistics, _ = read_tensors(Path(run) / "statistics.safetensors")
+    try:
+        mean, std = (statistics[f"pose_{what}"].numpy() for what in ("mean", "std"))
+        name, pose, fps = str(facts["model"]), str(facts["store"]["pose"]), float(facts["store"]["fps"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the run {str(run)!r} is damaged: {error!r}"[:200], "train it again") from None
+    return build(net, name=name, pose=pose, fps=fps, mean=mean, std=std)
 
 
 def load_features(run: str | PathLike[str], which: str = "best") -> FeatureNet:
@@ -106,13 +144,12 @@ def load_features(run: str | PathLike[str], which: str = "best") -> FeatureNet:
     Raises:
         InputError: not such a run.
     """
-    from ..checkpoint import load_run, read_tensors
+    return _load(run, which, feature_net)
 
-    net, facts = load_run(run, which)
-    statistics, _ = read_tensors(Path(run) / "statistics.safetensors")
-    try:
-        mean, std = (statistics[f"pose_{what}"].numpy() for what in ("mean", "std"))
-        name, pose, fps = str(facts["model"]), str(facts["store"]["pose"]), float(facts["store"]["fps"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"the run {str(run)!r} is damaged: {error!r}"[:200], "train it again") from None
-    return feature_net(net, name=name, pose=pose, fps=fps, mean=mean, std=std)
+
+def load_classifier(run: str | PathLike[str], which: str = "best") -> FeatureNet:
+    """``Tools.classifier`` of the inception score, from the run of a recipe such as recipes/speaker_classifier_pats.toml.
+
+    Its columns are the speakers of the run, in order; arguments and errors as of `load_features`.
+    """
+    return _load(run, which, classifier_net)

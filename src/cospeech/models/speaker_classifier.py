@@ -1,0 +1,94 @@
+"""Speaker classifier: whose movement is it? What the inception score of Mix-StAGE asks (Ahuja et al. 2020, section 5.2).
+
+    (B, T, D) ─►[conv 4, stride 2 ─ BN ─ ReLU] × 6 ─► (B, S, T / 64) ─► mean over time ─► logits (B, S)
+
+trained on recorded poses by cross-entropy. Channels 64, 128, 128, 256, 256, S, as in the authors' code, where the last
+convolution too has batch norm and ReLU. It serves evaluation: `cospeech.models.feature_net.load_classifier`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..nn.norm import BatchNorm1d
+from ..nn.objective import Batch, Objective
+
+__all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
+
+SHORTEST = 64  # frames that six halvings leave one of
+
+
+@dataclass(frozen=True)
+class SpeakerClassifierConfig:
+    """Sizes; the defaults are those of the authors' code of Mix-StAGE."""
+
+    frames: int = 64
+    """T of a training window, and of a window of the score; authors' code 64 (4.3 s at 15 frames per second)."""
+    channels: int = 64
+    """Of the first convolution; twice as many in the next two, four times as many in the two after. Authors' code 64."""
+
+
+class SpeakerClassifier(nn.Module):
+    """Who moves so; poses are standardised vectors.
+
+    Args:
+        config: sizes.
+        pose: D, numbers of a pose.
+        speakers: S, classes.
+
+    Raises:
+        InputError: sizes that are none, or one speaker.
+    """
+
+    arrays = ("pose",)
+    """And ``speaker`` (B,), which every batch has."""
+    Config = SpeakerClassifierConfig
+
+    def __init__(self, config: SpeakerClassifierConfig, *, pose: int, speakers: int) -> None:
+        super().__init__()
+        if config.frames < SHORTEST or min(config.channels, pose) < 1 or speakers < 2:
+            problem = f"a classifier of {speakers} speakers by {config}"
+            raise InputError(problem[:200], f"two speakers and {SHORTEST} frames at least, sizes are positive")
+        self.config, self.pose, self.speakers = config, pose, speakers
+        few = config.channels
+        widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few, speakers)
+        self.blocks = nn.Sequential(*(_halving(a, b) for a, b in pairwise(widths)))
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    def forward(self, poses: Tensor) -> Tensor:
+        """(B, T, D), T ≥ 64, → (B, S) logits."""
+        logits: Tensor = self.blocks(poses.mT).mean(-1)
+        return logits
+
+    @torch.no_grad()
+    def probabilities(self, poses: Tensor) -> Tensor:
+        """(B, T, D), T ≥ 64, → (B, S), which sum to 1."""
+        return torch.softmax(self(poses), 1)
+
+    def objectives(self) -> dict[str, Objective]:
+        """One."""
+        return {"classifier": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Cross-entropy."""
+        return {"cross_entropy": F.cross_entropy(self(batch["pose"]), batch["speaker"])}
+
+    def validate(self, batch: Batch) -> dict[str, Tensor]:
+        """The cross-entropy, and the share of windows that are taken for another speaker's."""
+        logits, speaker = self(batch["pose"]), batch["speaker"]
+        return {"cross_entropy": F.cross_entropy(logits, speaker), "error": (logits.argmax(1) != speaker).float().mean()}
+
+
+def _halving(inputs: int, outputs: int) -> nn.Sequential:
+    """(B, inputs, T) → (B, outputs, ⌊T / 2⌋)."""
+    return nn.Sequential(nn.Conv1d(inputs, outputs, 4, 2, padding=1), BatchNorm1d(outputs), nn.ReLU())

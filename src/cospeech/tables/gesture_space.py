@@ -1,4 +1,4 @@
-"""The gesture space (Mix-StAGE, figure 2): what a network makes, in the plane, with every speaker's own speech and with others'.
+"""The gesture space (Mix-StAGE, figure 2): what a network makes, in the plane, for each speaker's own speech and for others'.
 
 A point is a window of 64 frames *as it was made*: mean and deviation of each number of its standardised poses over the window.
 The paper draws "the gesture space generated from the audio content and style" and does not say which numbers of the network

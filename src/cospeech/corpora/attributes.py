@@ -30,6 +30,7 @@ SEATED = 0.75  # of the legs' length; who sits has hips at about half of it, the
 MOST = 1800.0  # seconds of each speaker that `speaker_attributes` looks at: half an hour settles all five
 _SIDED = {
     "shoulder": ("*UpperArm", "@Shoulder", "^Arm", "*_shoulder", "upperarm_#", "*Shoulder"),
+    "collar": ("*Shoulder", "^Shoulder", "*_collar", "clavicle_#"),
     "wrist": ("*Hand", "@Wrist", "^Hand", "*_wrist", "hand_#", "*Wrist"),
     "thigh": ("*UpperLeg", "^UpLeg", "*_hip", "thigh_#"),
     "knee": ("*LowerLeg", "^Leg", "*_knee", "calf_#"),
@@ -38,6 +39,7 @@ _SIDED = {
 """Joint → what skeletons call it: ours and VRM's, PATS', BEAT's (also Trinity's and Mixamo's), SMPL-X', Unreal's, TED's."""
 _MARKS = {"left": {"*": "left", "@": "L", "^": "Left", "#": "l"}, "right": {"*": "right", "@": "R", "^": "Right", "#": "r"}}
 _NECKS = ("neck", "Neck", "neck_01")
+_CHESTS = ("upperChest", "Spine3", "spine3", "spine_05", "Spine2", "chest", "spine")  # TED's: the last
 _LEG = re.compile("(?i)leg|knee|calf")  # of a representation that knows legs; the others decode to a body that stands
 
 
@@ -143,21 +145,24 @@ class _Look:
 
 
 def _look(places: Array, names: Sequence[str]) -> _Look:
-    neck, pairs = _find(names)
+    neck, chest, pairs = _find(names)
     arms = places[:, pairs["wrist"]] - places[:, neck, None]
     line = places[:, pairs["shoulder"][0]] - places[:, pairs["shoulder"][1]]
     widths = np.linalg.norm(line, axis=-1)
     if places.shape[2] == 2:
         left = arms[..., 0].mean(1)
         return _Look(arms, widths, np.stack([left, np.full_like(left, REACH)], -1), None, True)
-    down = places[:, pairs["thigh"]].mean(1) if "thigh" in pairs else places[:, names.index("spine")]
-    wrists = np.einsum("twk,tak->twa", arms, _torso(line, places[:, neck] - down))
+    trunk = _torso(places[:, neck], places[:, chest], places[:, pairs.get("collar", pairs["shoulder"])])
+    wrists = np.einsum("twk,tak->twa", arms, trunk)
     facing = np.stack([-line[:, 2], line[:, 0]], -1) / np.maximum(np.hypot(line[:, 0], line[:, 2]), 1e-9)[:, None]
     return _Look(wrists, widths, facing, _hips(places, pairs), False)
 
 
-def _torso(line: Array, up: Array) -> Array:
-    """(T, 3, 3) axes of the torso in its rows: to the left, up, to the front."""
+def _torso(neck: Array, chest: Array, collars: Array) -> Array:
+    """(T, 3, 3) axes of the torso in its rows: to the left, up, to the front. None of the joints moves with an arm."""
+    up, line = neck - chest, collars[:, 0] - collars[:, 1]
+    if np.abs(line).max() < 0.05 * np.abs(up).max():  # BEAT's and Trinity's collar bones begin at one point, before the spine
+        line = np.cross(up, collars.mean(1) - chest)
     x = line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-9)
     y = up - np.einsum("tk,tk->t", up, x)[:, None] * x
     y = y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-9)
@@ -173,8 +178,8 @@ def _hips(places: Array, pairs: dict[str, list[int]]) -> Array | None:
     return (thigh[..., 1].mean(1) - ankle[..., 1].min(1)) / max(float(legs), 1e-9)
 
 
-def _find(names: Sequence[str]) -> tuple[int, dict[str, list[int]]]:
-    """Number of the neck, and left and right of each of `_SIDED` that there is."""
+def _find(names: Sequence[str]) -> tuple[int, int, dict[str, list[int]]]:
+    """Numbers of the neck, of the chest (PATS: of the neck), and left and right of each of `_SIDED` that there is."""
     plain = {name.rpartition(":")[2]: k for k, name in reversed(list(enumerate(names)))}
     pairs: dict[str, list[int]] = {}
     for part, patterns in _SIDED.items():
@@ -182,10 +187,10 @@ def _find(names: Sequence[str]) -> tuple[int, dict[str, list[int]]]:
             both = [plain.get("".join(marks.get(c, c) for c in pattern)) for marks in _MARKS.values()]
             if None not in both:
                 pairs[part] = both  # type: ignore[assignment]  # just checked
-    neck = next((plain[name] for name in _NECKS if name in plain), None)
+    neck, chest = (next((plain[name] for name in chain if name in plain), None) for chain in (_NECKS, _CHESTS))
     if neck is None or not {"shoulder", "wrist"} <= {*pairs}:
         raise InputError(f"no neck, shoulders and wrists among {', '.join(list(names)[:6])}, …", "joints of a known skeleton")
-    return neck, pairs
+    return neck, neck if chest is None else chest, pairs
 
 
 def _speeds(places: Array, fps: float) -> Array:

@@ -9,8 +9,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from test_mixing import swinging  # noqa: E402
-
 from cospeech.corpora.pats_points import points_of  # noqa: E402
 from cospeech.corpora.store import Entry, Store  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
@@ -21,6 +19,7 @@ from cospeech.render.scatter import Panel, draw_map  # noqa: E402
 from cospeech.tables import gesture_space as spaces  # noqa: E402
 from cospeech.tables import heatmaps  # noqa: E402
 from cospeech.tables.stages import Player  # noqa: E402
+from test_mixing import swinging  # noqa: E402
 
 WAYS = {"ann": (0.5, 0.6, 0.0), "bob": (1.0, 0.0, 0.6), "cleo": (0.7, 0.3, 0.3)}  # hertz, swing of the right and left arm
 FRAMES, FPS = 330, 15.0

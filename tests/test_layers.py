@@ -29,6 +29,7 @@ LAYERS = [
     {"training_set"},
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
+    {"bundling_flow", "bundling_window"},
     {"train", "bundling", "evaluation"},
     {"contest", "style_mixing"},
     {"tables"},
@@ -42,7 +43,7 @@ RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 # models.load and .bundle_run of a run folder.
 FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
 FACADES |= {("models", "checkpoint"), ("models", "bundling")}
-TORCH = {"nn", "models", "checkpoint", "training_set", "train", "bundling"}
+TORCH = {"nn", "models", "checkpoint", "training_set", "train", "bundling", "bundling_flow", "bundling_window"}
 
 
 def part(path: Path) -> str:

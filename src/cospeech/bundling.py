@@ -6,24 +6,17 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
-
+from .bundling_flow import bundle_flow
+from .bundling_window import bundle_window
 from .checkpoint import load_run, read_facts, read_tensors
 from .errors import InputError, nearest
-from .nn.conditioning import frame_windows
-from .nn.objective import Chance
-from .poses.controls import CONTROLS, QUANTILES
-from .runtime.flow_bundle import Statistics, write_flow
-from .runtime.flow_weights import FlowSizes
 
 __all__ = ["EXAMPLES", "bundle_run"]
 
-WARM = 24  # frames; ours: after which a network has left the poses that it was begun with
-PULLS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
-LEAST = 0.2  # ours: a number that a network hardly moves is not magnified without end
 EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.corpora.examples.examples_of` took from the store."""
+_WRITERS = {"export": bundle_flow, "make": bundle_window}
+"""What a network offers, and what then makes its bundle."""
 
 
 def bundle_run(
@@ -31,7 +24,7 @@ def bundle_run(
     path: str | PathLike[str],
     *,
     which: str = "best",
-    int8: bool = True,
+    small: bool = True,
     smooth: int = 1,
     card: str = "",
     style: str | None = None,
@@ -42,7 +35,7 @@ def bundle_run(
         run: folder made by `cospeech.train.train`.
         path: file to write, ``NAME.cospeech``.
         which: "best" or "last" parameters.
-        int8: quantise the large products.
+        small: keep weights in fewer bits: the large products of flows in 8, all weights of networks by windows in 16.
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; the first one, where not given.
@@ -56,113 +49,27 @@ def bundle_run(
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
-    if not hasattr(model, "export"):
+    write = next((writer for offer, writer in _WRITERS.items() if hasattr(model, offer)), None)
+    if write is None:
         raise InputError(f"the run {str(folder)!r} is of {facts['model']!r}, which plays no motion", "bundles are of systems")
     statistics, _ = read_tensors(folder / "statistics.safetensors")
     examples, _ = read_tensors(folder / EXAMPLES)
     audio = facts["recipe"]["data"].get("audio")
     if audio is None:
         raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
-    if "stretches" not in examples or ("pose_spread" in examples and "speech" not in examples):
+    if "stretches" not in examples:
         raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
-    measured, pull = _statistics(model, statistics, examples)
-    sizes = FlowSizes(**model.runtime_sizes(), int8=int8, pull=pull)
     store = facts["store"]
     if style is not None and style not in store["speakers"]:
         raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
     known = {
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
-        "styles": list(store["speakers"]), "style": style or store["speakers"][0], "controls": _controls(model),
+        "styles": list(store["speakers"]), "style": style or store["speakers"][0],
     }  # fmt: skip
-    write_flow(
-        target, model.export(), sizes, measured, pose=store["pose"], fps=float(store["fps"]),
-        audio=audio, smooth=smooth, facts=known, card=card or _card(facts),
+    write(
+        target, model, statistics, examples, small=small, facts=known, pose=store["pose"], fps=float(store["fps"]),
+        audio=audio, smooth=smooth, card=card or _card(facts),
     )  # fmt: skip
-
-
-@torch.no_grad()
-def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[str, torch.Tensor]) -> tuple[Statistics, float]:
-    """What the runtime has to know, with a style code and beginnings for each speaker; and the pull."""
-    stretches = examples["stretches"]
-    speakers, count = stretches.shape[:2]
-    history: int = model.config.history
-    if history > stretches.shape[2]:
-        raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
-    codes = model.style(stretches.flatten(0, 1)) if hasattr(model, "style") else None
-    codes = torch.zeros(speakers * count, 0) if codes is None else codes
-    pull, made = 1.0, {}
-    if "pose_spread" in examples:
-        pull, made["made_mean"], made["made_std"] = _calibrate(model, examples, codes)
-        made["spreads"] = examples["pose_spread"]
-    known = {
-        **{name: statistics[name] for name in ("pose_mean", "pose_std", "audio_mean", "audio_std")},
-        **{name: examples[name] for name in ("pose_low", "pose_high", "audio_low", "audio_high")},
-        "histories": _calmest(stretches.flatten(0, 1), history), "styles": codes.view(speakers, count, -1).mean(1),
-        "centres": examples["pose_centre"], "controls": _quantiles(model, statistics), **made,
-    }  # fmt: skip
-    return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), pull
-
-
-@torch.no_grad()
-def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``by_clip``.
-
-    A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
-    too long. ``pull`` is the one of `PULLS` with which its means over some seconds wander, for the size of its movement, as
-    much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
-    number by number.
-
-    Returns:
-        pull, (D,) mean, (D,) deviation.
-    """
-    wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for pull in PULLS if model.config.residual else PULLS[:1]:
-        made = _left_alone(model, examples, codes, pull)
-        made = made[:, min(WARM, made.shape[1] // 2) :]
-        found.append((abs((_wandering(made) / wanted).log().item()), pull, made))
-    _, pull, made = min(found, key=lambda one: one[0])
-    return pull, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
-
-
-def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
-    """(N, L, D) → (N, τ, D): where each moves least; nobody begins to speak in the middle of a gesture."""
-    speeds = stretches.diff(dim=1).square().mean(-1)
-    windows = stretches.unfold(1, history, 1).transpose(2, 3)
-    moved = speeds.unfold(1, history - 1, 1).mean(-1) if history > 1 else stretches.square().mean(-1)
-    return windows[torch.arange(len(windows)), moved.argmin(1)]
-
-
-def _wandering(poses: torch.Tensor) -> torch.Tensor:
-    """Deviation of the means of stretches (N, F, D), in that of all their poses."""
-    return poses.mean(1).std(0).mean() / poses.std((0, 1)).mean()
-
-
-def _left_alone(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, pull: float) -> torch.Tensor:
-    """(N, F, D) poses with random latents."""
-    stretches, audio = (examples[name].flatten(0, 1) for name in ("stretches", "speech"))
-    if _controls(model):
-        audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
-    tau, poses, states = model.config.history, stretches[:, : model.config.history], None
-    heard, style = frame_windows(audio, model.heard), [codes] if codes.shape[1] else []
-    z = model.flow.latent.sample(Chance(0, 0).normal, len(stretches), heard.shape[1])
-    for t in range(heard.shape[1]):
-        made, states = model.step(z[:, t], poses[:, -tau:], heard[:, t], states, *style)
-        made = pull * made.clamp(examples["pose_low"], examples["pose_high"])
-        poses = torch.cat([poses, made[:, None]], 1)
-    return poses[:, tau:]
-
-
-def _controls(model: Any) -> list[str]:
-    """Names of the style controls that it was trained with."""
-    return list(getattr(model.config, "controls", ()))
-
-
-def _quantiles(model: Any, statistics: dict[str, torch.Tensor]) -> torch.Tensor:
-    """(101, C) standardised, of each."""
-    if not _controls(model):
-        return torch.zeros(QUANTILES, 0)
-    quantiles, mean, std = (statistics[f"control_{what}"] for what in ("quantiles", "mean", "std"))
-    return ((quantiles - mean) / std)[:, [CONTROLS.index(name) for name in _controls(model)]]
 
 
 def _card(facts: dict[str, Any]) -> str:

@@ -15,7 +15,7 @@ from .bundle import Bundle, pack_arrays, write_bundle
 from .manifest import STATISTICS, check_numbers, pose_bounds, read_facts, read_sizes, read_statistics
 from .window_engine import WindowEngine, WindowSizes, check_weights
 
-__all__ = ["KIND", "WindowStatistics", "WindowSystem", "half", "open_window", "write_window"]
+__all__ = ["KIND", "WindowStatistics", "WindowSystem", "half", "open_window", "unpacked", "write_window"]
 
 KIND = "window"
 """What a manifest's ``kind`` says of a bundle of this module."""
@@ -69,11 +69,11 @@ def half(weights: Mapping[str, Array]) -> dict[str, Array]:
     """
     with np.errstate(over="ignore"):
         small = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in weights.items()}
-    check_weights(_unpacked(small))
+    check_weights(unpacked(small))
     return small
 
 
-def _unpacked(weights: Mapping[str, Array]) -> dict[str, Array]:
+def unpacked(weights: Mapping[str, Array]) -> dict[str, Array]:
     """Those in float16 as float32; others as they are."""
     return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
 
@@ -109,7 +109,7 @@ def write_window(
         InputError: these do not fit together.
     """
     _check_statistics(statistics, sizes, len(facts["styles"]))
-    WindowEngine(sizes, _unpacked(weights), graphs, *pose_bounds(statistics))
+    WindowEngine(sizes, unpacked(weights), graphs, *pose_bounds(statistics))
     manifest = {**facts, "kind": KIND, "sizes": asdict(sizes), "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
     members = {
         _WEIGHTS: pack_arrays(weights),
@@ -132,7 +132,7 @@ def open_window(bundle: Bundle) -> WindowSystem:
     known = read_facts(bundle, sizes.pose, sizes.audio)
     statistics = read_statistics(bundle, WindowStatistics)
     _check_statistics(statistics, sizes, len(known.styles))
-    weights = _unpacked(bundle.arrays(_WEIGHTS))
+    weights = unpacked(bundle.arrays(_WEIGHTS))
     graphs = {name.removesuffix(".onnx"): data for name, data in bundle.members.items() if name.endswith(".onnx")}
     engine = WindowEngine(sizes, weights, graphs, *pose_bounds(statistics))
     card = bundle.members.get("card.md", b"").decode("utf-8", "replace")

@@ -14,7 +14,9 @@ from cospeech.checkpoint import load_run  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models.mix_stage import MixStage, MixStageConfig  # noqa: E402
+from cospeech.models.cmix_gan import CMixGan  # noqa: E402
+from cospeech.models.mix_stage import MixGan, MixGanConfig, MixStage, MixStageConfig  # noqa: E402
+from cospeech.models.stage import Stage, StageConfig  # noqa: E402
 from cospeech.nn.mixture import ModeLogits  # noqa: E402
 from cospeech.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
@@ -49,11 +51,29 @@ def part_of(name: str) -> str:
     return ".".join(name.split(".")[: 2 if name.startswith("style.") else 1])
 
 
-def reached(net: MixStage, term: Tensor) -> set[str]:
-    """Parts of which some parameter has a gradient."""
+def reached(net: MixGan, term: Tensor, whole: bool = False) -> set[str]:
+    """Parts of which some parameter has a gradient that is not exactly zero; or, ``whole``, every one."""
     named = dict(net.named_parameters())
     gradients = torch.autograd.grad(term, list(named.values()), allow_unused=True, retain_graph=True)
-    return {part_of(name) for name, g in zip(named, gradients, strict=True) if g is not None and g.abs().max() > 0}
+    moved = {name: g is not None and bool(g.abs().max() > 0) for name, g in zip(named, gradients, strict=True)}
+    judge = all if whole else any
+    parts = {part_of(name) for name in named}
+    return {part for part in parts if judge(m for name, m in moved.items() if part_of(name) == part)}
+
+
+def fixed(net: MixGan) -> MixGan:
+    """In training, but normalising by running statistics: else a bias before a batch norm has no gradient but noise."""
+    net.train()
+    for part in net.modules():
+        if isinstance(part, torch.nn.BatchNorm1d):
+            part.eval()
+    return net
+
+
+def cmix_gan(**changes) -> CMixGan:
+    torch.manual_seed(0)
+    sizes = {name: size for name, size in TINY.items() if name != "style"}
+    return CMixGan(MixGanConfig(**(sizes | changes)), pose=POSE, audio=AUDIO, speakers=1)
 
 
 @pytest.mark.parametrize("modes", [1, 2, MODES])
@@ -92,27 +112,69 @@ PAPER = {
     "joint": {"pose_content", "unet", "style.matrix", "generators"},
     "rec": {"audio_content", "unet", "style.matrix", "generators"},
     "id": {"style.encoder", "audio_content", "unet", "style.matrix", "generators"},
-    "adv": {"audio_content", "unet", "style.matrix", "generators", "discriminator"},  # D has a gradient, but is not in the objective
+    "adv": {
+        "audio_content",
+        "unet",
+        "style.matrix",
+        "generators",
+        "discriminator",
+    },  # D has a gradient, but is not in the objective
 }
 
 
-def test_what_each_loss_reaches_in_the_paper():
-    net = network().train()
-    terms = net.generator_loss(batch(), 0)
-    assert {name: reached(net, term) for name, term in terms.items()} == PAPER
-    for term in net.discriminator_loss(batch(), 0).values():
-        assert reached(net, term) == {"discriminator"}
-    assert set().union(*PAPER.values()) == set(PARTS)
-
-
-def test_what_each_loss_reaches_in_the_authors_code():
-    net = network(**AUTHORS).train()
-    terms = net.generator_loss(batch(), 0)
-    assert {name: reached(net, term) for name, term in terms.items()} == {
-        name: parts | ({"mode_logits"} if name != "mix" else set()) for name, parts in PAPER.items()
+def readings() -> dict[str, tuple[MixGan, dict[str, set[str]]]]:
+    """Network → what each loss reaches; whole parts of it or nothing."""
+    soft = {name: parts | ({"mode_logits"} if name != "mix" else set()) for name, parts in PAPER.items()}
+    single = {name: parts - {"mode_logits"} for name, parts in PAPER.items() if name != "mix"}
+    faceless = {name: parts - {"style.encoder", "style.matrix"} for name, parts in PAPER.items() if name != "id"}
+    faceless_soft = {name: parts - {"style.encoder", "style.matrix"} for name, parts in soft.items() if name != "id"}
+    return {
+        "paper": (network(), PAPER),
+        "authors": (network(**AUTHORS), soft),
+        "stage": (network(modes=1), single),
+        "stage, authors": (network(modes=1, **AUTHORS), single),
+        "cmix-gan": (cmix_gan(), faceless),
+        "cmix-gan, authors": (cmix_gan(**{k: v for k, v in AUTHORS.items() if k != "id_freezes"}), faceless_soft),
     }
-    for term in net.discriminator_loss(batch(), 0).values():
-        assert reached(net, term) == {"discriminator"}
+
+
+@pytest.mark.parametrize("reading", readings())
+def test_what_each_loss_reaches(reading):
+    net, expected = readings()[reading]
+    data = batch(modes=net.config.modes)
+    for whole in (False, True):
+        terms = fixed(net).generator_loss(data, 0)
+        assert {name: reached(net, term, whole) for name, term in terms.items()} == expected
+        judged = net.discriminator_loss(data, 0)
+        assert [reached(net, judged[name], whole) for name in ("true", "false")] == [{"discriminator"}] * 2
+    own = {id(p) for p in net.objectives()["generator"].parameters}
+    assert own == {id(p) for name, p in net.named_parameters() if part_of(name) != "discriminator"}
+    if reading == "paper":
+        assert set().union(*PAPER.values()) == set(PARTS)
+
+
+@pytest.mark.parametrize("net", [network(), cmix_gan()], ids=["mix-stage", "cmix-gan"])
+def test_of_every_frame_the_owner_alone_is_moved(net):
+    """Frames of two owners: the others have no gradient at all, and of an owner none comes from the other's frames."""
+    data = batch()
+    cluster = torch.where(torch.arange(64) < 32, 0, 2).expand(ROWS, 64)
+    outputs = []
+    handle = net.generators.register_forward_hook(lambda module, given, made: outputs.append(made))
+    terms = fixed(net).generator_loss(Batch({**data.arrays, "cluster": cluster}, data.chance), 0)
+    handle.remove()
+    heard, seen = outputs  # of speech, of poses
+    for name, made in (("rec", heard), ("joint", seen), ("adv", heard), *((("id", heard),) if "id" in terms else ())):
+        (gradient,) = torch.autograd.grad(terms[name], made, retain_graph=True)
+        moved = gradient.abs().amax((0, 2))  # (M, T)
+        assert (moved[0, :32] > 0).all() or name == "adv"  # some frames lie between patches
+        assert (moved[2, 32:] > 0).all() or name == "adv"
+        assert moved[0, 32:].max() == moved[2, :32].max() == moved[[1, 3]].max() == 0
+        assert moved.max() > 0
+    weights = torch.autograd.grad(sum(terms.values()), list(net.generators.parameters()))
+    for gradient in weights:
+        own = gradient.reshape(MODES, -1).abs().amax(1)
+        assert own[1] == own[3] == 0
+        assert min(own[0], own[2]) > 0
 
 
 @pytest.mark.parametrize("freezes", [False, True])
@@ -205,16 +267,72 @@ def test_sizes_that_are_none_are_told(wrong):
 
 
 def test_with_one_sub_generator_it_is_stage():
-    net = network(modes=1).eval()  # in training a bias before a batch norm has no gradient
-    terms = net.generator_loss(batch(modes=1), 0)
+    torch.manual_seed(0)
+    net, same = Stage(StageConfig(**TINY | {"modes": 1}), pose=POSE, audio=AUDIO, speakers=SPEAKERS), network(modes=1)
+    assert StageConfig().modes == 1
+    assert {name: p.shape for name, p in net.named_parameters()} == {name: p.shape for name, p in same.named_parameters()}
+    data = batch(modes=1)
+    terms, others = (one.eval().generator_loss(data, 0) for one in (net, same))
+    assert {name: value.item() for name, value in terms.items()} == {name: value.item() for name, value in others.items()}
     assert set(terms) == {"rec", "joint", "id", "adv"}
-    sum(terms.values()).backward()
-    others = list(net.objectives()["generator"].parameters)
-    assert all(p.grad is not None and p.grad.abs().max() > 0 for p in others)
+    assert net.mode_logits is None
+
+
+def test_without_style_it_is_cmix_gan():
+    """The same parts but for Eˢₚ and S; Z is the U-Net's content, and it is for one speaker."""
+    net, full = cmix_gan(), network()
+    names = {part_of(name) for name, _ in full.named_parameters()} - {"style.encoder", "style.matrix"}
+    assert {part_of(name) for name, _ in net.named_parameters()} == names
+    assert net.generators.blocks[0][0].in_channels == net.mode_logits[0][0].in_channels == TINY["channels"]
+    data = batch()
+    with torch.no_grad():
+        z = net.eval().latent(net.audio_content(data["audio"]), torch.zeros(ROWS, 1, 0))
+        assert torch.equal(z, net.unet(net.audio_content(data["audio"])))
+    assert set(net.generator_loss(data, 0)) == {"rec", "joint", "mix", "adv"}
+    assert not hasattr(net, "style_of")
+    for speakers in (0, 2, 8):
+        with pytest.raises(InputError, match=rf'{speakers} speakers.*speakers = \["NAME"\]'):
+            CMixGan(MixGanConfig(), pose=POSE, audio=AUDIO, speakers=speakers)
+
+
+@pytest.mark.parametrize("settings", [{}, {"soft": True}])
+@pytest.mark.parametrize("make", [network, cmix_gan])
+def test_losses_are_those_of_the_equations(make, settings):
+    """Worked out again, frame by frame, from the parts."""
+    net, data = fixed(make(**settings)), batch()
+    pose = data["pose"].mT
+    terms, judged = net.generator_loss(data, 0), net.discriminator_loss(data, 0)
+    weights = torch.zeros(ROWS, 1, 0)
+    if isinstance(net, MixStage):
+        logits = net.style.encoder(pose)
+        weights = torch.eye(SPEAKERS)[logits.argmax(1)].unsqueeze(1)
+    found, guesses = {}, {}
+    for name, content in (("rec", net.audio_content(data["audio"])), ("joint", net.pose_content(pose))):
+        z = net.unet(content)
+        if isinstance(net, MixStage):
+            z = torch.cat([z, (weights @ net.style.matrix).mT.expand(-1, -1, 64)], 1)
+        every, guesses[name] = net.generators(z), torch.softmax(net.mode_logits(z), 1)
+        phi = guesses[name] if settings else torch.eye(MODES)[data["cluster"]].mT
+        found[name] = torch.einsum("bmdt,bmt->bdt", every, phi)
+        assert terms[name].item() == pytest.approx((pose - found[name]).abs().mean().item(), rel=1e-5)
+    entropy = [-g.gather(1, data["cluster"].unsqueeze(1)).log().mean().item() for g in guesses.values()]
+    assert terms["mix"].item() == pytest.approx(sum(entropy) / 2, rel=1e-5)
+    made = found["rec"]
+    motion = [torch.cat([torch.zeros_like(x[..., :1]), x[..., 1:] - x[..., :-1]], -1) for x in (pose, made)]
+    true, false = (torch.sigmoid(net.discriminator(x)) for x in motion)
+    assert terms["adv"].item() == pytest.approx((1 - false).log().mean().item(), rel=1e-4)
+    assert judged["true"].item() == pytest.approx(-true.log().mean().item(), rel=1e-4)
+    assert judged["false"].item() == pytest.approx(-(1 - false).log().mean().item(), rel=1e-4)
+    if isinstance(net, MixStage):
+        both = [-torch.log_softmax(x, 1)[torch.arange(ROWS), data["speaker"]].mean() for x in (logits, net.style.encoder(made))]
+        assert terms["id"].item() == pytest.approx(0.1 * sum(both).item(), rel=1e-5)
 
 
 def test_sizes_at_paper_width():
-    """The authors' layers, rebuilt: 15.32 M used with M = 8, 9.56 M with M = 1 and an H of one class; D .191 M."""
+    """The authors' layers, rebuilt: 15.32 M used with M = 8, 9.56 M with M = 1 and an H of one class; D .191 M.
+
+    CMix-GAN lacks the style encoder, the matrix, and what its 10 numbers weigh in the sub-generators and in H.
+    """
     count = {}
     with torch.device("meta"):
         for modes in (8, 1):
@@ -223,8 +341,13 @@ def test_sizes_at_paper_width():
             assert judge == pytest.approx(191e3, rel=0.02)
             count[modes] = sum(p.numel() for p in net.parameters()) - judge
         idle = sum(p.numel() for p in ModeLogits(256 + 10, 256, 1).parameters())
-    assert count[8] == pytest.approx(15.32e6, rel=0.02)
-    assert count[1] + idle == pytest.approx(9.56e6, rel=0.02)
+        single = CMixGan(MixGanConfig(), pose=96, audio=64, speakers=1)
+        encoder = sum(p.numel() for p in net.style.encoder.parameters())
+    assert count == {8: 15_316_784, 1: 8_369_800}
+    assert count[8] == pytest.approx(15.32e6, rel=1e-3)
+    assert count[1] + idle == pytest.approx(9.56e6, rel=1e-3)
+    weighed = 10 * 3 * (8 * 256 + 256)
+    assert sum(p.numel() for p in single.parameters()) - judge == count[8] - encoder - 8 * 10 - weighed
 
 
 def test_it_trains_from_a_store_of_key_points(tmp_path):

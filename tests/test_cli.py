@@ -88,9 +88,10 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert (report["model"], report["style"], report["seed"], report["takes"]) == ("rules", "lively", 0, 1)
     assert report["speech_seconds"] == pytest.approx(SECONDS, abs=1e-9)
     assert math.isclose(sum(report["emotion"].values()), 1, abs_tol=1e-6)
+    assert report["style_mixture"] is None
     assert set(report) == {
         "model", "speech_seconds", "frames", "fps", "seed", "takes", "realtime_factor", "emotion", "style", "outputs",
-        "version",
+        "style_mixture", "version",
     }  # fmt: skip
 
 

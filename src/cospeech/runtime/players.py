@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol
 
 import numpy as np
 
@@ -13,15 +13,12 @@ from ..poses.controls import QUANTILES
 from ..rotations import Array
 from .flow_bundle import FlowSystem
 from .flow_player import FlowPlayer, Source
-from .listener import System
 from .manner import Blend
 from .performance import Player
 from .style import Styles, Transfer, best_transfer
+from .window_bundle import WindowSystem
 from .window_player import WindowPlayer, looking
 from .window_style import example_window, mixture, named_window
-
-if TYPE_CHECKING:
-    from .window_bundle import WindowSystem
 
 __all__ = ["Players", "Terms", "players_of"]
 
@@ -120,7 +117,7 @@ class WindowPlayers:
         )
 
 
-def players_of(system: System, transfer: Transfer | None = None) -> Players:
+def players_of(system: FlowSystem | WindowSystem, transfer: Transfer | None = None) -> Players:
     """Of this kind of system.
 
     Raises:
@@ -130,4 +127,4 @@ def players_of(system: System, transfer: Transfer | None = None) -> Players:
         return FlowPlayers(system, transfer)
     if transfer is not None:
         raise InputError("a way of transfer for a system without latents", "leave it out")
-    return WindowPlayers(cast("WindowSystem", system))
+    return WindowPlayers(system)

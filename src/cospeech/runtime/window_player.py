@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,11 +19,9 @@ from .fading import Fading
 from .manner import Blend, weighted
 from .nudge import SmoothGumbel
 from .sampling import MOST_LAG
+from .window_bundle import WindowSystem
+from .window_engine import WindowSizes
 from .window_style import plays_mixtures
-
-if TYPE_CHECKING:
-    from .window_bundle import WindowSystem
-    from .window_engine import WindowSizes
 
 __all__ = ["LIVE", "Setting", "WindowPlayer", "live", "looking", "whole"]
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array
 from .manner import Blend, Manner, seen, stretches, weighted
+from .window_bundle import WindowSystem
 from .window_engine import STYLE_FRAMES
-
-if TYPE_CHECKING:
-    from .window_bundle import WindowSystem
 
 __all__ = ["example_window", "mixture", "named_window", "plays_mixtures"]
 

@@ -278,7 +278,7 @@ class Takes:
                     buffer[0] = rows[t]
                 try:
                     run(self._bindings[0][0])
-                except RuntimeError as error:
+                except Exception as error:  # classes of onnxruntime's own
                     raise failed(error) from None
                 self._bindings.reverse()
                 if pull != 1:

@@ -48,7 +48,7 @@ def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
     """
     try:
         made: list[Array] = session.run(None, given)
-    except (RuntimeError, ValueError) as error:
+    except Exception as error:  # as where a session is opened
         raise failed(error) from None
     return made
 

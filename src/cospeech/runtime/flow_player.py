@@ -79,6 +79,12 @@ class FlowPlayer:
         self._made = 0
         self.takes, self.width = len(sources), system.engine.sizes.pose
 
+    @property
+    def latency(self) -> float:
+        """See `Player`."""
+        sizes = self._system.engine.sizes
+        return (sizes.heard - sizes.history) / self._system.fps
+
     def push(self, rows: Array) -> Array:
         """See `Player`."""
         self._sources.forget(self._made - MOST_LAG)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..corpora.clip import Points
 from ..errors import InputError
+from ..features.frames import frame_delay
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
@@ -81,6 +82,11 @@ class Player(Protocol):
         """D."""
         ...
 
+    @property
+    def latency(self) -> float:
+        """Seconds of speech, from a frame's own time on, that the network waits for at most."""
+        ...
+
     def push(self, rows: Array) -> Array:
         """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
         ...
@@ -144,6 +150,8 @@ class Performance:
         self._sampled = Sampled(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._wish, self._direct = wish, direct
+        behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
+        self._latency = player.latency + behind + frame_delay(system.fps)
         self._bodies: list[list[Motion]] = [[] for _ in faces]
         self._heads: list[list[Motion]] = [[] for _ in faces]
         self._duration = Fraction(0)
@@ -153,6 +161,12 @@ class Performance:
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
         return self._faces[0].emotion
+
+    @property
+    def latency(self) -> float:
+        """Seconds of speech at 16 kHz after a frame's time that must have been pushed, at most, until body and hands of it are
+        there: what the network, the features, smoothing and the cubic wait for. The face waits for 1.5 s."""
+        return self._latency
 
     @property
     def style_mixture(self) -> dict[str, float] | None:

@@ -160,7 +160,7 @@ class WindowPlayer:
 
     @property
     def latency(self) -> float:
-        """Seconds of speech, from its own time on, that a frame waits for at most; features and smoothing come on top."""
+        """See `Player`."""
         return self.setting.waits / self._system.fps
 
     def push(self, rows: Array) -> Array:

@@ -18,7 +18,7 @@ from cospeech.runtime.window_engine import WindowSizes
 __all__ = ["REACH", "small_network", "small_statistics", "write_small_window"]
 
 CHANNELS, MODES, MULTIPLE = 8, 3, 4
-REACH = 21
+REACH = 9  # by hand: 7 to either side of content on a grid of 4 frames, and 2 more convolutions of kernel 3
 NAMES = ("ada", "ben")
 
 

@@ -35,8 +35,9 @@ torch = pytest.importorskip("torch")
 
 ROOT = Path(__file__).resolve().parents[1]
 FPS, SPEAKERS = 15.0, ("ann", "bob", "cleo")
-ROWS = [(t.name, corpus, row) for t in TABLES.values() for corpus, part in t.parts.items() for row in part.rows]
-RECIPES = sorted({row.recipe for _, _, row in ROWS if row.recipe})
+FLOW = [table for table in TABLES if table.startswith("flow")]
+ROWS = [row for name in FLOW for part in TABLES[name].parts for row in part.rows]
+RECIPES = sorted({row.recipe for row in ROWS if row.recipe})
 
 
 def poses(frames: int, seed: int) -> np.ndarray:
@@ -65,9 +66,9 @@ def store(tmp_path_factory) -> Path:
     return folder
 
 
-FLOW = {"steps": 2, "hidden": 8, "layers": 1, "encoder_channels": 4, "encoder_blocks": 1, "feature": 4, "frames": 8}
+SIZES = {"steps": 2, "hidden": 8, "layers": 1, "encoder_channels": 4, "encoder_blocks": 1, "feature": 4, "frames": 8}
 TINY = {
-    "stylised-flow": FLOW,
+    "stylised-flow": SIZES,
     "moglow": {"steps": 2, "hidden": 8, "layers": 1, "frames": 8},
     "gesture-autoencoder": {"width": 8, "code": 4, "frames": 16},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
@@ -106,10 +107,10 @@ def stages(store, recipes, runs) -> Stages:
 # what the papers say ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("table", [name for name, design in TABLES.items() if name != "mix-3"])  # which has no figures
 def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
     judged = 0
-    for part in TABLES[table].parts.values():
+    for part in TABLES[table].parts:
         figures = {row.name: row.published for row in part.rows}
         for claim in part.claims:
             assert {claim.better, claim.worse} <= {*figures}
@@ -123,7 +124,7 @@ def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
 def test_published_figures_are_the_papers(shared):
     paper = (shared / "papers" / "stylised-flow_ye-2022.txt").read_text("utf-8")
     tables = paper[paper.index("Dataset\tMethod") :]
-    figures = {f"{value:g}" for _, _, row in ROWS for value in row.published.values()}
+    figures = {f"{value:g}" for row in ROWS for value in row.published.values()}
     printed = {f"{float(word):g}" for word in tables.replace("\n", "\t").split("\t") if word.replace(".", "", 1).isdigit()}
     assert len(figures) > 40
     assert figures <= printed
@@ -251,7 +252,7 @@ def flow():
 
     with torch.random.fork_rng():
         torch.random.manual_seed(0)
-        return StylisedFlow(FlowConfig(**FLOW, history=5), pose=6, audio=4).eval()
+        return StylisedFlow(FlowConfig(**SIZES, history=5), pose=6, audio=4).eval()
 
 
 def test_performances_do_not_depend_on_the_batch(monkeypatch):

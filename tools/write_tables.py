@@ -13,12 +13,12 @@ import shutil
 import sys
 from pathlib import Path
 
+from cospeech.tables import TABLES
 from cospeech.tables.report import to_markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "tables.md"
 BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
-PICTURES = {"strip": "Poses of each row above the speech that they go with", "map": "Latents in the plane, coloured by speaker"}
 
 
 def results() -> str:
@@ -28,8 +28,7 @@ def results() -> str:
         table = json.loads(path.read_text("utf-8"))
         parts.append(to_markdown(table))
         if (MEDIA / f"{path.stem}.png").is_file():
-            text = PICTURES["map" if table["table"] == "flow-3" else "strip"]
-            parts.append(f"![{text}](media/{path.stem}.png)\n")
+            parts.append(f"![{TABLES[table['table']].shown}](media/{path.stem}.png)\n")
     return "\n".join(parts) if parts else "None yet.\n"
 
 

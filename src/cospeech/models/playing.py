@@ -1,4 +1,4 @@
-"""Playing: trained networks that make poses frame by frame, driven in batches of windows: arrays in, arrays out.
+"""Playing: trained networks driven in batches of windows, frame by frame or whole windows at once: arrays in, arrays out.
 
 For tables and figures, where hundreds of windows are wanted at once; what generates for users is `cospeech.runtime`.
 """
@@ -14,9 +14,10 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
+from ..nn.windowed import Windowed
 from ..rotations import Array
 
-__all__ = ["codes", "context_of", "perform", "threads"]
+__all__ = ["codes", "context_of", "perform", "play", "recognise", "styles_of", "threads"]
 
 BATCH = 512  # windows at a time; ours
 
@@ -100,3 +101,61 @@ def codes(net: Any, pose: Array, audio: Array) -> Array:
     if not np.isfinite(found).all():
         raise InputError(f"{type(net).__name__} has latents that are not finite", "train it longer, or at a lower rate")
     return found
+
+
+# whole windows at once ----------------------------------------------------------------------------------------------------
+
+
+def _windowed(net: nn.Module) -> Windowed:
+    if not isinstance(net, Windowed):
+        raise InputError(f"{type(net).__name__} is not played by windows", "Mix-StAGE and what it is compared with is")
+    return net
+
+
+def play(net: nn.Module, audio: Array, style: Array) -> Array:
+    """Poses for windows of speech.
+
+    Args:
+        net: a `cospeech.nn.windowed.Windowed`.
+        audio: (B, T, A), standardised.
+        style: (styles,) of all of them, or (B, styles).
+
+    Returns:
+        (B, T, D) float32, standardised.
+
+    Raises:
+        InputError: another network, or what comes out is not finite.
+    """
+    net = _windowed(net)
+    device = next(net.parameters()).device
+    styles = np.broadcast_to(style, (len(audio), style.shape[-1]))[:, None]
+    parts = [slice(k, k + BATCH) for k in range(0, len(audio), BATCH)]
+    with torch.no_grad():
+        made = [net.generate(_tensor(audio[p], device), _tensor(styles[p], device)).cpu() for p in parts]
+    poses = torch.cat(made).numpy()
+    if not np.isfinite(poses).all():
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return poses
+
+
+def styles_of(net: nn.Module, stretches: Array) -> Array:
+    """(S, n, T, D) standardised poses of the speakers → (S, styles), what `play` takes for each.
+
+    Raises:
+        InputError: another network.
+    """
+    net = _windowed(net)
+    with torch.no_grad():
+        return net.speaker_styles(_tensor(stretches, next(net.parameters()).device)).cpu().numpy()
+
+
+def recognise(net: Any, poses: Array) -> Array:
+    """(B, T, D) standardised poses → (B, S) how probably they are each speaker's.
+
+    Args:
+        net: with ``probabilities``, such as `cospeech.models.speaker_classifier.SpeakerClassifier`.
+        poses: T ≥ 64.
+    """
+    device = next(net.parameters()).device
+    parts = [poses[k : k + BATCH] for k in range(0, len(poses), BATCH)]
+    return np.concatenate([net.probabilities(_tensor(part, device)).cpu().double().numpy() for part in parts])

@@ -1,7 +1,6 @@
 """Tables of the papers, made again on a store: ``cospeech evaluate --table flow-2 --store STORE``; see docs/tables.md."""
 
-from .designs import TABLES
-from .making import draw_table, make_table, write_table
+from .making import TABLES, draw_table, make_table, write_table
 from .report import to_text
 from .stages import Stages
 

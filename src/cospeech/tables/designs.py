@@ -1,11 +1,24 @@
-"""What stands in the tables of a paper: its rows, its published figures, and what the paper claims of them."""
+"""What a table of a paper consists of: rows with published figures, claims, and the bench on which rows are judged."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
 
-__all__ = ["TABLES", "Claim", "Design", "Part", "Row"]
+import numpy as np
+from numpy.typing import NDArray
+
+from ..corpora.store import Store
+
+if TYPE_CHECKING:
+    from .stages import Stages
+
+__all__ = ["Bench", "Cells", "Claim", "Design", "Part", "Pictures", "Row"]
+
+Pictures = NDArray[np.uint8]
+Cells = dict[str, dict[str, Any]]
+"""Metric → ``value``, ``interval`` over windows and ``note``, or ``why`` there is none."""
 
 
 @dataclass(frozen=True)
@@ -16,31 +29,84 @@ class Row:
         name: of the system, as the paper has it.
         recipe: file of ``recipes/`` without its suffix; None: not built yet, the row has published figures alone.
         published: metric → the paper's figure.
+        overrides: ``"model.modes=4"``, what is changed in the recipe.
+        runs: speakers of each run that the row is made of; ``((),)``: one run of all.
+        judged: speakers whose mean the figures are; (): all of its runs.
     """
 
     name: str
     recipe: str | None = None
     published: Mapping[str, float] = field(default_factory=dict)
+    overrides: tuple[str, ...] = ()
+    runs: tuple[tuple[str, ...], ...] = ((),)
+    judged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Claim:
-    """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it."""
+    """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it.
+
+    With ``alike`` the claim is that there is next to no difference.
+    """
 
     metric: str
     better: str
     worse: str
     higher: bool
     source: str
+    alike: bool = False
 
 
 @dataclass(frozen=True)
 class Part:
-    """A table on one corpus; without ``published`` figures in its rows where the paper has not run it there."""
+    """A table on one corpus; without ``published`` figures in its rows where the paper has not run it there.
 
+    Args:
+        corpus: of the store.
+        rows, claims: of the table.
+        note: below it.
+        speakers: that the store must have; the first part of a design whose speakers it has is what is made.
+    """
+
+    corpus: str
     rows: tuple[Row, ...]
-    claims: tuple[Claim, ...]
+    claims: tuple[Claim, ...] = ()
     note: str = ""
+    speakers: tuple[str, ...] = ()
+
+    def fits(self, store: Store) -> bool:
+        """Whether it can be made on a store."""
+        return store.corpus == self.corpus and {*self.speakers} <= {*store.speakers}
+
+
+class Bench(Protocol):
+    """How rows are judged and drawn, on one store."""
+
+    @property
+    def windows(self) -> str:
+        """Of what figures are, in words."""
+        ...
+
+    @property
+    def features(self) -> str:
+        """With which network or measure, in words; "": none."""
+        ...
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Scores of a row with one seed, and with what it was trained."""
+        ...
+
+    def controls(self) -> dict[str, Cells]:
+        """Scores of the control rows."""
+        ...
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """What each metric puts in the wrong order among them."""
+        ...
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """The figure of a table that was made."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,112 +117,14 @@ class Design:
         name: after ``--table``.
         title: what it is.
         columns: metric → head of its column.
-        parts: corpus → rows and claims.
-        figure: "strip": poses over time; "map": latents in the plane.
+        parts: what it is on each corpus, or set of speakers.
+        bench: (design, part, stages, raw corpus or None) → where it is judged.
+        shown: what its figure shows.
     """
 
     name: str
     title: str
     columns: Mapping[str, str]
-    parts: Mapping[str, Part]
-    figure: str = "strip"
-
-
-PAPER = "Ye et al. 2022, Audio-Driven Stylized Gesture Generation with Flow-Based Model"
-OURS, MOGLOW = "stylised flow", "MoGlow"
-
-
-def _figures(*values: float | None) -> dict[str, float]:
-    """FGD, PCK, Div, BA, MM as in table 1; None where the paper has none."""
-    names = ("fgd", "pck_gfge", "diversity_gfge", "beat_align_gfge", "multimodality")
-    return {name: value for name, value in zip(names, values, strict=False) if value is not None}
-
-
-_TED_1 = Part(
-    rows=(
-        Row("Seq2Seq", None, _figures(18.15, 0.809, 40.08, 0.319)),
-        Row("Speech2Gesture", None, _figures(19.25, 0.877, 44.46, 0.620)),
-        Row("JEM", None, _figures(22.08, 0.880, 44.61, 0.508)),
-        Row(MOGLOW, "moglow_ted", _figures(5.15, 0.842, 50.63, 0.617, 22.56)),
-        Row("Trimodal Context", None, _figures(4.40, 0.850, 48.70, 0.618)),
-        Row("Speech2AffectiveGestures", None, _figures(7.22, 0.861, 47.25, 0.619)),
-        Row(OURS, "flow_ted", _figures(3.30, 0.850, 52.00, 0.622, 22.63)),
-    ),
-    claims=tuple(
-        Claim(metric, OURS, MOGLOW, higher, "table 1, TED")
-        for metric, higher in (
-            ("fgd", False), ("pck_gfge", True), ("pck", True), ("diversity_gfge", True), ("beat_align_gfge", True),
-            ("beat_align", True), ("multimodality", True),
-        )
-    ),
-)  # fmt: skip
-
-_TRINITY_1 = Part(
-    rows=(
-        Row("Gesticulator", None, _figures(9.95, 0.701, 3.50, 0.844)),
-        Row(MOGLOW, "moglow_trinity", _figures(7.61, 0.726, 3.81, 0.852, 2.12)),
-        Row(OURS, "flow_trinity", _figures(6.76, 0.730, 4.34, 0.875, 1.60)),
-    ),
-    claims=tuple(
-        Claim(metric, *((OURS, MOGLOW) if metric != "multimodality" else (MOGLOW, OURS)), higher, "table 1, Trinity")
-        for metric, higher in (
-            ("fgd", False), ("pck_gfge", True), ("pck", True), ("diversity_gfge", True), ("beat_align_gfge", True),
-            ("beat_align", True), ("multimodality", True),
-        )
-    ),
-)  # fmt: skip
-
-FULL, NO_PERCEPTUAL, NO_ENCODER, BASELINE = "proposed (full)", "without L_gp", "without global encoder", "baseline"
-
-
-def _ablations(corpus: str, *figures: tuple[float, float, float], source: str) -> Part:
-    """Rows of table 2 with a corpus's recipes."""
-    names = {FULL: "", NO_PERCEPTUAL: "_no_perceptual", NO_ENCODER: "_no_encoder", BASELINE: "_baseline"}
-    values = [*figures, *[()] * (len(names) - len(figures))]
-    rows = tuple(
-        Row(name, f"flow_{corpus}{end}", _figures(*value)) for (name, end), value in zip(names.items(), values, strict=True)
-    )
-    order = ((FULL, NO_PERCEPTUAL), (NO_PERCEPTUAL, NO_ENCODER), (FULL, NO_ENCODER), (FULL, BASELINE))
-    claims = [Claim("fgd", better, worse, False, source) for better, worse in order]
-    claims += [Claim("diversity_gfge", FULL, worse, True, source) for worse in (NO_PERCEPTUAL, NO_ENCODER, BASELINE)]
-    return Part(rows, tuple(claims), "" if figures else "The paper has this table for TED alone.")
-
-
-_TED_2 = _ablations("ted", (3.30, 0.850, 52), (4.62, 0.845, 51), (6.26, 0.848, 50), (6.10, 0.850, 49), source="table 2")
-_TRINITY_2 = _ablations("trinity", source="table 2, said of TED")
-
-_TED_3 = Part(
-    rows=(
-        Row(MOGLOW, "moglow_ted", {"chi_gfge": 908.47, "silhouette_gfge": 0.443}),
-        Row(OURS, "flow_ted", {"chi_gfge": 1149.34, "silhouette_gfge": 0.517}),
-    ),
-    claims=tuple(
-        Claim(metric, OURS, MOGLOW, True, "table 3") for metric in ("chi", "silhouette", "chi_gfge", "silhouette_gfge")
-    ),
-)
-
-TABLES: dict[str, Design] = {
-    "flow-1": Design(
-        "flow-1",
-        f"{PAPER}: table 1, comparison",
-        {
-            "fgd": "FGD ↓", "pck_gfge": "PCK ↑", "pck": "PCK, made ↑", "diversity_gfge": "Div ↑",
-            "diversity": "Div, all pairs →", "beat_align_gfge": "BA ↑", "beat_align": "BA, lift ↑", "multimodality": "MM →",
-        },
-        {"ted": _TED_1, "trinity": _TRINITY_1},
-    ),
-    "flow-2": Design(
-        "flow-2",
-        f"{PAPER}: table 2, ablations",
-        {"fgd": "FGD ↓", "pck_gfge": "PCK ↑", "pck": "PCK, made ↑", "diversity_gfge": "Div ↑", "diversity": "Div, all pairs →"},
-        {"ted": _TED_2, "trinity": _TRINITY_2},
-    ),
-    "flow-3": Design(
-        "flow-3",
-        f"{PAPER}: table 3, clusters of latents",
-        {"chi": "CHI ↑", "silhouette": "SCoeff ↑", "chi_gfge": "CHI, t-SNE ↑", "silhouette_gfge": "SCoeff, t-SNE ↑"},
-        {"ted": _TED_3},
-        figure="map",
-    ),
-}  # fmt: skip
-"""Name after ``--table`` → the table."""
+    parts: tuple[Part, ...]
+    bench: Callable[[Design, Part, Stages, Any], Bench]
+    shown: str

@@ -98,11 +98,6 @@ class Excerpts:
         return len(self.starts)
 
     @property
-    def hours(self) -> float:
-        """Of the training split."""
-        return sum(clip.frames for clip in self.store.clips if clip.split == "train") / self.store.fps / 3600
-
-    @property
     def apart(self) -> Array:
         """Numbers of windows that do not overlap."""
         return np.arange(0, len(self), self.protocol.apart)

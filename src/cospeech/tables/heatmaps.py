@@ -16,7 +16,7 @@ from ..render.heat import FIGURES, draw_heat
 from ..rotations import Array
 from .stages import Player
 
-__all__ = ["FRAMES", "draw_heatmaps", "numbers_of", "window_points", "windows_of"]
+__all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "numbers_of", "window_points", "windows_of"]
 
 Pictures = NDArray[np.uint8]
 
@@ -36,20 +36,20 @@ def numbers_of(player: Player, names: Sequence[str]) -> list[int]:
     return [player.speakers.index(name) for name in names or player.speakers]
 
 
-def windows_of(store: Store, speaker: str, most: int, seed: int) -> Array:
-    """(n,) first rows of windows of `FRAMES` frames of a speaker's test clips, which do not overlap; ``most`` at random.
+def windows_of(store: Store, speaker: str, most: int, seed: int, split: str | None = "test") -> Array:
+    """(n,) first rows of windows of `FRAMES` frames of a speaker's clips, which do not overlap; ``most`` at random.
 
     Raises:
         InputError: there is none.
     """
-    numbers, offsets, counts = store.starts(FRAMES, "test", ("pose", "audio"))
+    numbers, offsets, counts = store.starts(FRAMES, split, ("pose", "audio"))
     own = [
         offset + np.arange(0, count, FRAMES)
         for number, offset, count in zip(numbers, offsets, counts, strict=True)
         if store.clips[number].speaker == speaker
     ]
     if not own:
-        raise InputError(f"no test clip of {speaker!r} has {FRAMES} frames", "a longer test split")
+        raise InputError(f"no {split or ''} clip of {speaker!r} has {FRAMES} frames".replace("  ", " "), "a longer split")
     starts = np.concatenate(own)
     chosen = np.random.default_rng([seed, *speaker.encode()]).permutation(len(starts))[:most]
     return np.asarray(starts[np.sort(chosen)])
@@ -64,6 +64,31 @@ def window_points(store: Store, rows: Array) -> tuple[list[Array], str]:
         found.append(points.values)
         layout = points.layout
     return found, layout
+
+
+def _recorded(store: Store, speaker: str, seed: int, split: str | None) -> tuple[list[Array], str]:
+    """A speaker's recordings as `window_points` gives them."""
+    starts = windows_of(store, speaker, max(1, round(SECONDS * store.fps / FRAMES)), seed, split)
+    return window_points(store, gather(store.arrays["pose"], starts, FRAMES))
+
+
+def draw_recordings(store: Store, speakers: Sequence[str] = (), *, rows: int = 2, title: str = "", seed: int = 0) -> Pictures:
+    """Where the arms move in recordings: a column for each speaker, a minute of any split in each row.
+
+    Args:
+        store: the recordings.
+        speakers: columns; (): all.
+        rows: how many minutes; each is drawn by lot, so that they differ as much as minutes do.
+        title: above all.
+        seed: of the lot.
+
+    Raises:
+        InputError: a speaker of whom there is nothing.
+    """
+    columns = list(speakers or store.speakers)
+    grid = [[_recorded(store, name, seed + row, None) for name in columns] for row in range(rows)]
+    cells, labels = [[points for points, _ in row] for row in grid], ["a minute", *["another"] * (rows - 1)]
+    return draw_heat(cells, FIGURES[grid[0][0][1]], store.fps, columns=columns, rows=labels, title=title)
 
 
 def draw_heatmaps(
@@ -87,9 +112,7 @@ def draw_heatmaps(
         raise InputError("a network without examples of its speakers", "train it on a store with speech")
     columns = [player.speakers[k] for k in numbers_of(player, styles)]
     most, known = max(1, round(SECONDS * store.fps / FRAMES)), styles_of(player.net, player.stretches)
-    recorded = [
-        window_points(store, gather(store.arrays["pose"], windows_of(store, name, most, seed), FRAMES)) for name in columns
-    ]
+    recorded = [_recorded(store, name, seed, "test") for name in columns]
     cells, rows, layout = [[points for points, _ in recorded]], ["recordings"], recorded[0][1]
     for voice in voices or columns:
         audio = player.audio(gather(store.arrays["audio"], windows_of(store, voice, most, seed), FRAMES))

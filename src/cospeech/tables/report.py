@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .designs import Claim, Design, Part
-from .scores import Cells
+from .designs import Cells, Claim, Design, Part
 
 __all__ = ["LEAST_SEEDS", "summary", "to_markdown", "to_text", "verdict", "verdicts"]
 
@@ -53,7 +52,7 @@ def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[
     if claim.metric not in heads or any(not rows.get(name, {}).get("cells") for name in names):
         return None
     better, worse = (rows[name]["cells"][claim.metric] for name in names)
-    sign = ">" if claim.higher else "<"
+    sign = "is about" if claim.alike else ">" if claim.higher else "<"
     text = f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
     if "mean" not in better or "mean" not in worse:
         return {"claim": text, "verdict": OPEN, "because": better.get("why") or worse.get("why")}
@@ -61,6 +60,10 @@ def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[
     if min(len(better["values"]), len(worse["values"])) < LEAST_SEEDS:
         return {"claim": text, "verdict": OPEN, "because": f"{told}: fewer than {LEAST_SEEDS} seeds"}
     gap = (better["mean"] - worse["mean"]) * (1 if claim.higher else -1)
+    if claim.alike:
+        near = abs(gap) <= better["half"] + worse["half"]
+        because = f"{told}: the intervals {'overlap' if near else 'do not overlap'}"
+        return {"claim": text, "verdict": REPRODUCED if near else NOT, "because": because}
     if gap <= 0:
         return {"claim": text, "verdict": NOT, "because": f"{told}: the order is the other way round"}
     if gap <= better["half"] + worse["half"]:

@@ -14,17 +14,15 @@ from ..errors import InputError
 from ..files import atomic
 from ..metrics import FeatureNet, Sample, Tools, load_metric
 from ..rotations import Array
+from .designs import Cells
 from .excerpts import Excerpts
 from .stages import Player, make_folder
 from .tsne import tsne
 
-__all__ = ["Cells", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
+__all__ = ["cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
 
 SCORING = 1  # counts up when scores are worked out in another way, so that kept ones are not used
 TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
-
-Cells = dict[str, dict[str, Any]]
-"""Metric → ``value``, ``interval`` over windows and ``note``, or ``why`` there is none."""
 
 
 def kept(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
@@ -42,7 +40,7 @@ def kept(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
     return found
 
 
-def _cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tools: Tools) -> dict[str, Any]:
+def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tools: Tools) -> dict[str, Any]:
     try:
         score = load_metric(metric)(generated, truth, tools)
     except InputError as problem:
@@ -71,9 +69,9 @@ def judge(
             if excerpts.raw is None:
                 cells[metric] = {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
             else:
-                cells[metric] = _cell(metric, heard, heard_truth, tools)
+                cells[metric] = cell(metric, heard, heard_truth, tools)
         else:
-            cells[metric] = _cell(metric, takes if metric == "multimodality" else samples, excerpts.truth, tools)
+            cells[metric] = cell(metric, takes if metric == "multimodality" else samples, excerpts.truth, tools)
     return cells
 
 
@@ -137,4 +135,4 @@ def judge_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, nam
     net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: place[sample.name][None])
     still = np.zeros((1, 2, 3))
     samples = [Sample(str(k), excerpts.store.fps, positions=still, label=speakers[k]) for k in excerpts.apart]
-    return {metric: _cell(metric, samples, (), Tools(features=net, embedding=tsne)) for metric in columns}
+    return {metric: cell(metric, samples, (), Tools(features=net, embedding=tsne)) for metric in columns}

@@ -6,7 +6,7 @@ A run that is there is not trained again, one that was cut off goes on. Torch is
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from os import PathLike
@@ -17,19 +17,25 @@ import numpy as np
 
 from ..corpora.store import Store
 from ..errors import InputError
+from ..features.frames import AUDIO_NAMES
 from ..files import describe_os_error
 from ..metrics import FeatureNet
 from ..recipe import Recipe, changed, load_recipe, read_recipe
 from ..rotations import Array
 
-__all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder"]
+__all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder", "of_speakers"]
 
-OMEGA, FEATURES = "gesture_autoencoder", "fgd"
-"""Recipes, before ``_CORPUS``: the network of the perceptual loss, and that of FGD."""
+OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
+"""Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
+SHARED = (OMEGA, FEATURES, CLASSIFIER)
+_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `Player` knows neither these nor a clip's own moments
 
 _SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
 _NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
 # residual, pose_noise: ours; without them so few steps leave noise, in every row
+_MIX = {"channels": 24, "patch_channels": 16}
+_BRIEF = {"steps": 200, "batch": 16, "lr": 1e-3, "validate_every": 0, "save_every": 200}
+# one rate for all systems of windows: at 1e-4, Speech2Gesture's and MUNIT's, so few steps teach nothing
 SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "stylised-flow": {
         "model": {**_NARROW, "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5},
@@ -38,9 +44,14 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "moglow": {"model": _NARROW, "train": _SHORT},
     "gesture-autoencoder": {"model": {"width": 64, "frames": 30}, "train": {**_SHORT, "batch": 64}},
     "fgd-autoencoder": {"model": {}, "train": {**_SHORT, "steps": 2000, "batch": 64}},
+    **{name: {"model": _MIX, "train": _BRIEF} for name in ("mix-stage", "stage", "cmix-gan")},
+    "mix_stage_pats_authors": {"model": {"curriculum": 4}, "train": {}},  # 1000 of 60,000 steps, as many of 200
+    "speech2gesture": {"model": {"channels": 24, "judge": 16}, "train": _BRIEF},
+    "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
+    "speaker-classifier": {"model": {"channels": 32}, "train": {"steps": 1200, "validate_every": 200, "save_every": 1200}},
 }
-"""Model → what ``--small`` changes in its recipes: a row and seed train in two or three minutes on one core. Ours, to show that
-the way works and which order comes out; no figure of it is the paper's system."""
+"""Model, or recipe, → what ``--small`` changes: a row and seed train in two or three minutes on one core, a network of windows in
+half of one. Ours, to show that the way works and which order comes out; no figure of it is the paper's system."""
 
 Tell = Callable[[str], None]
 
@@ -54,12 +65,24 @@ class Player:
         facts: of its run.
         statistics: ``pose_mean`` and so on.
         print: tells this run from all others.
+        stretches: (speakers, n, T, D) of standardised poses of each speaker; None where it was trained without speech.
     """
 
     net: Any
     facts: Mapping[str, Any]
     statistics: Mapping[str, Array]
     print: str
+    stretches: Array | None = None
+
+    @property
+    def speakers(self) -> tuple[str, ...]:
+        """That it was trained on."""
+        return tuple(self.facts["store"]["speakers"])
+
+    @property
+    def parameters(self) -> int:
+        """How many the network has."""
+        return sum(p.numel() for p in self.net.parameters())
 
     @property
     def context(self) -> tuple[int, int]:
@@ -76,6 +99,18 @@ class Player:
         """What the network makes, in the units of the store."""
         return made * self.statistics["pose_std"] + self.statistics["pose_mean"]
 
+    def style(self, speaker: str) -> Array:
+        """(styles,) what a network of windows takes for a speaker's own style.
+
+        Raises:
+            InputError: it was not trained on this speaker.
+        """
+        if speaker not in self.speakers or self.stretches is None:
+            raise InputError(f"no style of {speaker!r}", f"it was trained on {', '.join(self.speakers)}")
+        from ..models.playing import styles_of
+
+        return styles_of(self.net, self.stretches)[self.speakers.index(speaker)]
+
     def audio(self, rows: Array) -> Array:
         """(B, T, 84) rows of a store, reduced and standardised."""
         from ..features.reduce import reduce_audio
@@ -91,6 +126,11 @@ def _digest(*parts: bytes) -> str:
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
     return digest.hexdigest()
+
+
+def of_speakers(speakers: Sequence[str]) -> tuple[str, ...]:
+    """What is changed in a recipe so that a run is of these speakers alone; of none: nothing, it is of all."""
+    return (f"data.speakers={json.dumps([*speakers])}",) if speakers else ()
 
 
 def make_folder(folder: Path) -> None:
@@ -140,25 +180,30 @@ class Stages:
         digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
         return f"{store.corpus}-{store.pose}-{digest}"
 
-    def place(self, name: str, seed: int) -> Path:
+    def place(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
         """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
-        recipe = replace(self._recipe(name, seed), needs={})
+        recipe = replace(self._recipe(name, seed, more), needs={})
         told = changed(Recipe(recipe.model).to_dict(), recipe.to_dict())  # from the defaults: what is added later is no change
         own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *told]))
         return Path(self.runs) / self.mark / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
 
-    def recipe(self, name: str, seed: int = 0) -> Recipe:
+    def recipe(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Recipe:
         """A recipe as it is trained here.
+
+        Args:
+            name: of its file.
+            seed: of the run.
+            more: ``"model.modes=4"``, what a row changes in it.
 
         Raises:
             InputError: there is no such recipe, or it cannot be changed so.
         """
-        recipe = self._recipe(name, seed)
+        recipe = self._recipe(name, seed, more)
         if "omega" in recipe.needs:
             recipe = replace(recipe, needs={**recipe.needs, "omega": str(self.place(f"{OMEGA}_{self.store.corpus}", 0))})
         return recipe
 
-    def _recipe(self, name: str, seed: int) -> Recipe:
+    def _recipe(self, name: str, seed: int, more: Sequence[str] = ()) -> Recipe:
         """The same, but for where the runs lie that it needs."""
         path = Path(self.recipes) / f"{name}.toml"
         if not path.is_file():
@@ -166,28 +211,31 @@ class Stages:
         plain = load_recipe(path)
         texts: list[str] = []
         if self.small:
-            for section, values in SMALL.get(plain.model, {}).items():
+            both = [*SMALL.get(plain.model, {}).items(), *SMALL.get(name, {}).items()]
+            for section, values in both:
                 texts += [f"{section}.{key}={json.dumps(value)}" for key, value in values.items()]
-        texts += [*(self.overrides if not name.startswith((OMEGA, FEATURES)) else ()), f"train.seed={seed}"]
+        texts += [*more, *(self.overrides if not name.startswith(SHARED) else ()), f"train.seed={seed}"]
         if self.threads:
             texts.append(f"train.threads={self.threads}")
         recipe = load_recipe(path, texts)
-        if recipe.data.by_clip or recipe.config.get("style"):  # `Player` knows neither a clip's own moments nor style codes
+        if recipe.data.by_clip or any(recipe.config.get(key) for key in _UNPLAYED.get(recipe.model, ())):
             raise InputError(f"a table's row {name!r} with data.by_clip or model.style", "tables are of the papers' systems")
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
+        if recipe.data.audio and len(self.store.names.get("audio", AUDIO_NAMES)) != len(AUDIO_NAMES):
+            recipe = replace(recipe, data=replace(recipe.data, audio=None))  # PATS' own 64 bands: nothing to reduce
         return recipe
 
-    def run(self, name: str, seed: int = 0) -> Path:
+    def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:
         """The folder of a run that is trained to its last step."""
-        recipe, folder = self.recipe(name, seed), self.place(name, seed)
+        recipe, folder = self.recipe(name, seed, more), self.place(name, seed, more)
         for what, path in recipe.needs.items():
             if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
                 self.run(f"{OMEGA}_{self.store.corpus}")
         if not self._done(folder, recipe):
             from ..train import train
 
-            label = f"{name}, seed {seed}"
+            label = " ".join([f"{name}, seed {seed}", *more])
             every = max(1, recipe.train.steps // 10)
 
             def progress(step: float, total: float | None, text: str) -> None:
@@ -208,15 +256,17 @@ class Stages:
             return False  # resuming says what differs
         return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
 
-    def player(self, name: str, seed: int = 0) -> Player:
+    def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Player:
         """A row's run, trained where it is not there."""
-        folder = self.run(name, seed)
+        folder = self.run(name, seed, more)
         from ..checkpoint import load_run, read_tensors
 
         net, facts = load_run(folder)
         tensors, _ = read_tensors(folder / "statistics.safetensors")
         statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
-        return Player(net, facts, statistics, _digest((folder / "best.safetensors").read_bytes()))
+        stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
+        print_ = _digest((folder / "best.safetensors").read_bytes())
+        return Player(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
 
     def features(self) -> FeatureNet:
         """The feature network of FGD, of this store's training split; one for all rows and seeds."""

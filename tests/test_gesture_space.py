@@ -80,7 +80,7 @@ def test_windows_are_of_the_speakers_test_clips_and_do_not_overlap(store):
     assert starts.min() >= clip.offset
     assert starts.max() + heatmaps.FRAMES <= clip.offset + clip.frames
     assert len(heatmaps.windows_of(store, "bob", 2, seed=0)) == 2
-    with pytest.raises(InputError, match="no test clip"):
+    with pytest.raises(InputError, match="no test clip of 'dora'"):
         heatmaps.windows_of(store, "dora", 2, seed=0)
 
 
@@ -149,3 +149,11 @@ def test_columns_of_heat_maps_are_styles_and_rows_voices(store, monkeypatch):
     np.testing.assert_allclose(kept["cells"][1][0][2], wanted, atol=0.01)
     with pytest.raises(InputError, match="no speaker"):
         heatmaps.draw_heatmaps(player, store, ("dora",))
+
+
+def test_recordings_are_drawn_by_speaker(store):
+    one = heatmaps.draw_recordings(store, ("ann", "bob"), rows=1)
+    np.testing.assert_array_equal(one, heatmaps.draw_recordings(store, ("ann", "bob"), rows=1))
+    assert heatmaps.draw_recordings(store, rows=2, title="three").shape[0] > one.shape[0]
+    with pytest.raises(InputError, match="no clip of 'dora'"):
+        heatmaps.draw_recordings(store, ("dora",))

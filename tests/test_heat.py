@@ -30,13 +30,23 @@ def mirrored(body: np.ndarray) -> np.ndarray:
     return (body * [-1, 1])[:, [0, 1, 5, 6, 7, 2, 3, 4]]
 
 
-def test_ink_in_all_is_the_mean_speed_of_the_arm():
+def test_ink_in_all_is_the_mean_square_of_the_speed_of_the_arm():
     body = waving()
     frame = frame_of([[body]], BODY)
     right, left = heat([body], BODY, frame, FPS)
-    speed = np.abs(np.diff(body[:, 4, 1])).mean() * FPS  # of the wrist; the elbow stands still, so half of it on the mean
-    assert right.sum() / frame.scale**2 == pytest.approx(speed / 2, rel=0.01)
+    wrist = np.square(np.diff(body[:, 4, 1]) * FPS).mean()
+    along = np.linspace(0, 1, 9)  # the elbow stands still, what lies between moves in proportion
+    assert right.sum() / frame.scale**2 == pytest.approx(wrist * np.square(along).mean(), rel=0.01)
     assert not left.any()
+
+
+def test_trembling_leaves_less_than_a_stroke_of_the_same_way():
+    wide, small = waving(size=0.4), np.repeat(REST[None], 90, 0)
+    small[:, 4, 1] += 0.01 * (-1) ** np.arange(90)
+    frame = frame_of([[wide], [small]], BODY)
+    ratio = np.abs(np.diff(wide[:, 4, 1])).sum() / np.abs(np.diff(small[:, 4, 1])).sum()
+    inks = [heat([body], BODY, frame, FPS).sum() for body in (wide, small)]
+    assert inks[0] > 1.1 * ratio * inks[1]
 
 
 @pytest.mark.parametrize("fps", [7.5, 30.0])

@@ -1,7 +1,8 @@
 """Heat maps of gesture: where the arms move, right red, left blue, a cell for each style and speech (Mix-StAGE, figure 7).
 
-A cell shows a person from the front, so the right arm is to the left. Paths of forearm and hand leave ink, as much as they are
-long: an arm that rests leaves none, wherever it lies. Where both arms move, the inks mix.
+A cell shows a person from the front, so the right arm is to the left. Forearm and hand leave ink
+where they move, by the square of their speed: a stroke leaves much, an arm that rests none, one that trembles next to none,
+wherever it lies. Where both arms move, the inks mix.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _SCALE = 4  # lines are drawn four times as large and shrunk
 _CELL, _GAP, _MARGIN, _LEGEND = 190, 8, 20, 56  # pixels: height of a cell or, where that is more, its width, and so on
 _BLUR = 0.055  # of the ink, in shoulders' breadths
 _POINTS, _STEPS = 9, 8  # along an arm, and between two frames, where ink is left
-_FULL, _GAMMA = 99.7, 0.52  # percentile of the ink that is drawn in full colour, and how what is less is raised; by eye
+_FULL, _GAMMA = 98.5, 0.52  # percentile of the fullest cell's ink that is in full colour, and how less is raised; by eye
 _HEAD = 0.34  # radius, in shoulders' breadths; a head is 22 cm high, shoulders' joints are 35 cm apart
 _SPARE = 0.22  # around all that is shown, in shoulders' breadths
 
@@ -159,9 +160,9 @@ def _blurred(image: Array, sigma: float) -> Array:
 
 
 def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
-    """(2, H, W) how much the right and the left arm move where: length of way per second and area, in shoulders' breadths.
+    """(2, H, W) how much the right and the left arm move where: squared speed per area, in shoulders' breadths and seconds.
 
-    Summed over the area (a pixel has 1 / scale²) it is the mean speed of the points of the arm.
+    Summed over the area (a pixel has 1 / scale²) it is the mean square of the speed of the points of the arm.
     """
     placed, found = _placed(clips, figure), []
     wide, tall = frame.size
@@ -170,12 +171,13 @@ def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
         ways = [_limb(points, arm) for points in placed]
         step = np.concatenate([np.diff(way, axis=0) for way in ways])
         start = np.concatenate([way[:-1] for way in ways])
-        length = np.broadcast_to(np.linalg.norm(step, axis=-1) / (_STEPS * _POINTS), (_STEPS, *step.shape[:2])).ravel()
+        energy = np.square(step * fps).sum(-1) / (len(step) * _STEPS * _POINTS)
         places = np.floor(frame.pixels(start + part * step)).astype(int).reshape(-1, 2)
         inside = ((places >= 0) & (places < [wide, tall])).all(1)
-        ink = np.bincount(places[inside] @ [1, wide], length[inside], wide * tall).reshape(tall, wide)
+        amount = np.broadcast_to(energy, (_STEPS, *energy.shape)).ravel()[inside]
+        ink = np.bincount(places[inside] @ [1, wide], amount, wide * tall).reshape(tall, wide)
         found.append(_blurred(ink, _BLUR * frame.scale))
-    return np.stack(found) * (fps / len(step) * frame.scale**2)
+    return np.stack(found) * frame.scale**2
 
 
 def _inked(paper: Array, ink: Array) -> Array:
@@ -244,7 +246,7 @@ def draw_heat(
         raise InputError(f"a heat map of {counts}", "a label for each row, a head for each column")
     frame = frame_of([cell for row in cells for cell in row], figure) if frame is None else frame
     inks = np.stack([[heat(cell, figure, frame, fps) for cell in row] for row in cells])
-    full = max(float(np.percentile(inks.max(2), _FULL)), 1e-12)
+    full = max(float(np.percentile(inks.max(2), _FULL, axis=(2, 3)).max()), 1e-12)
     big, small, head = (ImageFont.load_default(size) for size in (20, 15, 17))
     side = _MARGIN + round(max(small.getlength(line) for label in rows for line in label.split("\n"))) + 14
     above = (44 if title else 10) + 34 + 19 * max(text.count("\n") for text in columns)

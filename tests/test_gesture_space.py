@@ -147,7 +147,7 @@ def test_columns_of_heat_maps_are_styles_and_rows_voices(store, monkeypatch):
     loud = 1 + 0.1 * float(store.arrays["audio"][said[2], 1])
     wanted = to_points(player.unpose(player.stretches[2, 0, :64] * loud))
     np.testing.assert_allclose(kept["cells"][1][0][2], wanted, atol=0.01)
-    with pytest.raises(InputError, match="no speaker"):
+    with pytest.raises(InputError, match="no style"):
         heatmaps.draw_heatmaps(player, store, ("dora",))
 
 

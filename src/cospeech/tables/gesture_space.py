@@ -18,7 +18,7 @@ from ..corpora.store import Store, gather
 from ..errors import InputError
 from ..render.scatter import Panel, draw_map
 from ..rotations import Array
-from .heatmaps import FRAMES, numbers_of, windows_of
+from .heatmaps import FRAMES, windows_of
 from .stages import Player
 from .tsne import tsne
 
@@ -74,22 +74,21 @@ def gesture_space(player: Player, store: Store, speakers: Sequence[str] = (), *,
     Raises:
         InputError: fewer than two speakers, one that network or store does not know, or another network.
     """
-    from ..models.playing import play, styles_of
+    from ..models.playing import play
 
-    names = [player.speakers[k] for k in numbers_of(player, speakers)]
-    if player.stretches is None or len(set(names)) < 2:
-        raise InputError(f"a gesture space of {len(set(names))} speakers", "two at least, of a network with styles")
-    known = styles_of(player.net, player.stretches)
+    names = list(speakers or player.speakers)
+    if len(set(names)) < 2:
+        raise InputError(f"a gesture space of {len(set(names))} speakers", "two at least")
     starts = {name: windows_of(store, name, WINDOWS, seed) for name in names}
     spaces: tuple[list[Array], list[Array]] = ([], [])
     labels: tuple[list[str], list[str]] = ([], [])
-    for name, number in zip(names, numbers_of(player, names), strict=True):
+    for name in names:
         own = starts[name]
         strange = np.concatenate([rows for other, rows in starts.items() if other != name])
         some = np.random.default_rng([seed, *name.encode()]).permutation(len(strange))[: len(own)]  # as many as of its own
         for k, chosen in enumerate((own, strange[np.sort(some)])):
             audio = player.audio(gather(store.arrays["audio"], chosen, FRAMES))
-            spaces[k].append(_features(play(player.net, audio, known[number])))
+            spaces[k].append(_features(play(player.net, audio, player.style(name))))
             labels[k].extend([name] * len(chosen))
     return GestureSpace(np.concatenate(spaces[0]), np.concatenate(spaces[1]), tuple(labels[0]), tuple(labels[1]))
 

@@ -10,30 +10,18 @@ from numpy.typing import NDArray
 from ..corpora.clip import Points
 from ..corpora.pats_points import points_of
 from ..corpora.store import Store, gather
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..poses import find_pose
 from ..render.heat import FIGURES, draw_heat
 from ..rotations import Array
 from .stages import Player
 
-__all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "numbers_of", "window_points", "windows_of"]
+__all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "window_points", "windows_of"]
 
 Pictures = NDArray[np.uint8]
 
 FRAMES = 64  # authors' code: of a window, 4.3 s at 15 frames per second
 SECONDS = 60.0  # ours: in each cell, at most; where arms move does not change with more
-
-
-def numbers_of(player: Player, names: Sequence[str]) -> list[int]:
-    """Places of speakers among those of a network; of all where none are named.
-
-    Raises:
-        InputError: it does not know one.
-    """
-    unknown = next((name for name in names if name not in player.speakers), None)
-    if unknown is not None:
-        raise InputError(f"the network knows no speaker {unknown!r}", nearest(unknown, player.speakers))
-    return [player.speakers.index(name) for name in names or player.speakers]
 
 
 def windows_of(store: Store, speaker: str, most: int, seed: int, split: str | None = "test") -> Array:
@@ -106,17 +94,15 @@ def draw_heatmaps(
     Raises:
         InputError: a speaker that the network or the store does not know, or another network.
     """
-    from ..models.playing import play, styles_of
+    from ..models.playing import play
 
-    if player.stretches is None:
-        raise InputError("a network without examples of its speakers", "train it on a store with speech")
-    columns = [player.speakers[k] for k in numbers_of(player, styles)]
-    most, known = max(1, round(SECONDS * store.fps / FRAMES)), styles_of(player.net, player.stretches)
+    columns = list(styles or player.speakers)
+    known, most = [player.style(name) for name in columns], max(1, round(SECONDS * store.fps / FRAMES))
     recorded = [_recorded(store, name, seed, "test") for name in columns]
     cells, rows, layout = [[points for points, _ in recorded]], ["recordings"], recorded[0][1]
     for voice in voices or columns:
         audio = player.audio(gather(store.arrays["audio"], windows_of(store, voice, most, seed), FRAMES))
-        made = [player.unpose(play(player.net, audio, known[k])) for k in numbers_of(player, columns)]
+        made = [player.unpose(play(player.net, audio, style)) for style in known]
         cells.append([window_points(store, vectors)[0] for vectors in made])
         rows.append(f"{voice}'s speech")
     title = "Where the arms move: a style in each column, whose speech in each row"

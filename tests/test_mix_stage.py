@@ -186,6 +186,31 @@ def test_the_style_encoder_judges_generated_poses_frozen_or_not(freezes):
     assert ("style.encoder" in reached(net, loss)) is not freezes
 
 
+@pytest.mark.parametrize("make", [network, cmix_gan])
+def test_what_the_discriminator_has_seen_made_is_not_made_again(make):
+    """The generator's turn after the discriminator's: a decoding less, and the same losses and gradients to the bit."""
+    data, found, passes = batch(), [], []
+    for judged in (False, True):
+        net = make().train()
+        net.generators.register_forward_hook(lambda *_: passes.append(judged))  # noqa: B023  (called before the next round)
+        if judged:
+            net.discriminator_loss(data, 0)
+        others = list(net.objectives()["generator"].parameters)
+        terms = net.generator_loss(data, 0)
+        found.append([*terms.values(), *torch.autograd.grad(sum(terms.values()), others)])
+        net.generator_loss(data, 0)  # nothing is left over
+        net.discriminator_loss(data, 0)
+        later = net.eval().generator_loss(data, 0)["rec"]
+        assert later.item() == make_again(net, data)
+    assert all(torch.equal(*both) for both in zip(*found, strict=True))
+    assert passes.count(True) == passes.count(False)
+
+
+def make_again(net: MixGan, data: Batch) -> float:
+    """L_rec of another batch object with the same arrays: nothing that was kept can be taken for it."""
+    return net.generator_loss(Batch(data.arrays, Chance(0, 0)), 0)["rec"].item()
+
+
 def test_objectives_share_out_all_parameters():
     net = network()
     judge, others = ({id(p) for p in objective.parameters} for objective in net.objectives().values())

@@ -37,6 +37,7 @@ is CMix-GAN, for one speaker (`cospeech.models.cmix_gan`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -47,7 +48,7 @@ from ..nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from ..nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PatchDiscriminator, velocity
-from ..nn.style import NoStyle, SpeakerStyle
+from ..nn.style import NoStyle, Seen, SpeakerStyle
 from ..nn.unet1d import UNet1d
 from ..nn.windowed import Windowed
 
@@ -97,6 +98,18 @@ class MixStageConfig(MixGanConfig):
     """Whether the style encoder is frozen where it judges generated poses, as in the authors' code; equation 8: it is not."""
 
 
+class _Decoded(NamedTuple):
+    """Of a batch in a step: what is generated of speech, and on the way there."""
+
+    key: tuple[Batch, int, bool, bool]
+    """Batch, step, whether in training, whether with gradients."""
+    own: Seen
+    seen: Tensor | None
+    """Content of poses that is decoded too, for L_joint."""
+    logits: Tensor
+    made: Tensor
+
+
 class MixGan(Windowed):
     """Equations 2–8, for whatever style there is.
 
@@ -136,6 +149,7 @@ class MixGan(Windowed):
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
         self.discriminator = PatchDiscriminator(pose, config.patch_channels)
+        self._left: _Decoded | None = None
 
     @property
     def window(self) -> int:
@@ -178,13 +192,24 @@ class MixGan(Windowed):
         """Weight of generated poses in L_adv; constant in the paper."""
         return min(GROWTH_LIMIT, 1 + self.config.growth * (step // GROWTH_EVERY)) if self.config.growth else 1.0
 
+    def _decoded(self, batch: Batch, step: int) -> _Decoded:
+        """What both turns of a step need; the discriminator's leaves it to the generator's, as it moves nothing of it."""
+        key = (batch, step, self.training, torch.is_grad_enabled())
+        if self._left is not None and self._left.key == key:
+            return self._left
+        own = self.style.see(batch["pose"].mT)
+        heard, seen = self._heard(batch, step)
+        z = self.latent(heard, own.weights)
+        logits = self._logits(z)
+        return _Decoded(key, own, seen, logits, self._made(z, logits, batch["cluster"]))
+
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """−L_adv of equation 7, for D; or |D(Y) − 1| + |D(Ŷ)|."""
-        pose = batch["pose"].transpose(1, 2)
-        with torch.no_grad():
-            z = self.latent(self._heard(batch, step)[0], self.style.see(pose).weights)
-            made = self._made(z, self._logits(z), batch["cluster"])
-        true, false = self.discriminator(velocity(pose)), self.discriminator(velocity(made))
+        self._left = None
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not self.config.alternate):
+            decoded = self._decoded(batch, step)
+        self._left = None if self.config.alternate else decoded
+        true, false = (self.discriminator(velocity(x)) for x in (batch["pose"].mT, decoded.made.detach()))
         weight = self._growing(step)
         if self.config.l1_adversarial:
             return {"true": (true - 1).abs().mean(), "false": weight * false.abs().mean()}
@@ -206,22 +231,20 @@ class MixGan(Windowed):
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 8, weighted, for all but D."""
-        pose, cluster, speaker = batch["pose"].transpose(1, 2), batch["cluster"], batch["speaker"]
-        own = self.style.see(pose)
-        heard, seen = self._heard(batch, step)
-        made, terms, mixes = [], dict[str, Tensor](), []
-        for name, content in (("rec", heard), ("joint", seen)):
-            if content is None:
-                continue
-            z = self.latent(content, own.weights)
-            guess = self._logits(z)
-            made.append(self._made(z, guess, cluster))
-            terms[name] = (pose - made[-1]).abs().mean()  # equations 5 and 4
-            mixes.append(F.cross_entropy(guess, cluster))
+        pose, cluster = batch["pose"].mT, batch["cluster"]
+        decoded, self._left = self._decoded(batch, step), None
+        made, mixes = decoded.made, [F.cross_entropy(decoded.logits, cluster)]
+        terms = {"rec": (pose - made).abs().mean()}  # equation 5
+        if decoded.seen is not None:
+            z = self.latent(decoded.seen, decoded.own.weights)
+            logits = self._logits(z)
+            terms["joint"] = (pose - self._made(z, logits, cluster)).abs().mean()  # equation 4
+            mixes.append(F.cross_entropy(logits, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
-        terms |= {name: self.identity * term for name, term in self.style.identity(own, made[0], speaker).items()}
-        score, weight = self.discriminator(velocity(made[0])), self.config.adversarial * self._growing(step)
+        judged = self.style.identity(decoded.own, made, batch["speaker"])
+        terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
+        score, weight = self.discriminator(velocity(made)), self.config.adversarial * self._growing(step)
         fooled = (score - 1).abs() if self.config.l1_adversarial else -F.softplus(score)  # equation 7: log(1 − D)
         terms["adv"] = weight * fooled.mean()
         return terms

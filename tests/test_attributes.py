@@ -256,7 +256,7 @@ def raw(tmp_path_factory):
     """Three speakers in PATS' layout, a clip of each in every split, with sound."""
     folder = tmp_path_factory.mktemp("pats")
     clips = [
-        Clip(f"{who}{k}", who, "pats", voice(6.0, k), points=person(6.0, 30 + 10 * k, seed=k), split=split)
+        Clip(f"{who}{k}", who, "pats", voice(3.0, k), points=person(3.0, 30 + 10 * k, seed=k), split=split)
         for who in ("ann", "cleo", "dan")
         for k, split in enumerate(("train", "validation", "test"))
     ]

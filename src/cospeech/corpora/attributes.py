@@ -25,7 +25,7 @@ __all__ = ["Attributes", "attributes_of", "body_of", "speaker_attributes"]
 
 RISE = 1.4  # widths per second: half a metre per second, as movement statistics count strokes, with shoulders of .36 m
 SPAN = 1 / 15  # seconds to either side between which speed is taken: PATS' frame, so that no frame rate hears more than another
-REACH = 0.55  # widths that hands are before the neck on average: of the synthetic speakers in 3-D (docs/corpora/synthetic.md)
+REACH = 0.59  # widths that hands are before the neck on average: of the synthetic speakers in 3-D (docs/corpora/synthetic.md)
 SEATED = 0.75  # of the legs' length; who sits has hips at about half of it, the shins', who stands nearly at all of it
 MOST = 1800.0  # seconds of each speaker that `speaker_attributes` looks at: half an hour settles all five
 _SIDED = {

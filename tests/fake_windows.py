@@ -26,7 +26,8 @@ class FakeEngine:
 
     def __init__(self, sizes: WindowSizes, *, recognises: bool = True) -> None:
         rng = np.random.default_rng(0)
-        self.sizes, self.recognises, self.near = sizes, recognises, (sizes.reach or 0) + 1 - sizes.multiple
+        self.sizes, self.recognises = sizes, recognises
+        self.near = 0 if sizes.reach is None else sizes.reach + 1 - sizes.multiple
         assert self.near >= 0
         self.taps = rng.normal(0, 0.1, (2 * self.near + 1, sizes.audio, sizes.pose))
         self.pooled = rng.normal(0, 0.1, (sizes.audio, sizes.pose))

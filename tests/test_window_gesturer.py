@@ -105,7 +105,7 @@ def test_it_is_as_late_as_it_says(look_ahead, frames):
         made += sum(len(piece) for piece in session.push(chunk))
         late.append(heard / 16_000 - made / 30)
     assert max(late) <= session.latency
-    assert max(late) > session.latency - 0.06
+    assert max(late) > session.latency - 0.2
     assert session.latency == pytest.approx((frames + 2) / 20 + 0.065, abs=0.001)
 
 

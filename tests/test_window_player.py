@@ -415,3 +415,42 @@ def test_numbers_far_out_stay_numbers():
     assert np.isfinite(made).all()
     assert (np.diff(made) >= 0).all()
     assert made[3] == pytest.approx(-np.log(np.log(2)))
+
+
+# networks ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["mix-stage", "stage", "cmix-gan", "speech2gesture", "munit"])
+def test_networks_are_played_as_they_are(name):
+    """Of random weights: several takes have the bits of one each, and whole is what one pass of the network itself makes."""
+    pytest.importorskip("torch", reason="networks need torch (the train extra)")
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from cospeech.models.lowering import lower
+    from cospeech.runtime.window_engine import WindowEngine
+    from windowed_networks import given, made_by, make_network
+
+    net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
+    low = lower(net)
+    system = fake_system(low.sizes, codes=np.eye(3)[:, : low.sizes.styles])
+    engine = WindowEngine(low.sizes, low.weights, low.graphs, np.full(96, -1e3), np.full(96, 1e3))
+    system = replace(system, engine=engine)
+    rows, *_ = given(net, 1, 300)
+    quiet, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, named_window(system, "ben")),)
+    for setting in (live(low.sizes), whole(low.sizes)):
+
+        def made(*seeds, setting=setting, **options):
+            who = WindowPlayer(system, setting, ben, seeds, quiet, **options)
+            return np.concatenate([who.push(rows), who.finish(quiet)], 1)
+
+        together = made(*range(8))
+        assert together.shape == (8, 300, 96)
+        assert together[0].tobytes() == made(0)[0].tobytes()
+        assert together[7].tobytes() == made(7)[0].tobytes()
+        assert (np.abs(together[0] - together[1]).max() > 1e-3) == (name not in ("stage", "speech2gesture"))
+    if low.sizes.reach is not None:
+        around = whole(low.sizes).ahead
+        heard = np.concatenate([np.repeat(quiet, around, 0), rows, np.repeat(quiet, around + -300 % low.sizes.multiple, 0)])
+        style = np.zeros((1, len(heard), low.sizes.styles), np.float32)
+        style[..., 1:2] = 1
+        wanted = made_by(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
+        np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

@@ -142,7 +142,10 @@ class ConvGraph(GraphBuilder):
         """M mixed as they weigh: channels (M · D), priors of M channels → D channels."""
         modes, width = priors.channels, x.channels // priors.channels
         each = self.node("Mul", self._shaped(x.name, 0, modes, width, -1), priors.name)
-        name = self._shaped(self.node("ReduceSum", each, self.const([1], np.int64), keepdims=0), 0, width, 1, -1)
+        total, *others = self.split(each, *(1,) * modes)
+        for other in others:  # one by one: a reduction rounds otherwise for one take than for several
+            total = self.node("Add", total, other)
+        name = self._shaped(total, 0, width, 1, -1)
         return replace(x, name=name, channels=width, low=np.minimum(x.low, priors.low), high=np.maximum(x.high, priors.high))
 
     def doubled(self, x: Signal) -> Signal:

@@ -23,6 +23,7 @@ PARENTS = {"slow": (0.5, 0.5, 0.0), "quick": (1.0, 0.0, 0.5)}  # strokes' freque
 BUNDLE = models.SHIPPED / f"mix-stage{models.BUNDLE}"
 PAIRS = {"rate": ("ada", "femi"), "amplitude": ("elif", "gita"), "right_share": ("cleo", "dan")}
 """Measure → speakers that differ much in it, of the synthetic corpus that the shipped bundle is trained on."""
+RULES = {("lively", "reserved"): ("rate", "amplitude"), ("lecturer", "southpaw"): ("right_share",)}
 FALLS = 0.25  # of the parents' difference; one speech of 19 s is a noisier measure than that for which `TOLERANCE` was chosen
 
 
@@ -130,6 +131,14 @@ def test_ticks_are_round_and_take_all_in():
         draw_curves([], 600)
     with pytest.raises(InputError):
         Curve("a", "b", None, np.arange(3.0), np.array([1, np.nan, 2]), np.zeros(3), ("l", "r"))
+
+
+@pytest.mark.parametrize(("pair", "measures"), RULES.items())
+def test_the_rules_styles_mix_monotonically(pair, measures):
+    mixing = measure_mixing(models.load("rules"), [Speech.load(EXAMPLE)], pair, takes=3)
+    for measure in measures:
+        assert mixing.contrast(measure) > 2
+        assert mixing.monotone(measure, FALLS), mixing.means(measure)
 
 
 @pytest.fixture(scope="module")

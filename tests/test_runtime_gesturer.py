@@ -15,9 +15,10 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.motion import Motion
 from cospeech.rules import RuleGesturer
+from cospeech.runtime.flow_player import FlowPlayer
 from cospeech.runtime.gesturer import BundleGesturer
 from cospeech.runtime.sampling import Sampled
-from cospeech.runtime.style import CodeSource, Styles
+from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
 from runtime_bundles import write_small
@@ -238,3 +239,111 @@ def test_no_torch_and_no_onnx(tmp_path):
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+# a style that changes ----------------------------------------------------------------------------------------------------
+
+
+def changed(player: BundleGesturer, speech: Speech, edges: list[int], changes: dict[int, object], **options) -> Motion:
+    """A performance of speech in these pieces, the style changed after these samples."""
+    session, made, at = player.session(**options), [], 0
+    for chunk in cut(speech, sorted({*edges, *changes})):
+        made += session.push(chunk)
+        at += len(chunk)
+        if at in changes:
+            session.restyle(changes[at])
+    return Motion.concatenate([*made, *session.finish()])
+
+
+@pytest.mark.parametrize("transfer", [CodeSource, SegmentSource, NormalSource])
+def test_changes_do_not_depend_on_the_pieces(transfer):
+    speech, player = talk(4.0), BundleGesturer(gesturer().system, transfer)
+    clip = gesturer().generate(talk(3.0), style="ben", seed=8, parts=("body", "hands"))
+    changes = {20_000: "ben", 23_333: {clip: 0.6, "ada": 0.4}, 41_000: "ada:0.5,ben:0.5"}
+    made = changed(player, speech, [], changes, seed=2)
+    for edges in ([1, 2, 7, 9000, 9001, 40_000], list(range(1600, 60_000, 1600))):
+        assert same(changed(player, speech, edges, changes, seed=2), made)
+    assert not same(made, player.generate(speech, seed=2))
+
+
+def test_nothing_is_foreseen_of_a_change():
+    """A flow hears ahead, but plays every frame in its own style: only smoothing and the cubic look one and two poses on."""
+    speech, samples, options = talk(5.0), 40_000, {"parts": ("body", "hands"), "fps": 20.0, "seed": 1}
+    made = changed(gesturer(), speech, [], {samples: "ben"}, **options)
+    plain = gesturer().generate(speech, **options)
+    differs = np.flatnonzero((made.rotations != plain.rotations).any((1, 2)))
+    frame = samples // 800
+    assert frame + 1 - (gesturer().system.smooth + 2) <= differs[0] <= frame + 2
+    assert len(differs) > 0.9 * (len(made) - frame)
+
+
+def test_a_change_is_a_code_and_a_place_for_each_frame():
+    """Frame by frame on the engine, with codes and mean poses that are faded by hand."""
+    system, frames, start, seeds = gesturer().system, 60, 21, (3, 4)
+    sizes, s = system.engine.sizes, system.statistics
+    rng, after = np.random.default_rng(0), sizes.heard - 1 - sizes.history
+    rows, quiet = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
+
+    def casting(blend):
+        return [CodeSource(system, blend, seed=seed) for seed in seeds]
+
+    ada, mixed = (Styles(system).blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
+    player = FlowPlayer(system, casting, ada, quiet, intensity=0.5)
+    made = [player.push(rows[:start])]
+    player.restyle(mixed, start)
+    made += [player.push(rows[start:40])]
+    placed = player.units(np.concatenate(made, 1), at := np.arange(40 - after))
+    made = np.concatenate([*made, player.push(rows[40:]), player.finish(quiet)], 1)
+
+    sources = casting(ada)
+    takes = system.engine.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
+    heard = np.concatenate([np.repeat(quiet, sizes.history, 0), rows, np.repeat(quiet, after, 0)])
+    windows, z = system.engine.windows(heard), np.stack([x.draw(frames) for x in sources])
+    u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
+    share = 0.75 * (3 * u**2 - 2 * u**3)
+    for f in range(frames):
+        takes.styles[:] = (1 - share[f]) * s.styles[0] + share[f] * s.styles[1]
+        np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
+    centres = (1 - share) * s.centres[0] + share * s.centres[1]
+    wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(placed, wanted[:, at], atol=1e-5)
+
+
+def test_style_controls_change_with_the_style(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
+    player, speech = BundleGesturer.open(path), talk(4.0)
+    changes = {16_000: "hand_height:0.95", 33_000: "ben"}
+    made = changed(player, speech, [], changes, parts=("body",))
+    assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
+    table, session = player.system.statistics.controls, player.session()
+    list(session.push(cut(speech, [16_000])[0]))
+    session.restyle("hand_height:0.95")
+    listener = session._listener
+    rows = np.concatenate([listener.push(cut(speech, [16_000])[1]), listener.finish()])
+    first = listener.frames - len(rows)
+    assert rows[20 - first, -1] == table[50, 1]  # at the change itself nothing has changed yet
+    assert (rows[30 - first :, -1] == table[95, 1]).all()
+    assert rows[25 - first, -1] == pytest.approx((table[50, 1] + table[95, 1]) / 2, abs=1e-5)
+    assert (rows[:, -2] == table[50, 0]).all()
+
+
+def test_a_wrong_change_changes_nothing():
+    speech, session = talk(2.0), gesturer().session(seed=1)
+    made = list(session.push(speech))
+    for wrong in ("bem", 7, "ada:nan", "hand_height:0.5"):
+        with pytest.raises(InputError):
+            session.restyle(wrong)
+    assert same(Motion.concatenate([*made, *session.finish()]), gesturer().generate(speech, seed=1))
+    assert session.style_mixture is None
+
+
+def test_flows_hear_as_far_ahead_as_they_were_trained_to():
+    with pytest.raises(InputError, match="look-ahead"):
+        gesturer().session(look_ahead=1.0)
+    speech, session = talk(6.0), gesturer().session(parts=("body",))
+    heard, made, late = 0, 0, []
+    for chunk in cut(speech, list(range(160, len(speech), 160))):
+        heard += len(chunk)
+        made += sum(len(piece) for piece in session.push(chunk))
+        late.append(heard / 16_000 - made / 30)
+    assert session.latency - 0.06 < max(late) <= session.latency

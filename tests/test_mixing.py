@@ -20,7 +20,8 @@ from cospeech.style_mixing import MEASURES, Mixing, draw_mixing, fall_back, meas
 FPS = 30.0
 SPEECH = Speech(np.zeros(12 * 16000, np.float32), 16000)
 PARENTS = {"slow": (0.5, 0.5, 0.0), "quick": (1.0, 0.0, 0.5)}  # strokes' frequency in Hz, swing of the right and the left arm
-BUNDLE = models.SHIPPED / f"mix-stage{models.BUNDLE}"
+SHIPPED = models.SHIPPED
+BUNDLE = SHIPPED / f"mix-stage{models.BUNDLE}"
 PAIRS = {"rate": ("ada", "femi"), "amplitude": ("elif", "gita"), "right_share": ("cleo", "dan")}
 """Measure → speakers that differ much in it, of the synthetic corpus that the shipped bundle is trained on."""
 RULES = {("lively", "reserved"): ("rate", "amplitude"), ("lecturer", "southpaw"): ("right_share",)}
@@ -42,6 +43,8 @@ def swinging(hertz: float, right: float, left: float, seconds: float, phase: flo
 
 class Fake:
     """Plays what lies between its parents at a share that ``bend`` makes of the second one's weight."""
+
+    takes_at_once = 1
 
     def __init__(self, bend=lambda w: w) -> None:
         self.bend, self.heard = bend, []
@@ -139,6 +142,17 @@ def test_the_rules_styles_mix_monotonically(pair, measures):
     for measure in measures:
         assert mixing.contrast(measure) > 2
         assert mixing.monotone(measure, FALLS), mixing.means(measure)
+
+
+def test_takes_at_once_are_those_of_the_seeds():
+    flow = SHIPPED / f"stylised-flow{models.BUNDLE}"
+    if not flow.is_file():
+        pytest.skip("stylised-flow does not ship yet")
+    model, speech = models.load("stylised-flow"), Speech.load(EXAMPLE).window(0, 3)
+    mixing = measure_mixing(model, [speech], ("cleo", "dan"), weights=(0, 1), takes=2, seed=5)
+    alone = model.generate(speech, style="dan", seed=6, parts=("body", "hands"))
+    np.testing.assert_array_equal(mixing.motions[1][1].rotations, alone.rotations)
+    assert [len(row) for row in mixing.motions] == [2, 2]
 
 
 @pytest.fixture(scope="module")

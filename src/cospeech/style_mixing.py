@@ -21,6 +21,7 @@ from .motion import Motion
 from .render.curves import Curve, draw_curves
 from .render.heat import FIGURES, Pictures, draw_heat, frame_of
 from .rotations import Array
+from .runtime.performance import PIECE
 from .speech import Speech
 
 __all__ = ["MEASURES", "TOLERANCE", "WEIGHTS", "Mixing", "draw_mixing", "fall_back", "measure_mixing"]
@@ -102,6 +103,17 @@ class Mixing:
         return tuple([points_of(motion).values for motion in row] for row in self.motions)
 
 
+def _takes(gesturer: Gesturer, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
+    """Performances with the seeds ``seed``, ``seed + 1``, …; in one pass where the system plays several at once."""
+    options = {"style": style, "parts": ("body", "hands")}
+    if gesturer.takes_at_once == 1:
+        return [gesturer.generate(speech, seed=seed + k, **options) for k in range(takes)]
+    session = gesturer.session(seed=seed, takes=takes, **options)
+    pieces = [made for chunk in speech.chunks(PIECE) for made in session.push_takes(chunk)]
+    pieces += session.finish_takes()
+    return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
+
+
 def measure_mixing(
     gesturer: Gesturer,
     speeches: Sequence[Speech],
@@ -131,8 +143,7 @@ def measure_mixing(
     motions = []
     for w in ways:
         style = f"{first}:{1 - w:g},{second}:{w:g}"
-        options = {"style": style, "parts": ("body", "hands")}
-        motions.append(tuple(gesturer.generate(s, seed=seed + k, **options) for s in speeches for k in range(takes)))
+        motions.append(tuple(made for speech in speeches for made in _takes(gesturer, speech, style, takes, seed)))
     found = tuple(tuple(attributes_of(*body_of(motion), motion.fps) for motion in row) for row in motions)
     return Mixing(pair, tuple(ways), found, tuple(motions))
 

@@ -1,0 +1,165 @@
+"""How fast Mix-StAGE plays and trains on one core: ``python benchmarks/mix_stage.py`` (needs the extra ``train``).
+
+The paper's size (256 channels, five halvings, 8 sub-generators, 8 speakers, 96 numbers a pose, 64 bands of speech) with random
+weights; speech, styles and nudges are normal noise. Played by onnxruntime in float32:
+
+* offline, 10 s of speech at 15 frames per second in one pass: 150 frames, filled up to 160;
+* live, as `cospeech.runtime.window_player.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a stage would.
+
+The training step, discriminator and generator with Adam, 16 windows of 64 frames, is PyTorch's in float32 and in float64, in
+which the authors' code trains.
+
+Each figure is the median of runs that take turns, in processor time: on a quiet machine that is the time on the clock (told
+beside), on a busy one it leaves out the others' turns, though not what they take of memory and caches. The paced loop goes by
+the clock.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from flow import processor, verdict
+
+from cospeech.models.lowering import lower
+from cospeech.models.mix_stage import MixStage, MixStageConfig
+from cospeech.nn.objective import Batch, Chance
+from cospeech.runtime.manner import Manner
+from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
+from cospeech.runtime.window_engine import WindowEngine
+from cospeech.runtime.window_player import WindowPlayer, live
+
+POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0
+SECONDS, FRAMES = 10.0, 160
+ROWS = 16  # windows of a training step; authors' code
+BOUND = 8.0  # deviations; poses of the training data lie within
+
+
+def paper_size() -> MixStage:
+    torch.manual_seed(0)
+    return MixStage(MixStageConfig(), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
+
+
+def medians(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Milliseconds of processor time, runs taking turns; prints them beside the time on the clock, with the quickest."""
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
+    for turn in range(rounds + 1):
+        for name, run in runs.items():
+            work, clock = time.process_time(), time.perf_counter()
+            run()
+            if turn:  # the first one warms up
+                taken[name].append((time.process_time() - work, time.perf_counter() - clock))
+    for name, values in taken.items():
+        work, clock = 1e3 * np.median(values, 0)
+        least = 1e3 * min(values)[0]
+        print(f"        {name}: {work:.4g} ms ({least:.4g} … {1e3 * max(values)[0]:.4g}; {clock:.4g} on the clock)")
+    return {name: float(1e3 * np.median(values, 0)[0]) for name, values in taken.items()}
+
+
+def system_of(engine: WindowEngine) -> WindowSystem:
+    """Enough of a bundle for a player."""
+    zeros, ones = np.zeros(POSE, np.float32), np.ones(POSE, np.float32)
+    quiet, loud = np.zeros(AUDIO, np.float32), np.ones(AUDIO, np.float32)
+    statistics = WindowStatistics(
+        pose_mean=zeros, pose_std=ones, audio_mean=quiet, audio_std=loud, pose_low=-BOUND * ones, pose_high=BOUND * ones,
+        audio_low=-BOUND * loud, audio_high=BOUND * loud, centres=np.zeros((SPEAKERS, POSE), np.float32),
+        codes=np.eye(SPEAKERS, dtype=np.float32),
+    )  # fmt: skip
+    names = tuple(f"speaker{k}" for k in range(SPEAKERS))
+    return WindowSystem(engine, statistics, "keypoints2d", FPS, "mel64", 1, names, names[0], "")
+
+
+def playing(engine: WindowEngine, frames: int, takes: int) -> Callable[[], object]:
+    """One pass."""
+    sizes, rng = engine.sizes, np.random.default_rng(0)
+    shapes = (frames, sizes.audio), (takes, frames, sizes.styles), (takes, frames, sizes.modes)
+    given = [rng.normal(size=shape).astype(np.float32) for shape in shapes]
+    return lambda: engine.make(*given)
+
+
+def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, float, int]:
+    """Milliseconds a frame in processor time, milliseconds of a window on the clock (median and 99th percentile), frames a
+    window: a loop that sleeps until the next frames of speech are due."""
+    system, setting = system_of(engine), live(engine.sizes)
+    statistics = system.statistics
+    manner = Manner(statistics.codes[0], statistics.centres[0], np.zeros((0, 0, POSE), np.float32))
+    quiet = np.zeros((1, AUDIO), np.float32)
+    player = WindowPlayer(system, setting, ((1.0, manner),), [0], quiet)
+    rows = np.random.default_rng(0).normal(size=(int(seconds * FPS), AUDIO)).astype(np.float32)
+    work, clock, due = [], [], time.perf_counter()
+    for first in range(0, len(rows) - setting.hop + 1, setting.hop):
+        due += setting.hop / FPS / 4  # four times as fast as people speak: as demanding, and over sooner
+        time.sleep(max(0.0, due - time.perf_counter()))
+        begun, worked = time.perf_counter(), time.process_time()
+        made = player.push(rows[first : first + setting.hop])
+        if made.shape[1]:
+            work.append((time.process_time() - worked) * 1e3)
+            clock.append((time.perf_counter() - begun) * 1e3)
+    late = float(np.percentile(clock, 99))
+    return float(np.median(work)) / setting.hop, float(np.median(clock)), late, setting.hop
+
+
+def training(dtype: torch.dtype) -> Callable[[], object]:
+    """One step."""
+    net = paper_size().to(dtype).train()
+    objectives = net.objectives()
+    movers = {name: torch.optim.Adam(list(objective.parameters), 1e-4) for name, objective in objectives.items()}
+    draw = torch.Generator().manual_seed(1)
+    frames = net.window
+    arrays = {
+        "pose": torch.randn(ROWS, frames, POSE, generator=draw).to(dtype),
+        "audio": torch.randn(ROWS, frames, AUDIO, generator=draw).to(dtype),
+        "cluster": torch.randint(net.config.modes, (ROWS, frames), generator=draw),
+        "speaker": torch.arange(ROWS) % SPEAKERS,
+    }
+
+    def step() -> None:
+        for name, objective in objectives.items():
+            movers[name].zero_grad()
+            torch.stack(list(objective.loss(Batch(arrays, Chance(0, 0)), 0).values())).sum().backward()
+            movers[name].step()
+
+    return step
+
+
+def eager(net: MixStage) -> Callable[[], object]:
+    """The pass of `playing`, by PyTorch."""
+    heard, style, nudge = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
+    return torch.no_grad()(lambda: net.make(heard, style, nudge))
+
+
+def load() -> str:
+    """How busy the machine is: processes that want a core, over the last minute."""
+    return f"{os.getloadavg()[0]:.1f} processes on {os.cpu_count()} cores"
+
+
+def main() -> None:
+    torch.set_num_threads(1)
+    print(f"Mix-StAGE of the paper's size, one core of {processor()}, onnxruntime; {load()}")
+    net = paper_size().eval()
+    low = lower(net)
+    edge = np.full(POSE, BOUND)
+    engine = WindowEngine(low.sizes, low.weights, low.graphs, -edge, edge)
+    played = sum(value.size for value in low.weights.values())
+    print(f"        {sum(p.numel() for p in net.parameters()):,} parameters, {played:,} of them to play; "
+          f"a frame hears {low.sizes.reach} frames to either side")  # fmt: skip
+    runs = {"10 s offline": playing(engine, FRAMES, 1), "8 takes": playing(engine, FRAMES, 8)}
+    runs |= {"a window of 64 frames": playing(engine, 64, 1), "10 s by PyTorch eager": eager(net)}
+    ms = medians(runs, 15)
+    verdict("real-time factor, 10 s offline, float32", ms["10 s offline"] / 1e3 / SECONDS, 0.006, "")
+    verdict("faster than PyTorch eager", ms["10 s by PyTorch eager"] / ms["10 s offline"], 1, "×", at_least=True)
+    print(f"        8 takes cost {ms['8 takes'] / ms['10 s offline']:.2f} times one")
+    each, middle, late, hop = paced(engine)
+    print(f"        live: {each:.3g} ms a frame; a window of {hop} new frames takes {middle:.3g} ms on the clock, "
+          f"99th percentile {late:.3g} ms, and has {1e3 * hop / FPS:.0f} ms")  # fmt: skip
+    verdict("live, 99th percentile of a window, of the time that its frames last", 100 * late / (1e3 * hop / FPS), 100, " %")
+    print(f"training step; {load()}")
+    ms = medians({"float32": training(torch.float32), "float64": training(torch.float64)}, 5)
+    verdict("float32 faster than float64", ms["float64"] / ms["float32"], 3, "×", at_least=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -26,7 +26,7 @@ from cospeech.train import train  # noqa: E402
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, MODES, ROWS = 6, 16, 3, 4, 3
 TINY = {"modes": MODES, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
-AUTHORS = {"soft": True, "l1_adversarial": True, "growth": 0.1, "id_freezes": True}
+AUTHORS = {"soft": True, "judging": "distance", "growth": 0.1, "id_freezes": True}
 PARTS = ("audio_content", "pose_content", "style.encoder", "style.matrix", "unet", "generators", "mode_logits", "discriminator")
 
 
@@ -237,7 +237,7 @@ def test_the_adversarial_terms_are_those_of_equation_7_or_of_the_authors():
     judged = network().eval().discriminator_loss(data, 0)
     fooled = network().eval().generator_loss(data, 0)["adv"]
     assert torch.allclose(judged["false"], -fooled)  # what D maximises, the others minimise
-    net = network(l1_adversarial=True, growth=0.1).eval()
+    net = network(judging="distance", growth=0.1).eval()
     first, later, last = (net.discriminator_loss(data, step)["false"] for step in (0, 301, 10**6))
     assert torch.allclose(later, 1.1 * first)
     assert torch.allclose(last, 2 * first)

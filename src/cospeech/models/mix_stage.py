@@ -25,7 +25,8 @@ What each reaches (G is the sub-generators, of every frame its owner alone; noth
     L_rec    Eᶜₐ       U-Net  S     G
 
 In the authors' reading (``soft``: Φ is H's in training too) L_joint, L_rec, L_id and L_adv reach H and every sub-generator;
-with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5).
+with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5). With
+``persistence``, which is ours, L_adv and L_id are of poses with priors of H, drawn as in a performance, and reach H too.
 
 Followed: equations 2–8. Changed: the authors' coin per batch, which of D and G has its turn, is every other step
 (``alternate``), and their coin per batch, which content is decoded, one per row, so that many processes train as one would.
@@ -43,8 +44,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..nn.content import STYLE_FRAMES, AudioContent, PoseContent
+from ..nn.gumbel import smooth_gumbel
+from ..nn.judging import JUDGINGS
 from ..nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PatchDiscriminator, velocity
@@ -78,12 +81,19 @@ class MixGanConfig:
     """Whether Φ is H's estimate in training too, as in the authors' code; else one-hot, section 4.1."""
     curriculum: int = 0
     """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
-    l1_adversarial: bool = False
-    """Whether D's scores are drawn to 1 and 0 by their L1 distance, as in the authors' code; else by logarithms, equation 7."""
+    judging: str = "logarithm"
+    """What D's scores are worth, one of nn/judging.py: logarithm, equation 7; distance, the authors' code; squares."""
     growth: float = 0.0
     """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
     alternate: bool = False
     """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
+    reconstruction: float = 1.0
+    """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
+    judge_poses: bool = False
+    """Whether D sees poses beside velocity; ours. The authors' code: velocity alone, which knows no posture."""
+    persistence: float = 0.0
+    """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
+    that makes takes differ, drawn for so long a time. Ours; 0: of those that L_rec is of."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,9 @@ class _Decoded(NamedTuple):
     """Content of poses that is decoded too, for L_joint."""
     logits: Tensor
     made: Tensor
+    """Ŷ of L_rec."""
+    judged: Tensor
+    """Ŷ of L_adv and L_id: the same, as published."""
 
 
 class MixGan(Windowed):
@@ -138,6 +151,8 @@ class MixGan(Windowed):
         if config.frames < STYLE_FRAMES or config.frames % 2**config.depth:
             hint = f"{STYLE_FRAMES} at least, and a multiple of {2**config.depth}"
             raise InputError(f"windows of {config.frames} frames", hint)
+        if config.judging not in JUDGINGS:
+            raise InputError(f"scores judged by {config.judging!r}", nearest(config.judging, JUDGINGS))
         self.config, self.pose, self.audio, self.identity = config, pose, audio, identity
         self.multiple = self.shortest = 2**config.depth
         self.styles, self.modes = style.speakers, config.modes if config.modes > 1 else 0
@@ -148,7 +163,7 @@ class MixGan(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
-        self.discriminator = PatchDiscriminator(pose, config.patch_channels)
+        self.discriminator = PatchDiscriminator(2 * pose if config.judge_poses else pose, config.patch_channels)
         self._left: _Decoded | None = None
 
     @property
@@ -170,11 +185,10 @@ class MixGan(Windowed):
         logits: Tensor = self.mode_logits(z)
         return logits
 
-    def _made(self, z: Tensor, logits: Tensor, cluster: Tensor) -> Tensor:
-        """Ŷ (B, D, T): with one-hot priors in training, section 4.1, with those of H otherwise."""
+    def _priors(self, logits: Tensor, cluster: Tensor) -> Tensor:
+        """Φ (B, M, T): one-hot in training, section 4.1, those of H otherwise."""
         one_hot = self.training and not self.config.soft
-        priors = one_hot_priors(cluster, self.config.modes).to(z) if one_hot else torch.softmax(logits, 1)
-        return mix(self.generators(z), priors)
+        return one_hot_priors(cluster, self.config.modes).to(logits) if one_hot else torch.softmax(logits, 1)
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -201,19 +215,30 @@ class MixGan(Windowed):
         heard, seen = self._heard(batch, step)
         z = self.latent(heard, own.weights)
         logits = self._logits(z)
-        return _Decoded(key, own, seen, logits, self._made(z, logits, batch["cluster"]))
+        made = self.generators(z)
+        mixed = mix(made, self._priors(logits, batch["cluster"]))
+        return _Decoded(key, own, seen, logits, mixed, self._played(batch, made, logits) if self.config.persistence else mixed)
+
+    def _played(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
+        """Ŷ as it is played, with priors of H and noise: (B, M, D, T), (B, M, T) → (B, D, T)."""
+        noise = smooth_gumbel(batch.chance, *logits.shape, self.config.persistence)
+        return mix(made, torch.softmax(logits + noise, 1))
+
+    def _score(self, pose: Tensor) -> Tensor:
+        """D's scores of (B, D, T) poses, by how they move."""
+        moved = velocity(pose)
+        scores: Tensor = self.discriminator(torch.cat([moved, pose], 1) if self.config.judge_poses else moved)
+        return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """−L_adv of equation 7, for D; or |D(Y) − 1| + |D(Ŷ)|."""
+        """−L_adv of equation 7, for D, or what else stands for it."""
         self._left = None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.config.alternate):
             decoded = self._decoded(batch, step)
         self._left = None if self.config.alternate else decoded
-        true, false = (self.discriminator(velocity(x)) for x in (batch["pose"].mT, decoded.made.detach()))
-        weight = self._growing(step)
-        if self.config.l1_adversarial:
-            return {"true": (true - 1).abs().mean(), "false": weight * false.abs().mean()}
-        return {"true": F.softplus(-true).mean(), "false": weight * F.softplus(false).mean()}
+        true, false = (self._score(x) for x in (batch["pose"].mT, decoded.judged.detach()))
+        judging = JUDGINGS[self.config.judging]
+        return {"true": judging.true(true), "false": self._growing(step) * judging.false(false)}
 
     def _heard(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
         """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.
@@ -234,19 +259,20 @@ class MixGan(Windowed):
         pose, cluster = batch["pose"].mT, batch["cluster"]
         decoded, self._left = self._decoded(batch, step), None
         made, mixes = decoded.made, [F.cross_entropy(decoded.logits, cluster)]
-        terms = {"rec": (pose - made).abs().mean()}  # equation 5
+        weight = self.config.reconstruction
+        terms = {"rec": weight * (pose - made).abs().mean()}  # equation 5
         if decoded.seen is not None:
             z = self.latent(decoded.seen, decoded.own.weights)
             logits = self._logits(z)
-            terms["joint"] = (pose - self._made(z, logits, cluster)).abs().mean()  # equation 4
+            again = mix(self.generators(z), self._priors(logits, cluster))
+            terms["joint"] = weight * (pose - again).abs().mean()  # equation 4
             mixes.append(F.cross_entropy(logits, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
-        judged = self.style.identity(decoded.own, made, batch["speaker"])
+        judged = self.style.identity(decoded.own, decoded.judged, batch["speaker"])
         terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
-        score, weight = self.discriminator(velocity(made)), self.config.adversarial * self._growing(step)
-        fooled = (score - 1).abs() if self.config.l1_adversarial else -F.softplus(score)  # equation 7: log(1 − D)
-        terms["adv"] = weight * fooled.mean()
+        fooled = JUDGINGS[self.config.judging].fooled(self._score(decoded.judged))  # equation 7: log(1 − D)
+        terms["adv"] = self.config.adversarial * self._growing(step) * fooled
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------

@@ -1,0 +1,38 @@
+"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator that wants it fooled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from torch import Tensor
+from torch.nn import functional as F
+
+__all__ = ["JUDGINGS", "Judging"]
+
+Loss = Callable[[Tensor], Tensor]
+
+
+class Judging(NamedTuple):
+    """Three losses of scores of any shape: their means.
+
+    Args:
+        true: of D, for poses of people.
+        false: of D, for poses that were made.
+        fooled: of the generator, for poses that were made.
+    """
+
+    true: Loss
+    false: Loss
+    fooled: Loss
+
+
+JUDGINGS: dict[str, Judging] = {
+    "logarithm": Judging(lambda s: F.softplus(-s).mean(), lambda s: F.softplus(s).mean(), lambda s: -F.softplus(s).mean()),
+    "distance": Judging(lambda s: (s - 1).abs().mean(), lambda s: s.abs().mean(), lambda s: (s - 1).abs().mean()),
+    "squares": Judging(
+        lambda s: (s - 1).square().mean(), lambda s: s.square().mean(), lambda s: (s - 1).square().mean()
+    ),
+}
+"""``logarithm``: log D and log(1 − D), D the sigmoid of a score (Goodfellow et al. 2014; Mix-StAGE, equation 7); ``distance``:
+L1 to 1 and 0 (Mix-StAGE, authors' code); ``squares``: the squared distance (Mao et al. 2017; Speech2Gesture)."""

@@ -43,7 +43,7 @@ def test_synthesise_and_prepare(app, tmp_path):
     line = ["prepare", "trinity", raw, store, "--fps", "10", "--mirror", "--pitch", "2", "--speed", "1.1", "--twin", "leftarm"]
     done = CliRunner().invoke(app, line, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "of twins: 4, by augmentation: 24" in done.output
+    assert "of twins: 5, by augmentation: 24" in done.output
     assert Store(store).fps == 10
     assert app.told == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):

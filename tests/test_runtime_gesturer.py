@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -307,6 +308,32 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     centres = (1 - share) * s.centres[0] + share * s.centres[1]
     wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
     np.testing.assert_allclose(placed, wanted[:, at], atol=1e-5)
+
+
+def test_a_change_brings_the_speaker_s_own_deviation():
+    """Of a system that knows poses by their recording's own mean and deviation: both are faded, and what is made by itself."""
+    system = gesturer().system
+    rng, width = np.random.default_rng(0), system.engine.sizes.pose
+    own = {
+        "spreads": rng.uniform(0.5, 2, (2, width)),
+        "made_mean": rng.normal(size=width),
+        "made_std": rng.uniform(1, 2, width),
+    }
+    s = replace(system.statistics, **{name: value.astype(np.float32) for name, value in own.items()})
+    system = replace(system, statistics=s)
+
+    def casting(blend):
+        return [CodeSource(system, blend, seed=1)]
+
+    ada, ben = (Styles(system).blend(name) for name in ("ada", "ben"))
+    player = FlowPlayer(system, casting, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
+    player.restyle(ben, 0)
+    at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
+    found = (player.units(poses, at) - s.pose_mean) / s.pose_std
+    for k, share in enumerate((0.0, 0.5, 1.0)):
+        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.centres, s.spreads))
+        wanted = centre + (poses[:, k] - s.made_mean) / s.made_std * spread
+        np.testing.assert_allclose(found[:, k], wanted, atol=1e-4)
 
 
 def test_style_controls_change_with_the_style(tmp_path):

@@ -321,7 +321,7 @@ def test_what_was_before_a_change_and_what_comes_after():
     made = changed(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
     before, after = (gesturer().generate(speech, style=style, parts=BODY, fps=20.0) for style in ("ada", "ben"))
     differs = (made.rotations != before.rotations).any((1, 2))
-    frame, lead = samples // 800, LIVE.waits + whole_system().smooth + 1
+    frame, lead = samples // 800, LIVE.waits - 2 + whole_system().smooth + 2
     assert not differs[: frame - lead].any()
     assert differs[frame + LIVE.hop :].mean() > 0.9
     settled = frame + 10 + LIVE.past + LIVE.hop

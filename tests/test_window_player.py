@@ -204,7 +204,7 @@ def test_before_a_change_bits_stay_but_for_the_look_ahead(setting):
     who.restyle(BEN, frame)
     made = np.concatenate([made, played(who, rows[frame:])], 1)
     changed = np.flatnonzero((made != plain).any((0, 2)))
-    foreseen = frame + 1 - setting.waits  # a window whose new frames begin before hears nothing of the change
+    foreseen = frame + 2 - setting.waits  # a window whose new frames begin before ends with the last frame of the old style
     assert changed[0] >= max(foreseen, 0)
     assert changed[0] <= frame + setting.hop
     later = played(player(setting, BEN), rows)

@@ -46,6 +46,7 @@ TINY = {
     "cmix-gan": {name: size for name, size in _MIX.items() if name != "style"},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 1},
     "speaker-classifier": {"channels": 4},
+    "speaker-classifier+plain": {"channels": 4, "plain": True},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }
 

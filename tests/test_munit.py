@@ -13,8 +13,9 @@ from cospeech.checkpoint import load_run  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.munit import Munit, MunitConfig  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.recipe import build, load_recipe, read_recipe  # noqa: E402
+from cospeech.nn.objective import Batch, Chance, Objective  # noqa: E402
+from cospeech.nn.part import Part  # noqa: E402
+from cospeech.recipe import Optimiser, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.train import train  # noqa: E402
 from cospeech.training_set import open_set  # noqa: E402
 from tiny_store import make_store  # noqa: E402
@@ -118,6 +119,23 @@ def test_the_recipe_is_at_the_authors_values_and_they_are_the_defaults():
     recipe = load_recipe(ROOT / "recipes" / "munit_pats.toml")
     assert build(MunitConfig, recipe.config, "model") == MunitConfig()
     assert (recipe.train.betas, recipe.train.lr, recipe.train.gamma) == ((0.5, 0.999), 1e-4, 0.5)
+    assert recipe.train.weight_decay == 1e-4
+
+
+def test_weight_decay_is_added_to_the_gradient_before_adam_sees_it():
+    """Three steps of an objective with and without, against Adam written out (Kingma and Ba 2015, algorithm 1)."""
+    target = torch.tensor([1.0, -2.0, 0.5])
+    for decay in (0.0, 0.3):
+        value = torch.nn.Parameter(torch.tensor([2.0, 1.0, -1.0]))
+        part = Part("x", Objective([value], dict), Optimiser(lr=0.1, betas=(0.5, 0.9), weight_decay=decay))
+        x, m, v = value.detach().clone(), torch.zeros(3), torch.zeros(3)
+        for step in range(1, 4):
+            part.gradients((value - target).square().sum())
+            part.update(step - 1)
+            g = 2 * (x - target) + decay * x
+            m, v = 0.5 * m + 0.5 * g, 0.9 * v + 0.1 * g * g
+            x = x - 0.1 * (m / (1 - 0.5**step)) / ((v / (1 - 0.9**step)).sqrt() + 1e-8)
+        assert torch.allclose(value, x, atol=1e-6)
 
 
 def test_trained_it_gives_poses_back_from_content_and_style(tmp_path):

@@ -154,3 +154,37 @@ def test_every_recipe_of_ours_is_one():
 def test_recipes_need_no_torch():
     code = "import sys, cospeech.recipe, cospeech.cli_train; sys.exit('torch' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
+    pytest.importorskip("torch", reason="networks need torch (the train extra)")
+    from cospeech.checkpoint import network
+
+    theirs = {"soft": True, "curriculum": 1000, "judging": "distance", "growth": 0.1, "id_freezes": True, "alternate": True}
+    names = ("mix_stage", "stage", "cmix_gan", "speech2gesture", "munit", "speaker_classifier", "mix_stage_authors")
+    for name in names:
+        base = name.removesuffix("_authors")
+        recipe = load_recipe(ROOT / "recipes" / f"{base}_pats{'_authors' if name != base else ''}.toml")
+        assert recipe.model == base.replace("_", "-")
+        kind = network(recipe.model).Config
+        assert build(kind, recipe.config, "model") == kind(**(theirs if name != base else {}))
+        assert recipe.data.pose == "keypoints2d"
+        assert recipe.data.speakers == ()
+    family = {name: load_recipe(ROOT / "recipes" / f"{name}.toml").train for name in
+              ("mix_stage_pats", "stage_pats", "cmix_gan_pats", "mix_stage_pats_authors")}  # fmt: skip
+    for name, train in family.items():
+        assert (train.steps, train.batch, train.gamma, train.gamma_every) == (60_000, 16, 0.99, 3000)
+        assert train.lr == (1e-4 if name.endswith("authors") else 1e-3)
+        assert train.balance is (name != "cmix_gan_pats")  # of one speaker there is nothing to balance
+
+
+def test_speakers_are_a_list_of_names(path):
+    assert load_recipe(path).data.speakers == ()
+    recipe = load_recipe(path, ['data.speakers=["ann", "bob"]', "train.weight_decay=1e-4"])
+    assert recipe.data.speakers == ("ann", "bob")
+    assert recipe.train.of("discriminator").weight_decay == 1e-4
+    assert read_recipe(recipe.to_dict()) == recipe
+    assert changed(load_recipe(path).to_dict(), recipe.to_dict())[0] == "data.speakers: [], now ['ann', 'bob']"
+    for wrong in ('data.speakers="ann"', "data.speakers=[1]", "data.speakers=ann", "train.weight_decay=-1"):
+        with pytest.raises(InputError, match=r"data\.speakers is|train\.weight_decay is"):
+            load_recipe(path, [wrong])

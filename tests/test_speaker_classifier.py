@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -51,6 +52,10 @@ def test_of_64_frames_there_is_one_answer_and_of_more_their_mean():
     longer = torch.randn(2, 200, 5)
     assert torch.allclose(net(longer), net.blocks(longer.mT).mean(-1))
     assert (net(poses) >= 0).all()  # the last ReLU
+    plain = SpeakerClassifier(replace(TINY, plain=True), pose=5, speakers=3).eval()
+    assert (plain(longer) < 0).any()
+    assert plain(poses).shape == (2, 3)
+    assert sum(p.numel() for p in net.parameters()) - sum(p.numel() for p in plain.parameters()) == 2 * 3
 
 
 def test_its_loss_is_the_cross_entropy_and_its_error_a_share():

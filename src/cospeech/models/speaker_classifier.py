@@ -32,6 +32,9 @@ class SpeakerClassifierConfig:
     """T of a training window, and of a window of the score; authors' code 64 (4.3 s at 15 frames per second)."""
     channels: int = 64
     """Of the first convolution; twice as many in the next two, four times as many in the two after. Authors' code 64."""
+    plain: bool = False
+    """Whether the last convolution gives the logits as they are: ours, as the authors' form cannot be certain of few speakers.
+    Authors' code: false, batch norm and ReLU follow."""
 
 
 class SpeakerClassifier(nn.Module):
@@ -57,8 +60,9 @@ class SpeakerClassifier(nn.Module):
             raise InputError(problem[:200], f"two speakers and {SHORTEST} frames at least, sizes are positive")
         self.config, self.pose, self.speakers = config, pose, speakers
         few = config.channels
-        widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few, speakers)
-        self.blocks = nn.Sequential(*(_halving(a, b) for a, b in pairwise(widths)))
+        widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few)
+        last = _halve(widths[-1], speakers) if config.plain else _halving(widths[-1], speakers)
+        self.blocks = nn.Sequential(*(_halving(a, b) for a, b in pairwise(widths)), last)
 
     @property
     def window(self) -> int:
@@ -89,6 +93,11 @@ class SpeakerClassifier(nn.Module):
         return {"cross_entropy": F.cross_entropy(logits, speaker), "error": (logits.argmax(1) != speaker).float().mean()}
 
 
-def _halving(inputs: int, outputs: int) -> nn.Sequential:
+def _halve(inputs: int, outputs: int) -> nn.Conv1d:
     """(B, inputs, T) → (B, outputs, ⌊T / 2⌋)."""
-    return nn.Sequential(nn.Conv1d(inputs, outputs, 4, 2, padding=1), BatchNorm1d(outputs), nn.ReLU())
+    return nn.Conv1d(inputs, outputs, 4, 2, padding=1)
+
+
+def _halving(inputs: int, outputs: int) -> nn.Sequential:
+    """The same, with batch norm and ReLU."""
+    return nn.Sequential(_halve(inputs, outputs), BatchNorm1d(outputs), nn.ReLU())

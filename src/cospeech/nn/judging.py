@@ -30,9 +30,7 @@ class Judging(NamedTuple):
 JUDGINGS: dict[str, Judging] = {
     "logarithm": Judging(lambda s: F.softplus(-s).mean(), lambda s: F.softplus(s).mean(), lambda s: -F.softplus(s).mean()),
     "distance": Judging(lambda s: (s - 1).abs().mean(), lambda s: s.abs().mean(), lambda s: (s - 1).abs().mean()),
-    "squares": Judging(
-        lambda s: (s - 1).square().mean(), lambda s: s.square().mean(), lambda s: (s - 1).square().mean()
-    ),
+    "squares": Judging(lambda s: (s - 1).square().mean(), lambda s: s.square().mean(), lambda s: (s - 1).square().mean()),
 }
 """``logarithm``: log D and log(1 − D), D the sigmoid of a score (Goodfellow et al. 2014; Mix-StAGE, equation 7); ``distance``:
 L1 to 1 and 0 (Mix-StAGE, authors' code); ``squares``: the squared distance (Mao et al. 2017; Speech2Gesture)."""

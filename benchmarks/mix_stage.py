@@ -6,8 +6,8 @@ weights; speech, styles and nudges are normal noise. Played by onnxruntime in fl
 * offline, 10 s of speech at 15 frames per second in one pass: 150 frames, filled up to 160;
 * live, as `cospeech.runtime.window_player.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a stage would.
 
-The training step, discriminator and generator with Adam, 16 windows of 64 frames, is PyTorch's in float32 and in float64, in
-which the authors' code trains.
+The training step, discriminator and generator with Adam, 16 windows of 64 frames, is PyTorch's in float32, in float64, in which
+the authors' code trains, and in the mixed precision of ``train.precision = "bfloat16"``.
 
 Each figure is the median of runs that take turns, in processor time: on a quiet machine that is the time on the clock (told
 beside), on a busy one it leaves out the others' turns, though not what they take of memory and caches. The paced loop goes by
@@ -102,8 +102,8 @@ def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, fl
     return float(np.median(work)) / setting.hop, float(np.median(clock)), late, setting.hop
 
 
-def training(dtype: torch.dtype) -> Callable[[], object]:
-    """One step."""
+def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]:
+    """One step, as `cospeech.train.train` takes it."""
     net = paper_size().to(dtype).train()
     objectives = net.objectives()
     movers = {name: torch.optim.Adam(list(objective.parameters), 1e-4) for name, objective in objectives.items()}
@@ -119,7 +119,10 @@ def training(dtype: torch.dtype) -> Callable[[], object]:
     def step() -> None:
         for name, objective in objectives.items():
             movers[name].zero_grad()
-            torch.stack(list(objective.loss(Batch(arrays, Chance(0, 0)), 0).values())).sum().backward()
+            with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+                terms = objective.loss(Batch(arrays, Chance(0, 0)), 0)
+                total = torch.stack(list(terms.values())).sum()
+            total.backward()
             movers[name].step()
 
     return step
@@ -157,8 +160,10 @@ def main() -> None:
           f"99th percentile {late:.3g} ms, and has {1e3 * hop / FPS:.0f} ms")  # fmt: skip
     verdict("live, 99th percentile of a window, of the time that its frames last", 100 * late / (1e3 * hop / FPS), 100, " %")
     print(f"training step; {load()}")
-    ms = medians({"float32": training(torch.float32), "float64": training(torch.float64)}, 5)
+    runs = {"float32": training(torch.float32), "float64": training(torch.float64)}
+    ms = medians(runs | {"bfloat16, mixed": training(torch.float32, mixed=True)}, 5)
     verdict("float32 faster than float64", ms["float64"] / ms["float32"], 3, "×", at_least=True)
+    verdict("bfloat16 faster than float64", ms["float64"] / ms["bfloat16, mixed"], 3, "×", at_least=True)
 
 
 if __name__ == "__main__":

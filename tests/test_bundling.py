@@ -27,7 +27,9 @@ from cospeech.models import SHIPPED  # noqa: E402
 from cospeech.poses import find_pose  # noqa: E402
 from cospeech.recipe import read_recipe  # noqa: E402
 from cospeech.rules import RuleGesturer  # noqa: E402
+from cospeech.runtime.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
+from cospeech.runtime.systems import open_system  # noqa: E402
 from cospeech.speech import Speech, example  # noqa: E402
 from cospeech.train import train  # noqa: E402
 
@@ -166,6 +168,82 @@ def test_a_run_folder_and_its_bundle_play_the_same(run, bundle):
     assert first.rotations.tobytes() == second.rotations.tobytes()
     model, _ = load_run(run)
     assert model.stylist is not None
+
+
+MIX = {"name": "mix-stage", "modes": 3, "channels": 8, "depth": 3, "style": 3, "patch_channels": 4}
+S2G = {"name": "speech2gesture", "channels": 8, "depth": 3, "decoder": 1, "judge": 4}
+MUNIT = {"name": "munit", "channels": 4, "style": 2, "mlp": 8, "blocks": 1}
+
+
+@pytest.fixture(scope="module")
+def windowed(store, tmp_path_factory):
+    """Makes runs of a few steps of networks by windows, each once."""
+    folder, made = tmp_path_factory.mktemp("windowed"), set()
+
+    def run_of(model, **data):
+        if (path := folder / "-".join([model["name"], *data])) not in made:
+            settings = {"steps": 4, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 4, "save_every": 4}
+            recipe = {"model": model, "data": {"audio": "mel20-prosody", **data}, "train": settings}
+            train(read_recipe(recipe), store, path)
+            made.add(path)
+        return path
+
+    return run_of
+
+
+@pytest.mark.parametrize("model", [MIX, S2G, MUNIT], ids=lambda model: model["name"])
+def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed, model, tmp_path):
+    folder, path = windowed(model), tmp_path / "it.cospeech"
+    bundle_run(folder, path, small=False, style="small")
+    system, (net, _) = open_system(read_bundle(path)), load_run(folder)
+    assert (system.styles, system.style, system.fps, system.pose) == (("big", "small"), "small", FPS, "expmap-humanoid")
+    examples, _ = read_tensors(folder / EXAMPLES)
+    codes = net.speaker_styles(examples["stretches"])
+    np.testing.assert_array_equal(system.statistics.codes, codes)
+    if model is MIX:
+        np.testing.assert_array_equal(codes, np.eye(2))
+    for code, speech in zip(codes, examples["speech"][:, 0, :96], strict=True):
+        wanted = net.generate(speech[None], code[None, None])[0].numpy()
+        shape = (1, 96, net.styles)
+        rows = system.engine.make(speech.numpy(), np.broadcast_to(code.numpy(), shape), np.zeros((1, 96, net.modes)))[0]
+        wanted = wanted.clip(system.engine.low, system.engine.high)
+        np.testing.assert_allclose(rows, wanted, atol=1e-4)
+    for which, value in vars(system.statistics).items():
+        if which in examples:
+            np.testing.assert_array_equal(value, examples[which])
+
+
+def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
+    sizes = []
+    for small in (True, False):
+        path = tmp_path / f"{small}.cospeech"
+        bundle_run(windowed(MIX), path, small=small)
+        sizes.append(path.stat().st_size)
+    assert sizes[0] < 0.8 * sizes[1]
+    said = read_bundle(tmp_path / "True.cospeech").manifest["rounding"]
+    assert 0 < said < 0.01
+    systems = [open_system(read_bundle(tmp_path / f"{small}.cospeech")) for small in (True, False)]
+    examples, _ = read_tensors(windowed(MIX) / EXAMPLES)
+    rows = examples["speech"][0].flatten(0, 1).numpy()
+    style, nudge = np.eye(2, dtype=np.float32)[None, [0] * len(rows)], np.zeros((1, len(rows), 3))
+    small, exact = (system.engine.make(rows, style, nudge) for system in systems)
+    assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(said, rel=0.5)
+    assert "rounding" not in read_bundle(tmp_path / "False.cospeech").manifest
+    assert "half precision" in systems[0].card
+
+
+def test_a_run_by_windows_is_on_stage(windowed):
+    speech = Speech.load(example()[0]).window(0, 3)
+    player = cospeech.load(str(windowed(MIX)))
+    first, again, other = (player.generate(speech, style=name, seed=1, fps=FPS) for name in ("big", "big", "small"))
+    assert first.rotations.tobytes() == again.rotations.tobytes()
+    assert len(first) == 36
+    assert np.abs(first.rotations - other.rotations).max() > 0
+
+
+def test_poses_by_clip_are_not_for_networks_by_windows(windowed, tmp_path):
+    with pytest.raises(InputError, match="by_clip"):
+        bundle_run(windowed(S2G, by_clip=True), tmp_path / "it.cospeech")
 
 
 def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):

@@ -221,7 +221,8 @@ class MixGan(Windowed):
 
     def _played(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
         """Ŷ as it is played, with priors of H and noise: (B, M, D, T), (B, M, T) → (B, D, T)."""
-        noise = smooth_gumbel(batch.chance, *logits.shape, self.config.persistence)
+        rows, modes, frames = logits.shape
+        noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
         return mix(made, torch.softmax(logits + noise, 1))
 
     def _score(self, pose: Tensor) -> Tensor:

@@ -1,0 +1,61 @@
+"""What adversarial training is made of beside networks: worth of scores, and the noise that takes are drawn with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from cospeech.nn.gumbel import smooth_gumbel
+from cospeech.nn.judging import JUDGINGS
+from cospeech.nn.objective import Chance
+from cospeech.runtime.nudge import SECONDS, SmoothGumbel
+
+
+@pytest.mark.parametrize("name", JUDGINGS)
+def test_losses_draw_scores_the_way_they_say(name):
+    judging = JUDGINGS[name]
+    for loss, rises in ((judging.true, False), (judging.false, True), (judging.fooled, False)):
+        scores = torch.tensor([0.4], requires_grad=True)
+        loss(scores).backward()
+        assert (scores.grad > 0) == rises
+
+
+def test_logarithms_are_those_of_equation_7():
+    scores = torch.linspace(-3, 3, 7)
+    share = torch.sigmoid(scores)
+    found = JUDGINGS["logarithm"]
+    torch.testing.assert_close(found.true(scores), -torch.log(share).mean())
+    torch.testing.assert_close(found.false(scores), -torch.log(1 - share).mean())
+    torch.testing.assert_close(found.fooled(scores), torch.log(1 - share).mean())
+
+
+def test_a_perfect_judge_loses_nothing():
+    for name in ("distance", "squares"):
+        assert JUDGINGS[name].true(torch.ones(3)) == JUDGINGS[name].false(torch.zeros(3)) == 0
+
+
+def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
+    logits = torch.tensor([1.0, 0.0, -1.0])
+    noise = smooth_gumbel(Chance(0, 0), 20_000, 3, 2, 6.0)
+    drawn = (logits[:, None] + noise).argmax(1)[:, 0].bincount() / 20_000
+    np.testing.assert_allclose(drawn, torch.softmax(logits, 0), atol=0.015)
+
+
+def test_training_and_playing_have_the_same_noise():
+    """Mean, deviation and correlation over time of both, of numbers that are drawn quite differently."""
+    fps, frames = 12.0, 48
+    trained = smooth_gumbel(Chance(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
+    drawn = SmoothGumbel(3000, fps, seed=1).draw(frames).T
+    for rows in (trained, drawn):
+        assert abs(rows.mean() - np.euler_gamma) < 0.03
+        assert abs(rows.std() - np.pi / np.sqrt(6)) < 0.03
+    for lag in (1, 4, 12):
+        both = [np.corrcoef(rows[:, 20], rows[:, 20 + lag])[0, 1] for rows in (trained, drawn)]
+        assert abs(both[0] - both[1]) < 0.06
+        assert (both[0] > 0.9) == (lag == 1)
+
+
+def test_noise_is_finite_for_any_persistence():
+    for persistence in (0.01, 1.0, 1e4):
+        assert torch.isfinite(smooth_gumbel(Chance(0, 0), 2, 3, 64, persistence)).all()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Sequence
 from functools import cache, partial
 from itertools import pairwise
 from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -395,3 +398,41 @@ def test_named_styles_are_rows_of_codes():
         manner = named_window(system, name)
         assert (manner.code == system.statistics.codes[k]).all()
         assert (manner.centre == system.statistics.centres[k]).all()
+
+
+def test_a_bundle_on_stage(tmp_path, monkeypatch):
+    """From a file, through onnxruntime: streams, takes, an example, another style while it plays."""
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from window_bundles import write_small_window
+
+    monkeypatch.chdir(tmp_path)
+    model = "small.cospeech"
+    write_small_window(Path(model))
+    sf.write("talk.wav", talk(2.0).samples, 16_000)
+    acted().save("clip.bvh")
+    options = {"model": model, "parts": BODY, "style": "clip.bvh:0.5,ben:0.5"}
+    told = generating.generate_files("talk.wav", ["a.npz"], seed=3, takes=8, report="r.json", **options)
+    assert sum(told.style_mixture.values()) == pytest.approx(1, abs=0.01)
+    assert json.loads(Path("r.json").read_text())["style_mixture"] == told.style_mixture
+    generating.generate_files("talk.wav", ["alone.npz"], seed=5, **options)
+    assert Path("a.3.npz").read_bytes() == Path("alone.npz").read_bytes()
+    assert len({Path(f"a.{take}.npz").read_bytes() for take in range(1, 9)}) == 8
+    player, speech = BundleGesturer.open(model), talk(3.0)
+    for look_ahead in (None, inf):
+        whole = player.generate(speech, style="ben", look_ahead=look_ahead)
+        assert same(Motion.concatenate(list(player.stream(cut(speech, CUTS[1]), style="ben", look_ahead=look_ahead))), whole)
+    play = partial(changed, player, speech, changes={20_000: "ben", 31_000: acted()}, parts=BODY)
+    assert same(play(CUTS[2]), play([]))
+
+
+def test_no_torch_and_no_onnx(tmp_path):
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from window_bundles import write_small_window
+
+    path = write_small_window(tmp_path / "a.cospeech")
+    code = (
+        "import sys, numpy as np; from cospeech.runtime.gesturer import BundleGesturer; from cospeech.speech import Speech;"
+        f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
+        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -130,6 +130,8 @@ def test_ticks_are_round_and_take_all_in():
         assert 2 <= len(ticks) <= 7
         mantissa = (ticks[1] - ticks[0]) / 10 ** np.floor(np.log10(ticks[1] - ticks[0]) + 1e-9)
         assert min(abs(mantissa - k) for k in (1, 2, 5)) < 1e-6
+    wide = Curve("a", "b", None, np.arange(3.0), np.array([0.0, 2, 9]), np.full(3, 1.0), ("l", "r"))
+    assert wide.ticks[0] == 0  # an interval reaches below what can be, the axis does not
     with pytest.raises(InputError):
         draw_curves([], 600)
     with pytest.raises(InputError):

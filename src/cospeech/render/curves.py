@@ -57,11 +57,17 @@ class Curve:
         """Of the upright axis: round numbers that take in all that is drawn."""
         shown = np.concatenate([self.y - self.spread, self.y + self.spread, self.marks or ()])
         low, high = float(shown.min()), float(shown.max())
+        low = max(low, 0.0) if (self.y >= 0).all() else low  # an interval may reach below, what is measured cannot
         span = max(high - low, 1e-3 * abs(high), 1e-6)
         rough = span / (_TICKS - 1)
         unit = 10.0 ** np.floor(np.log10(rough))
         step = next(unit * k for k in (1, 2, 5, 10) if unit * k >= rough)
         return step * np.arange(np.floor(low / step), np.ceil(high / step) + 1)
+
+
+def _ring(pen: ImageDraw.ImageDraw, x: float, y: float, scale: float) -> None:
+    r = 5.5 * scale
+    pen.ellipse([x - r, y - r, x + r, y + r], None, _BAD, round(2 * scale))
 
 
 def _panel(curve: Curve, width: int) -> Image.Image:
@@ -77,7 +83,7 @@ def _panel(curve: Curve, width: int) -> Image.Image:
     for tick in ticks:
         pen.line([(0, at(0, tick)[1]), (big.width, at(0, tick)[1])], _FAINT, _SCALE)
     above = [at(x, y) for x, y in zip(curve.x, curve.y + curve.spread, strict=True)]
-    below = [at(x, y) for x, y in zip(curve.x, curve.y - curve.spread, strict=True)]
+    below = [at(x, y) for x, y in zip(curve.x, np.maximum(curve.y - curve.spread, ticks[0]), strict=True)]
     pen.polygon([*above, *below[::-1]], _BAND)
     for y in (curve.y[0], curve.y[-1]):  # what both ends have, all the way across
         for k in range(0, big.width, 10 * _SCALE):
@@ -87,8 +93,7 @@ def _panel(curve: Curve, width: int) -> Image.Image:
     for x, y in places:
         pen.ellipse([x - 5 * _SCALE, y - 5 * _SCALE, x + 5 * _SCALE, y + 5 * _SCALE], _LINE, _PAPER, _SCALE)
     for x, mark in zip((curve.x[0], curve.x[-1]), curve.marks or (), strict=False):
-        (a, b), r = at(x, mark), 5.5 * _SCALE
-        pen.ellipse([a - r, b - r, a + r, b + r], None, _BAD, 2 * _SCALE)
+        _ring(pen, *at(x, mark), _SCALE)
     return big.resize((width, _HIGH), Image.Resampling.BOX)
 
 
@@ -119,4 +124,7 @@ def draw_curves(curves: Sequence[Curve], width: int) -> Pictures:
             pen.text((place, _TOP + _HIGH + 15), f"{x:g}", _GREY, small, anchor="mm")
         pen.text((left, _TOP + _HIGH + 36), curve.ends[0], _INK, small, anchor="lm")
         pen.text((left + wide, _TOP + _HIGH + 36), curve.ends[1], _INK, small, anchor="rm")
+        if curve.marks is not None:
+            _ring(pen, left + wide / 2 - 42, _TOP + _HIGH + 36, 1)
+            pen.text((left + wide / 2 - 30, _TOP + _HIGH + 36), "recordings", _GREY, small, anchor="lm")
     return np.asarray(sheet)

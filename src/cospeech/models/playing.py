@@ -128,7 +128,7 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     """
     net = _windowed(net)
     device = next(net.parameters()).device
-    styles = np.broadcast_to(style, (len(audio), style.shape[-1]))[:, None]
+    styles = np.array(np.broadcast_to(style, (len(audio), style.shape[-1])))[:, None]
     parts = [slice(k, k + BATCH) for k in range(0, len(audio), BATCH)]
     with torch.no_grad():
         made = [net.generate(_tensor(audio[p], device), _tensor(styles[p], device)).cpu() for p in parts]

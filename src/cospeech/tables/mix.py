@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 from .designs import Claim, Design, Part, Row
 from .mix_bench import Kept, Measured, Moved
+from .mix_figures import draw_heat_of_pairs, draw_space
 
 __all__ = ["MIX"]
 
@@ -20,6 +22,8 @@ PCK, F1, IS = "pck_mix_stage", "mode_f1_published", "inception_score_published"
 SIZES = (2, 4, 8)
 MODES = (1, 4, 8, 12)
 STYLES = "One speech in the styles of several speakers"
+SPACE = "The gesture space of Mix-StAGE: every style with its own speaker's speech, and with that of all others"
+HEAT = "Where the arms move, right in red, left in blue: a column has one style, a row one speaker's speech"
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,10 @@ class Cast:
 
     eight: tuple[str, ...]
     attributes: tuple[Attribute, ...]
+    ablated: tuple[str, ...]
+    """Whose networks table 6 is the mean of; the paper: of all 25."""
     own: bool
+    """Whether the paper's figures of single speakers are theirs."""
 
     @property
     def everybody(self) -> tuple[str, ...]:
@@ -62,12 +69,14 @@ THEIRS = Cast(
         ("noah", "maher"), ("seth", "oliver"), ("chemistry", "lec_evol"),  # table 4; table 3 has oliver for the left
         ("lec_cosmic|leftarm", "lec_cosmic|rightarm"),
     ),
+    ("corden", "lec_cosmic", "ytch_prof", "oliver", "ellen", "noah", "lec_evol", "maher"),
     True,
 )  # fmt: skip
 """The paper's speakers."""
 OURS = Cast(
     ("ada", "dan", "ben", "cleo", "elif", "femi", "gita", "hugo"),
     _attributes(("gita", "hugo"), ("ben", "ada"), ("dan|mirror", "dan"), ("cleo|leftarm", "cleo|rightarm")),
+    ("ada", "dan", "ben", "cleo"),
     False,
 )
 """The synthetic speakers (`cospeech.rules.styles`): ada lively and dan a southpaw begin, as unlike as the paper's first two."""
@@ -218,14 +227,15 @@ def _kept_6(cast: Cast) -> Part:
         f1, pck = TABLE_6[key]  # type: ignore[index]
         return {F1: f1, PCK: pck}
 
-    runs = tuple((name,) for name in cast.eight)
+    runs = tuple((name,) for name in cast.ablated)
     rows = [Row(S2G, SINGLE[S2G], of(S2G), runs=runs)]
     for modes in MODES:
         change = () if modes == 8 else (f"model.modes={modes}",)  # 8 is the recipe's own, of table 1
         rows.append(Row(_modes(modes), SINGLE[CMIX], of(modes), change, runs))
     claims = [Claim(F1, _modes(1), S2G, True, "table 6"), Claim(F1, _modes(8), _modes(1), True, "table 6")]
     claims.append(Claim(F1, _modes(8), _modes(12), True, "section 6.1", alike=True))
-    return Part("pats", tuple(rows), tuple(claims), speakers=cast.eight)
+    note = f"Means over networks of {', '.join(cast.ablated)}; the paper's over 25 speakers."
+    return Part("pats", tuple(rows), tuple(claims), note, cast.eight)
 
 
 def _modes(count: int) -> str:
@@ -247,14 +257,21 @@ def _designs() -> Iterator[Design]:
         IS: "IS ↑", "inception_score": "IS, in parts ↑", "score_of_set": "IS, of the set ↑",
         "named": "clips named right ↑", "named_windows": "windows named right ↑", "beat_align": "BA, lift ↑",
     }  # fmt: skip
-    yield Design("mix-2", f"{title}table 2, style transfer", moved, parts[2], Moved, STYLES)
+    yield Design("mix-2", f"{title}table 2, style transfer", moved, parts[2], partial(Moved, draw=draw_space), SPACE)
     measured = {
         "rate": "strokes a minute",
         "amplitude": "amplitude",
         "right_share": "right arm's share",
         "orientation": "turned left, °",
     }
-    yield Design("mix-3", f"{title}supplement, table 3, attributes of style", measured, parts[3], Measured, STYLES)
+    yield Design(
+        "mix-3",
+        f"{title}supplement, table 3, attributes of style",
+        measured,
+        parts[3],
+        partial(Measured, draw=draw_heat_of_pairs),
+        HEAT,
+    )
     few = {name: KEPT[name] for name in (PCK, F1)}
     yield Design("mix-4", f"{title}supplement, table 4, style preservation by attribute", few, parts[4], Kept, STYLES)
     yield Design("mix-5", f"{title}supplement, table 5, style preservation by speaker", few, parts[5], Kept, STYLES)

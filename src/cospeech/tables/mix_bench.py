@@ -27,6 +27,10 @@ from .stages import CLASSIFIER, Player, Stages, of_speakers
 __all__ = ["Kept", "Measured", "Moved"]
 
 
+Draw = Callable[[Mapping[str, Player], MixWindows], Pictures]
+"""Label → system, and the windows → picture."""
+
+
 class Made(NamedTuple):
     """What was made of windows: their numbers (n,), poses (n, 64, D) in the units of the store, whose style each is in."""
 
@@ -40,8 +44,10 @@ class _Windowed:
 
     columns: tuple[str, ...]
 
-    def __init__(self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None) -> None:
-        self.design, self.part, self.stages = design, part, stages
+    def __init__(
+        self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
+    ) -> None:
+        self.design, self.part, self.stages, self.draw = design, part, stages, draw
         self.columns, self.place = tuple(design.columns), MixWindows(stages.folder, raw)
 
     features = ""
@@ -75,15 +81,18 @@ class _Windowed:
             made = play(player.net, player.audio(self.place.rows("audio", which)), player.style(style))
         return Made(which, player.unpose(made), [style] * len(which))
 
+    def _label(self, row: Row) -> str:
+        """Of the system in the figure; of rows with one label the first is shown."""
+        return row.name.partition(",")[0]
+
     def picture(self, table: Mapping[str, Any]) -> Pictures:
-        """One speech in several styles by each system of the largest set, or what the systems make of it."""
+        """Of each system the network with the most speakers."""
         shown: dict[str, Player] = {}
-        for row in sorted(self.part.rows, key=lambda row: -max(map(len, row.runs))):
-            if table["rows"].get(row.name, {}).get("cells") and max(map(len, row.runs)) > 1:
-                shown.setdefault(
-                    f"{row.recipe} {' '.join(row.overrides)}".strip(), self._player(row, row.runs[0], table["seeds"][0])
-                )
-        return draw_styles(shown, self.place)
+        made = [row for row in self.part.rows if table["rows"].get(row.name, {}).get("cells")]
+        for row in sorted(made, key=lambda row: -len(row.runs[0])):
+            if self._label(row) not in shown:
+                shown[self._label(row)] = self._player(row, row.runs[0], table["seeds"][0])
+        return self.draw(shown, self.place)
 
 
 class Kept(_Windowed):
@@ -244,6 +253,9 @@ class Moved(_Windowed):
 
 class Measured(_Windowed):
     """How often, how large, with which arm, turned where: in speakers' recordings, and moved to another's speech. Table 3."""
+
+    def _label(self, row: Row) -> str:
+        return " and ".join(row.runs[0])
 
     def _measured(self, poses: Array) -> Cells:
         """Of windows (n, 64, D) in the units of the store."""

@@ -1,4 +1,4 @@
-"""Figure of Mix-StAGE's tables: one speech in the styles of several speakers."""
+"""Figures of Mix-StAGE's tables: one speech in the styles of several speakers, gesture spaces, heat maps (figures 2 and 7)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from ..render.sticks import Sticks, draw_sticks
 from ..rotations import Array
 from ..skeletons.pats import JOINTS, PARENTS
 from .designs import Pictures
+from .gesture_space import draw_gesture_space
+from .heatmaps import draw_heatmaps
 from .mix_windows import FRAMES, MixWindows
 from .stages import Player
 
-__all__ = ["draw_styles"]
+__all__ = ["draw_heat_of_pairs", "draw_space", "draw_styles"]
 
 STYLES, CELLS = 4, 10  # shown of each system, and moments; ours
 _SIDES = {"R": "right", "L": "left"}
@@ -48,3 +50,16 @@ def draw_styles(players: Mapping[str, Player], place: MixWindows) -> Pictures:
             rows.append(_sticks(place, f"{label}\nas {style}", player.unpose(made)[0]))
     assert len(rows[0].positions) == FRAMES
     return draw_sticks(rows, place.store.fps, cells=CELLS)
+
+
+def draw_space(players: Mapping[str, Player], place: MixWindows) -> Pictures:
+    """The gesture space of the last system, which is the table's own: figure 2."""
+    return draw_gesture_space([*players.values()][-1], place.store)
+
+
+def draw_heat_of_pairs(players: Mapping[str, Player], place: MixWindows) -> Pictures:
+    """Heat maps of all systems, one below the other: figure 7."""
+    sheets = [draw_heatmaps(player, place.store) for player in players.values()]
+    width = max(sheet.shape[1] for sheet in sheets)
+    padded = [np.pad(s, ((0, 0), (0, width - s.shape[1]), (0, 0)), constant_values=255) for s in sheets]
+    return np.concatenate(padded)

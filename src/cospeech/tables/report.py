@@ -140,7 +140,7 @@ def to_text(table: Mapping[str, Any]) -> str:
 
 def to_markdown(table: Mapping[str, Any]) -> str:
     """For the documentation."""
-    head, *rows = _cells(table)
+    head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in _cells(table))
     lines = [f"### {table['title']}", "", table["head"], ""]
     lines += ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
     lines += ["| " + " | ".join(row) + " |" for row in rows]

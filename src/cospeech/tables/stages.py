@@ -50,8 +50,8 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
     "speaker-classifier": {"model": {"channels": 32}, "train": {"steps": 1200, "validate_every": 200, "save_every": 1200}},
 }
-"""Model, or recipe, → what ``--small`` changes: a row and seed train in two or three minutes on one core, a network of windows in
-half of one. Ours, to show that the way works and which order comes out; no figure of it is the paper's system."""
+"""Model, or recipe, → what ``--small`` changes: a row and seed train in two or three minutes on one core, a network of windows
+in half of one. Ours, to show that the way works and which order comes out; no figure of it is the paper's system."""
 
 Tell = Callable[[str], None]
 

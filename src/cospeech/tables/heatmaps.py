@@ -80,7 +80,13 @@ def draw_recordings(store: Store, speakers: Sequence[str] = (), *, rows: int = 2
 
 
 def draw_heatmaps(
-    player: Player, store: Store, styles: Sequence[str] = (), voices: Sequence[str] = (), *, seed: int = 0
+    player: Player,
+    store: Store,
+    styles: Sequence[str] = (),
+    voices: Sequence[str] = (),
+    *,
+    title: str = "Where the arms move: a style in each column, whose speech in each row",
+    seed: int = 0,
 ) -> Pictures:
     """Where the arms move, of every voice in every style, below the recordings of the styles' own speakers.
 
@@ -89,6 +95,7 @@ def draw_heatmaps(
         store: its test clips give the speech.
         styles: speakers, a column each; (): all that the network knows.
         voices: whose speech, a row each; (): the styles'.
+        title: above all, such as the network's name.
         seed: which windows of the test clips, a minute of each voice.
 
     Raises:
@@ -105,5 +112,4 @@ def draw_heatmaps(
         made = [player.unpose(play(player.net, audio, style)) for style in known]
         cells.append([window_points(store, vectors)[0] for vectors in made])
         rows.append(f"{voice}'s speech")
-    title = "Where the arms move: a style in each column, whose speech in each row"
     return draw_heat(cells, FIGURES[layout], store.fps, columns=columns, rows=rows, title=title)

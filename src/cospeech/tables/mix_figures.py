@@ -59,7 +59,7 @@ def draw_space(players: Mapping[str, Player], place: MixWindows) -> Pictures:
 
 def draw_heat_of_pairs(players: Mapping[str, Player], place: MixWindows) -> Pictures:
     """Heat maps of all systems, one below the other: figure 7."""
-    sheets = [draw_heatmaps(player, place.store) for player in players.values()]
+    sheets = [draw_heatmaps(player, place.store, title=label) for label, player in players.items()]
     width = max(sheet.shape[1] for sheet in sheets)
     padded = [np.pad(s, ((0, 0), (0, width - s.shape[1]), (0, 0)), constant_values=255) for s in sheets]
     return np.concatenate(padded)

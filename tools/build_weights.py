@@ -1,11 +1,12 @@
-"""Makes the weights that ship, src/cospeech/assets/bundles/stylised-flow.cospeech, and their card.
+"""Makes the weights that ship, src/cospeech/assets/bundles/NAME.cospeech, and their card.
 
-    python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000] [--threads 1]
+    python tools/build_weights.py stylised-flow --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000]
+    python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER
 
 Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based gesturer
-performs the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by
-recipes/flow_humanoid.toml (stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says
-how that scored beside the ground truth, the rule-based gesturer and the control rows.
+performs the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by the recipe
+(stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says how that scored beside the
+ground truth, the rule-based gesturer and the control rows. Corpus and store are the same for both.
 """
 
 from __future__ import annotations
@@ -13,36 +14,38 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+from dataclasses import dataclass
 from pathlib import Path
 
 from cospeech.bundling import bundle_run
 from cospeech.checkpoint import read_facts
 from cospeech.contest import contest
 from cospeech.evaluation import Table
+from cospeech.models import BUNDLE, SHIPPED
 from cospeech.prepare import prepare
 from cospeech.recipe import load_recipe
 from cospeech.synthesise import synthesise
 from cospeech.train import train
 
 ROOT = Path(__file__).parents[1]
-BUNDLE = ROOT / "src" / "cospeech" / "assets" / "bundles" / "stylised-flow.cospeech"
 SPEAKERS, SEED, STYLE = 8, 0, "elif"  # the orator: neither the largest nor the smallest
 METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed", "w1_speed")
 
-CARD = """# stylised-flow: the weights that ship
+FLOW = """# stylised-flow: the weights that ship
 
-A small stylised flow (Ye et al. 2022, see docs/models/stylised_flow.md) for our humanoid: body and hands from speech. The face
-is the rule-based gesturer's.
+A small stylised flow (Ye et al. 2022, see docs/models/stylised_flow.md) for our humanoid: body and hands from speech. The
+face is the rule-based gesturer's.
 
 **Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
-eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not people.
-Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
+eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not
+people. Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
 Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
 
-**Network.** K = {steps} steps, two GRU layers of {hidden}, {parameters:,} parameters, 8-bit products, {fps:g} poses per second
-(interpolated), {look:.2f} s of look-ahead besides that of the features. Trained for {train_steps} steps of {batch} windows on
-{machine}. Likelihood alone: neither the reconstruction nor the perceptual term of the paper (the first narrows the motion of so
-small a network, for the second no extractor was trained). Poses are by their recording's own mean and deviation.
+**Network.** K = {config[steps]} steps, two GRU layers of {config[hidden]}, {parameters:,} parameters, 8-bit products, {fps:g}
+poses per second (interpolated), {look:.2f} s of look-ahead besides that of the features. Trained for {train_steps} steps of
+{batch} windows on {machine}. Likelihood alone: neither the reconstruction nor the perceptual term of the paper (the first
+narrows the motion of so small a network, for the second no extractor was trained). Poses are by their recording's own mean
+and deviation.
 
 **Speakers**, for `--style NAME`: {names}.
 
@@ -55,12 +58,65 @@ comparable with each other and with no paper's.
 
 ## What it cannot do
 
-It makes no steps and does not sit down: feet stay planted. It hears sound, not words: no lexical gestures. Emotion changes the
-face only. Hands have six numbers each: no finger spelling, no counting. What it has of a style is what a few seconds
+It makes no steps and does not sit down: feet stay planted. It hears sound, not words: no lexical gestures. Emotion changes
+the face only. Hands have six numbers each: no finger spelling, no counting. What it has of a style is what a few seconds
 show: reach, speed, sides, posture; not what somebody does once a minute.
 
-Rebuild: `python tools/build_weights.py --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights: Apache-2.0.
+Rebuild: `python tools/build_weights.py stylised-flow --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights:
+Apache-2.0.
 """
+
+
+MIX = """# mix-stage: the weights that ship
+
+A small Mix-StAGE (Ahuja et al. 2020, see docs/models/mix_stage.md) for our humanoid: body and hands from speech, in the style
+of eight speakers, between them, or in the mixture of them that an example is nearest to. The face is the rule-based
+gesturer's.
+
+**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
+eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not
+people. Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
+Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
+
+**Network.** M = {config[modes]} sub-generators, {config[channels]} channels, {parameters:,} parameters in training (the
+discriminator and the encoder of poses' content do not ship), 16-bit weights, {fps:g} poses per second (interpolated). Trained
+for {train_steps} steps of {batch} windows on {machine}. Not as published: it is judged by what it plays, poses and velocity
+both, by squared distances; less weight on the distance to the one recording (docs/models/mix_stage.md, "Changed").
+
+**Speakers**, for `--style NAME`: {names}.
+
+## Scores on the test split of the same synthetic corpus
+
+{table}
+
+`mix-stage` plays in its default style, whoever the recording's speaker is. Figures on synthetic data, comparable with each
+other and with no paper's.
+
+## What it cannot do
+
+It makes no steps and does not sit down: feet stay planted. It hears sound, not words: no lexical gestures. Emotion changes
+the face only. Hands have six numbers each: no finger spelling, no counting. Poses are interpolated from {fps:g} a second:
+nothing is sudden.
+
+Rebuild: `python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights:
+Apache-2.0.
+"""
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """What ships: its recipe, and what is said of it."""
+
+    recipe: str
+    run: str
+    which: str
+    card: str
+
+
+KINDS = {
+    "stylised-flow": Shipped("flow_humanoid", "run-humanoid", "best", FLOW),
+    "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", MIX),  # adversarial training has no figure to be best by
+}
 
 
 def markdown(table: Table) -> str:
@@ -81,34 +137,36 @@ def markdown(table: Table) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("name", choices=KINDS)
     parser.add_argument("--speech", type=Path, help="folder of recordings; without it only TTS speaks")
     parser.add_argument("--work", type=Path, required=True, help="where corpus, store and run lie, or are made")
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the recipe")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=BUNDLE)
+    parser.add_argument("--out", type=Path, help="of the bundle; where it ships, else")
     chosen = parser.parse_args()
-    raw, store, run = chosen.work / "raw-beat", chosen.work / "store-humanoid", chosen.work / "run-humanoid"
+    kind, out = KINDS[chosen.name], chosen.out or SHIPPED / f"{chosen.name}{BUNDLE}"
+    raw, store, run = chosen.work / "raw-beat", chosen.work / "store-humanoid", chosen.work / kind.run
     if not raw.exists():
         print(synthesise(raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED).summary())
     if not (store / "index.json").exists():
         print(prepare("beat", raw, store, pose="expmap-humanoid", fps=12).summary())
-    recipe = load_recipe(ROOT / "recipes" / "flow_humanoid.toml", [*chosen.set, f"train.threads={chosen.threads}"])
+    recipe = load_recipe(ROOT / "recipes" / f"{kind.recipe}.toml", [*chosen.set, f"train.threads={chosen.threads}"])
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    bundle_run(run, chosen.out, style=STYLE)
-    facts, config = read_facts(run), recipe.config
-    table = contest({"stylised-flow": str(chosen.out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
-    kept = facts["store"]
-    card = CARD.format(
-        hours=kept["train_seconds"] / 3600, speakers=SPEAKERS, steps=config["steps"], hidden=config["hidden"],
-        parameters=report.parameters, look=config["look_ahead"] / kept["fps"], fps=kept["fps"], train_steps=report.step,
-        batch=recipe.train.batch, machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU",
-        names=", ".join(kept["speakers"]), table=markdown(table),
+    out.parent.mkdir(parents=True, exist_ok=True)
+    bundle_run(run, out, which=kind.which, style=STYLE)
+    facts = read_facts(run)
+    table = contest({chosen.name: str(out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
+    kept, config = facts["store"], facts["config"]
+    card = kind.card.format(
+        hours=kept["train_seconds"] / 3600, speakers=SPEAKERS, config=config, parameters=report.parameters,
+        look=config.get("look_ahead", 0) / kept["fps"], fps=kept["fps"], train_steps=report.step, batch=recipe.train.batch,
+        machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
+        table=markdown(table),
     )  # fmt: skip
-    bundle_run(run, chosen.out, card=card, style=STYLE)
-    print(f"{chosen.out}  {chosen.out.stat().st_size / 1e6:.2f} MB")
+    bundle_run(run, out, which=kind.which, card=card, style=STYLE)
+    print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
     print(table.to_text())
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,11 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from cospeech.models.lowering import lower  # noqa: E402
+from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
+from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
+from cospeech.runtime.onnx_check import OPERATORS  # noqa: E402
 from cospeech.runtime.window_engine import WindowEngine  # noqa: E402
+from runtime_bundles import random_arrays, small_sizes  # noqa: E402
 from windowed_networks import KINDS, given, made_by, make_network  # noqa: E402
 
 torch.set_num_threads(1)
@@ -26,9 +32,9 @@ def off(made: np.ndarray, wanted: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", KINDS)
-@pytest.mark.parametrize("audio", [5, 27, 64])
+@pytest.mark.parametrize("audio", [5, 27, 64, 130])
 def test_a_graph_makes_what_its_network_makes(name, audio):
-    """Three widths of speech: padded, with an even and with an odd number of bands left at the end."""
+    """Widths of speech: padded, with an even and an odd number of bands left at the end, with bands that nothing is made of."""
     net = make_network(name, audio=audio)
     engine = engine_of(net)
     for takes, frames in ((1, 64), (3, 96), (2, 32)):
@@ -112,3 +118,16 @@ def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio
 
 def test_a_network_that_normalises_over_time_hears_all_of_a_window():
     assert lower(make_network("munit")).sizes.reach is None
+
+
+def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():
+    """The list of what runs is as short as it can be."""
+    flow, used = small_sizes("expmap-humanoid", "mel20-prosody"), set()
+    graphs = [
+        graph for name in KINDS for audio in (20, 130) for graph in lower(make_network(name, audio=audio)).graphs.values()
+    ]
+    for sizes in (flow, replace(flow, int8=False), replace(flow, oldest=True)):
+        graphs += build_graphs(pack_weights(random_arrays(sizes), sizes), sizes).values()
+    for graph in graphs:
+        used |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
+    assert used == OPERATORS

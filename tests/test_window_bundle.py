@@ -249,7 +249,14 @@ def divide_by_nothing(onnx, model):
     model.graph.node.append(onnx.helper.make_node("Div", ["zero", "nothing"], [made]))
 
 
-@pytest.mark.parametrize("change", [loop, name_a_file, one_pose_for_all], ids=lambda f: f.__name__)
+def more_than_any_memory(onnx, model):
+    """Every frame 10¹² times."""
+    scales = next(t for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT and not t.data_location)
+    assert list(scales.float_data) == [1, 1, 1, 2]
+    scales.float_data[3] = 1e12
+
+
+@pytest.mark.parametrize("change", [loop, name_a_file, one_pose_for_all, more_than_any_memory], ids=lambda f: f.__name__)
 def test_graphs_are_looked_into(tmp_path, change):
     manifest, members = contents()
     with pytest.raises(InputError):

@@ -107,9 +107,8 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
     ]  # fmt: skip
     if table.get("note"):
         notes.append(table["note"])
-    for name, row in table["rows"].items():
-        if row.get("facts"):
-            notes.append(f"{name}: {row['facts']}")
+    facts = {name: row["facts"] for name, row in table["rows"].items() if row.get("facts")}
+    notes += dict.fromkeys(f"{name.partition(',')[0]}: {told}" for name, told in facts.items())  # rows of one system share it
     reasons: dict[tuple[str, str], list[str]] = {}
     for name, cells in [(n, r["cells"]) for n, r in table["rows"].items() if r.get("cells")] + [*table["controls"].items()]:
         for metric, cell in cells.items():

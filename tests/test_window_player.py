@@ -151,15 +151,14 @@ def test_a_window_is_as_long_as_in_training():
 
 
 def test_settings():
-    assert Setting(64, 4, 8, 4) == LIVE
     assert live(fake_sizes(window=64)) == LIVE
-    assert live(fake_sizes(window=10)) == replace(LIVE, window=12)  # no shorter than what is new and ahead
+    assert live(fake_sizes(window=10)) == replace(LIVE, window=LIVE.waits)  # no shorter than what is new and ahead
     assert live(fake_sizes(window=63, multiple=32, reach=40)) == LIVE
     assert whole(fake_sizes(multiple=32, reach=140)) == Setting(window=160 + 256 + 160, hop=256, ahead=160, fade=0)
     assert whole(fake_sizes(reach=0, multiple=1)).ahead == 0
     sizes = fake_sizes(window=64, multiple=32, reach=140)
     assert looking(sizes, 20) == LIVE
-    assert looking(sizes, 20, 0.4) == LIVE
+    assert looking(sizes, 20, LIVE.ahead / 20) == LIVE
     assert looking(sizes, 20, 2.0) == Setting(window=96, hop=4, ahead=40, fade=4)
     assert looking(sizes, 20, 2.0).past >= LIVE.past  # what is heard before does not become less
     assert looking(sizes, 20, 0.05) == Setting(window=64, hop=4, ahead=1, fade=1)
@@ -168,7 +167,7 @@ def test_settings():
     for wrong in (-0.1, np.nan, "long", True, [1.0]):
         with pytest.raises(InputError, match="look_ahead"):
             looking(sizes, 20, wrong)
-    for odd in ({"hop": 0}, {"fade": 9}, {"fade": -1}, {"ahead": -1, "fade": -1}, {"window": 11}, {"ahead": 61}):
+    for odd in ({"hop": 0}, {"fade": 9}, {"fade": -1}, {"ahead": -1, "fade": -1}, {"window": LIVE.waits - 1}, {"ahead": 61}):
         with pytest.raises(InputError):
             replace(LIVE, **odd)
 

@@ -41,7 +41,7 @@ class BundleGesturer:
         InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
     """
 
-    takes_at_once = 8  # ours: they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
+    takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
     def __init__(self, system: FlowSystem | WindowSystem, transfer: Transfer | None = None) -> None:
         if system.pose in _WHOLE:

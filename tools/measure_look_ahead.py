@@ -1,0 +1,72 @@
+"""How much of its motion a network of windows keeps with so much look-ahead: each against the whole speech (docs/runtime.md).
+
+    python tools/measure_look_ahead.py BUNDLE.cospeech [--speech FILE.wav]
+
+Every speaker's style plays the speech at temperature 0, so that what moves is what the network hears.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from cospeech.demo import EXAMPLE
+from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.listener import Listener
+from cospeech.runtime.systems import open_system
+from cospeech.runtime.window_bundle import WindowSystem
+from cospeech.runtime.window_player import Setting, WindowPlayer, live, whole
+from cospeech.runtime.window_style import named_window
+from cospeech.speech import Speech
+
+AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
+
+
+def played(system: WindowSystem, setting: Setting, rows: np.ndarray, quiet: np.ndarray) -> tuple[np.ndarray, float]:
+    """(S, T, D) standardised poses in every speaker's style, and milliseconds of work a frame and style."""
+    began, made = time.process_time(), []
+    for name in system.styles:
+        player = WindowPlayer(system, setting, ((1.0, named_window(system, name)),), [0], quiet, temperature=0.0)
+        made += [player.push(rows), player.finish(quiet)]
+    pairs = [np.concatenate(pair, 1) for pair in zip(made[::2], made[1::2], strict=True)]
+    return np.concatenate(pairs), (time.process_time() - began) / (len(rows) * len(system.styles)) * 1e3
+
+
+def alike(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation over time, mean over styles and numbers of a pose; of those that do not move, 0."""
+    a, b = (x - x.mean(1, keepdims=True) for x in (a, b))
+    scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))
+    return float(np.mean(np.divide((a * b).sum(1), scale, out=np.zeros_like(scale), where=scale > 0)))
+
+
+def speed(poses: np.ndarray) -> float:
+    return float(np.sqrt(np.square(np.diff(poses, axis=1)).mean()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bundle")
+    parser.add_argument("--speech", default=str(EXAMPLE))
+    given = parser.parse_args()
+    system = open_system(read_bundle(given.bundle))
+    if not isinstance(system, WindowSystem):
+        raise SystemExit("no network of windows")
+    listener = Listener(system, np.zeros(0, np.float32))
+    quiet = listener.quiet
+    rows = np.concatenate([listener.push(Speech.load(given.speech)), listener.finish()])
+    wanted, cost = played(system, whole(system.engine.sizes), rows, quiet)
+    print("| frames ahead | seconds | correlation with the whole | speed, of the whole's | ms a frame |\n" + "|---:" * 5 + "|")
+    for ahead in AHEAD:
+        usual = live(system.engine.sizes)
+        setting = replace(usual, ahead=ahead, fade=min(usual.hop, ahead))
+        made, work = played(system, setting, rows, quiet)
+        shares = f"{alike(made, wanted):.2f} | {speed(made) / speed(wanted):.2f} | {work:.2f}"
+        print(f"| {ahead} | {ahead / system.fps:.2f} | {shares} |")
+    print(f"| all | | 1 | 1 | {cost:.2f} |")
+
+
+if __name__ == "__main__":
+    main()

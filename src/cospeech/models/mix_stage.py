@@ -51,6 +51,7 @@ from ..nn.judging import JUDGINGS
 from ..nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PatchDiscriminator, velocity
+from ..nn.pose_judge import PoseJudge
 from ..nn.style import NoStyle, Seen, SpeakerStyle
 from ..nn.unet1d import UNet1d
 from ..nn.windowed import Windowed
@@ -90,7 +91,7 @@ class MixGanConfig:
     reconstruction: float = 1.0
     """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
     judge_poses: bool = False
-    """Whether D sees poses beside velocity; ours. The authors' code: velocity alone, which knows no posture."""
+    """Whether D sees poses beside velocity, and knows whose they should be (nn/pose_judge.py); ours."""
     persistence: float = 0.0
     """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
     that makes takes differ, drawn for so long a time. Ours; 0: of those that L_rec is of."""
@@ -163,7 +164,11 @@ class MixGan(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
-        self.discriminator = PatchDiscriminator(2 * pose if config.judge_poses else pose, config.patch_channels)
+        self.discriminator: PoseJudge | PatchDiscriminator = (
+            PoseJudge(pose, config.patch_channels, max(1, style.speakers))
+            if config.judge_poses
+            else PatchDiscriminator(pose, config.patch_channels)
+        )
         self._left: _Decoded | None = None
 
     @property
@@ -225,10 +230,10 @@ class MixGan(Windowed):
         noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
         return mix(made, torch.softmax(logits + noise, 1))
 
-    def _score(self, pose: Tensor) -> Tensor:
-        """D's scores of (B, D, T) poses, by how they move."""
-        moved = velocity(pose)
-        scores: Tensor = self.discriminator(torch.cat([moved, pose], 1) if self.config.judge_poses else moved)
+    def _score(self, pose: Tensor, batch: Batch) -> Tensor:
+        """D's scores of (B, D, T) poses in the style of the batch's speakers."""
+        seen = (pose, batch["speaker"]) if self.config.judge_poses else (velocity(pose),)
+        scores: Tensor = self.discriminator(*seen)
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -237,7 +242,7 @@ class MixGan(Windowed):
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.config.alternate):
             decoded = self._decoded(batch, step)
         self._left = None if self.config.alternate else decoded
-        true, false = (self._score(x) for x in (batch["pose"].mT, decoded.judged.detach()))
+        true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoded.judged.detach()))
         judging = JUDGINGS[self.config.judging]
         return {"true": judging.true(true), "false": self._growing(step) * judging.false(false)}
 
@@ -272,7 +277,7 @@ class MixGan(Windowed):
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
         judged = self.style.identity(decoded.own, decoded.judged, batch["speaker"])
         terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
-        fooled = JUDGINGS[self.config.judging].fooled(self._score(decoded.judged))  # equation 7: log(1 − D)
+        fooled = JUDGINGS[self.config.judging].fooled(self._score(decoded.judged, batch))  # equation 7: log(1 − D)
         terms["adv"] = self.config.adversarial * self._growing(step) * fooled
         return terms
 

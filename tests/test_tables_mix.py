@@ -432,3 +432,23 @@ def test_the_number_of_sub_generators_makes_another_run(stages):
 def test_a_speaker_who_was_not_trained_on_has_no_style(store):
     with pytest.raises(InputError, match="zed"):
         echo(store).style("zed")
+
+
+@pytest.mark.parametrize("name", ["cmix_gan_pats", "munit_pats"])
+def test_a_run_that_was_cut_off_goes_on(stages, name, tmp_path):
+    """Of a network that knows clusters, and of one that does not."""
+    change = of_speakers(["ann"])
+    whole = stages.run(name, 7, change)
+    other = replace(stages, runs=tmp_path)
+
+    class Cut(Exception):
+        pass
+
+    def cut(text: str) -> None:
+        if "step 1 " in text:
+            raise Cut
+
+    with pytest.raises(Cut):
+        replace(other, tell=cut).run(name, 7, change)
+    folder = other.run(name, 7, change)
+    assert (folder / "best.safetensors").read_bytes() == (whole / "best.safetensors").read_bytes()

@@ -35,7 +35,7 @@ Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write t
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Table = Annotated[
     str | None,
-    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1, flow-2 or flow-3; docs/tables.md."),
+    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1 to flow-3, mix-1 to mix-6; docs/tables.md."),
 ]
 Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="Of --table: one run of every row with each.")]
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="Of --table: where its runs lie, or are made, and its files.")]

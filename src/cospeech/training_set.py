@@ -71,7 +71,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     if data.speakers:
         store = of_speakers(store, data.speakers)
     check_mirror(store, data.mirror)
-    reduce = _reduction(data.audio)
+    reduce = _reduction(data.audio, store)
     standards = {"pose": standard_pose(store)}
     if "audio" in store.arrays:
         standards["audio"] = standard_audio(store, reduce)
@@ -97,12 +97,20 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
-def _reduction(name: str | None) -> Reduce | None:
-    """A reduction of the audio columns by its name."""
+def _reduction(name: str | None, store: Store) -> Reduce | None:
+    """A reduction of the audio columns by its name.
+
+    Raises:
+        InputError: the store has other columns than it is made of.
+    """
     if name is None:
         return None
-    from .features.reduce import reduce_audio
+    from .features.reduce import REDUCTIONS, audio_columns, reduce_audio
 
+    if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
+        fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
+        problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"
+        raise InputError(problem, f"set data.audio to {fits}" if fits else "leave data.audio out")
     return partial(reduce_audio, name=name)
 
 

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..features.log_mel import log_mel_400
+from ..features.mel import RATE, mel_triangles, spectra
 from ..files import atomic, describe_os_error
 from ..rotations import Array
 from ..skeletons.pats import JOINTS
 from ..speech import Speech, Word
 from .clip import SPLITS, Clip, Dropped, Points
-from .keypoints import mel_filters, resample_points, spectra
+from .keypoints import resample_points
 from .layout import on_rate
 from .pandas_frame_writer import write_frame
 from .pats_points import FPS, from_points, mirror, normalized, points_of
@@ -25,7 +27,6 @@ from .pats_tables import TABLE, TWINS, Interval, write_table
 
 __all__ = ["write"]
 
-_RATE = 16_000  # Hz; of log_mel_400 and of the mp3
 _VIDEO_RATE = 44_100  # Hz; of log_mel_512, that of most of the videos
 _QUIET = 10 ** (-40 / 20)  # ours: 40 dB below the loudest frame nobody speaks; the authors ask WebRTC's detector
 _FIRST_ID = 100_000  # ours: of intervals whose clip's name cannot be one
@@ -142,16 +143,15 @@ def _write_words(file: Any, words: Iterable[Word], start: float, frames: int) ->
 
 def _sound_features(speech: Speech, frames: int) -> dict[str, Array]:
     """log_mel_400, log_mel_512 and silence as the authors' scripts make them; silence by loudness."""
-    low = on_rate(speech, _RATE)[: round(frames / FPS * _RATE)]
+    low = on_rate(speech, RATE)[: round(frames / FPS * RATE)]
     high = on_rate(speech, _VIDEO_RATE)[: round(frames / FPS * _VIDEO_RATE)]
-    narrow = spectra(low, 512, 160, 400, centred=False) @ mel_filters(_RATE, 512, 64, 125.0, 7500.0, False).T
     wide = np.square(spectra(high, 2048, 512, 2048, centred=True))
-    wide = wide @ mel_filters(_VIDEO_RATE, 2048, 128, 0.0, _VIDEO_RATE / 2, True).T
-    edges = np.round(np.arange(frames + 1) * (_RATE / FPS)).astype(int)
+    wide = wide @ mel_triangles(_VIDEO_RATE, 2048, 128, 0.0, _VIDEO_RATE / 2, True).T
+    edges = np.round(np.arange(frames + 1) * (RATE / FPS)).astype(int)
     parts = [low[a:b] for a, b in pairwise(edges)]
     loudness = np.array([np.sqrt(np.mean(np.square(part))) if len(part) else 0.0 for part in parts])
     return {
-        "log_mel_400": np.log(np.where(narrow == 0, 1e-6, narrow)),
+        "log_mel_400": log_mel_400(low),
         "log_mel_512": np.log(np.where(wide == 0, 1e-10, wide)),
         "silence": (loudness <= _QUIET * loudness.max()).astype(np.int64),
     }
@@ -161,9 +161,9 @@ def _write_sound(path: Path, speech: Speech, seconds: float) -> None:
     import soundfile
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    samples = on_rate(speech, _RATE)[: round(seconds * _RATE)]
+    samples = on_rate(speech, RATE)[: round(seconds * RATE)]
     with atomic(path) as temporary:
-        soundfile.write(temporary, np.clip(samples, -1, 1), _RATE, format="MP3", subtype="MPEG_LAYER_III")
+        soundfile.write(temporary, np.clip(samples, -1, 1), RATE, format="MP3", subtype="MPEG_LAYER_III")
 
 
 def _write_missing(path: Path) -> None:

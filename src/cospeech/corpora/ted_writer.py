@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..features.mel import mel_triangles, spectra
 from ..files import describe_os_error
 from ..motion import Motion
 from ..rotations import Array
 from ..skeletons.ted import AXES, JOINTS, SOURCES
 from .clip import SPLITS, Clip, Dropped, Points
-from .keypoints import joint_points, mel_filters, resample_points, spectra
+from .keypoints import joint_points, resample_points
 from .layout import on_rate
 from .legacy_arrow_writer import encode
 
@@ -149,7 +150,7 @@ def _entry(clip: Clip, points: Points, start: float) -> dict[str, object]:
 
 def _audio_feat(samples: Array) -> Array:
     """(128, T) float16: decibels below the loudest of 128 mel bands, 1024 samples every 512, down to -80 dB."""
-    power = np.square(spectra(samples, 1024, 512, 1024, centred=True)) @ mel_filters(RATE, 1024, 128, 0.0, RATE / 2, True).T
+    power = np.square(spectra(samples, 1024, 512, 1024, centred=True)) @ mel_triangles(RATE, 1024, 128, 0.0, RATE / 2, True).T
     decibels = 10 * np.log10(np.maximum(power, 1e-10)) - 10 * np.log10(max(power.max(), 1e-10))
     return np.ascontiguousarray(np.maximum(decibels, decibels.max() - 80.0).T).astype(np.float16)
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .mel import FPS, RATE, Floats
+from .at_16_khz import At16kHz
+from .mel import FPS, Floats
 from .prosody import DELAY, N_MELS, Features, ProsodyStream
 
 if TYPE_CHECKING:
@@ -59,15 +60,18 @@ class FrameFeatures:
         if not 0 < fps < np.inf:
             raise InputError(f"{fps} frames per second", "a positive number, such as 20")
         self.fps = fps
-        self.duration = Fraction(0)
-        """Seconds heard so far."""
+        self.delay = frame_delay(fps)
+        """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain."""
+        self._speech = At16kHz()
         self._stream = ProsodyStream(mel=True)
-        self._resampler: Any = None
-        self._rate: int | None = None
         self._first = 0  # index of the first hundredth that is kept
         self._heard = np.zeros((0, len(AUDIO_NAMES)), np.float32)
         self._given = 0  # rows handed out
-        self._finished = False
+
+    @property
+    def duration(self) -> Fraction:
+        """Seconds heard so far."""
+        return self._speech.duration
 
     def push(self, chunk: Speech) -> Floats:
         """(n, 84) float32: the rows that this piece makes certain; possibly none.
@@ -75,12 +79,7 @@ class FrameFeatures:
         Raises:
             InputError: the piece has another rate than those before, or the speech is over.
         """
-        if self._finished or self._rate not in (None, chunk.rate):
-            was = "the speech is over" if self._finished else f"the speech began at {self._rate} Hz"
-            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one stream, one rate, one speech")
-        self._rate = chunk.rate
-        self.duration += chunk.duration
-        self._take(self._stream.push(self._at_16_khz(chunk)))
+        self._take(self._stream.push(self._speech.push(chunk)))
         known = self._first + len(self._heard)
         until = self._given
         while self._edge(until + 1) <= known and self._edge(until) < known:
@@ -97,21 +96,10 @@ class FrameFeatures:
         from ..speech import count_frames
 
         total = count_frames(self.duration, self.fps) if frames is None else frames
-        if not self._finished:
-            self._finished = True
-            if self._resampler is not None:
-                self._take(self._stream.push(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True)))
+        if not self._speech.finished:
+            self._take(self._stream.push(self._speech.finish()))
             self._take(self._stream.flush())
         return self._give(max(total, self._given))
-
-    def _at_16_khz(self, chunk: Speech) -> Floats:
-        if chunk.rate == RATE:
-            return chunk.samples
-        if self._resampler is None:
-            from soxr import ResampleStream  # its output does not depend on the pieces either
-
-            self._resampler = ResampleStream(chunk.rate, RATE, 1, "float32", "HQ")
-        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[no-any-return]
 
     def _take(self, heard: Features) -> None:
         assert heard.mel is not None

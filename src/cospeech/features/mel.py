@@ -10,15 +10,21 @@ that a stream equals the whole, on any number of threads.
 from __future__ import annotations
 
 from functools import cache
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
 
-__all__ = ["FPS", "HOP", "RATE", "WINDOW", "Bands", "hann", "log_mel", "mel_filters", "power_spectra"]
+__all__ = [
+    "FPS", "HOP", "RATE", "WINDOW", "Bands", "hann", "log_mel", "magnitudes", "mel_filters", "mel_triangles", "power_spectra",
+    "spectra",
+]  # fmt: skip
 
 Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+T = TypeVar("T", np.float32, np.float64)
 
 RATE = 16_000  # Hz
 HOP = 160  # samples, 10 ms
@@ -32,6 +38,33 @@ BATCH = 64  # ours: frames at a time, so that the work stays in the cache
 def hann(length: int) -> NDArray[np.float64]:
     """(length,) periodic Hann window."""
     return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+
+
+def spectra(samples: Doubles, length: int, hop: int, window: int, centred: bool) -> Doubles:
+    """(T, 1 + length // 2) magnitudes |X| of Hann-windowed frames, in float64.
+
+    Args:
+        samples: (N,).
+        length: of the transform; the window stands in its middle.
+        hop: samples from frame to frame.
+        window: length of the window.
+        centred: frame k is centred on sample k × hop, the signal mirrored at its ends; else it starts there.
+    """
+    samples = np.asarray(samples, float)
+    if centred:
+        samples = np.pad(samples, length // 2, "reflect" if len(samples) > length // 2 else "constant")
+    samples = np.pad(samples, (0, max(length - len(samples), 0)))
+    frames = np.lib.stride_tricks.sliding_window_view(samples, length)[::hop]
+    return magnitudes(frames, window)
+
+
+def magnitudes(frames: Floats | Doubles, window: int) -> Doubles:
+    """(T, length) samples → (T, 1 + length // 2) |X| in float64, under a Hann window of so many samples in their middle."""
+    length = frames.shape[1]
+    before = (length - window) // 2
+    shape = np.pad(hann(window), (before, length - window - before))
+    found = np.fft.rfft(frames * shape)
+    return np.sqrt(np.square(found.real) + np.square(found.imag))
 
 
 def power_spectra(frames: Floats) -> Floats:
@@ -50,6 +83,25 @@ def _hertz(mel: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @cache
+def mel_triangles(rate: int, length: int, count: int, low: float, high: float, even: bool) -> Doubles:
+    """(count, 1 + length // 2) weights on the bins of a transform, for bands between two frequencies in Hz.
+
+    Args:
+        rate: samples per second.
+        length: of the transform.
+        count: how many bands.
+        low, high: where the first begins and the last ends.
+        even: triangles of equal area, else of height 1.
+    """
+    edges = _hertz(np.linspace(_mel(np.array(low)), _mel(np.array(high)), count + 2))
+    bins = np.arange(length // 2 + 1) * (rate / length)
+    rise = (bins - edges[:-2, None]) / (edges[1:-1] - edges[:-2])[:, None]
+    fall = (edges[2:, None] - bins) / (edges[2:] - edges[1:-1])[:, None]
+    height = 2 / (edges[2:] - edges[:-2]) if even else np.ones(count)
+    return np.maximum(0, np.minimum(rise, fall)) * height[:, None]
+
+
+@cache
 def mel_filters(n_mels: int = 80) -> Floats:
     """(n_mels, 201) weights from power bins to mel bands, 0 … 8000 Hz.
 
@@ -58,32 +110,27 @@ def mel_filters(n_mels: int = 80) -> Floats:
     """
     if n_mels < 1:
         raise InputError(f"{n_mels} mel bands", "at least 1")
-    edges = _hertz(np.linspace(0, _mel(np.array(RATE / 2)), n_mels + 2))
-    bins = np.arange(WINDOW // 2 + 1) * (RATE / WINDOW)
-    rise = (bins - edges[:-2, None]) / (edges[1:-1] - edges[:-2])[:, None]
-    fall = (edges[2:, None] - bins) / (edges[2:] - edges[1:-1])[:, None]
-    area = 2 / (edges[2:] - edges[:-2])
-    return (np.maximum(0, np.minimum(rise, fall)) * area[:, None]).astype(np.float32)
+    return mel_triangles(RATE, WINDOW, n_mels, 0.0, RATE / 2, True).astype(np.float32)
 
 
-class Bands:
-    """Weighted sums of neighbouring power bins: `filters` (M, 201) applied to (T, 201), without a matrix product.
+class Bands(Generic[T]):
+    """Weighted sums of neighbouring bins: `filters` (M, F) applied to (T, F), without a matrix product.
 
     Each row's non-zero stretch is laid end to end, so that one `reduceat` sums them all.
     """
 
-    def __init__(self, filters: Floats) -> None:
-        rows = [np.flatnonzero(row) if row.any() else np.zeros(1, int) for row in filters]
-        self.bins = np.concatenate(rows)
-        self.weights = np.concatenate([row[at] for row, at in zip(filters, rows, strict=True)])
+    def __init__(self, filters: NDArray[T]) -> None:
+        rows: list[NDArray[np.int64]] = [np.flatnonzero(row) if row.any() else np.zeros(1, int) for row in filters]
+        self.bins: NDArray[np.int64] = np.concatenate(rows)
+        self.weights: NDArray[T] = np.concatenate([row[at] for row, at in zip(filters, rows, strict=True)])
         self.starts = np.cumsum([0, *(len(at) for at in rows[:-1])])
 
-    def __call__(self, power: Floats) -> Floats:
+    def __call__(self, power: NDArray[T]) -> NDArray[T]:
         return np.add.reduceat(power[:, self.bins] * self.weights, self.starts, axis=1)
 
 
 @cache
-def _mel_bands(n_mels: int) -> Bands:
+def _mel_bands(n_mels: int) -> Bands[np.float32]:
     return Bands(mel_filters(n_mels))
 
 

@@ -245,7 +245,7 @@ def _nothing(mel: bool) -> Features:
 
 
 @cache
-def _log_bands() -> Bands:
+def _log_bands() -> Bands[np.float32]:
     """Row 0: the energy band; the rest: BAND_EDGES. Scaled to the signal's mean square (Parseval, one-sided, Hann's power)."""
     hertz = np.arange(WINDOW // 2 + 1) * (RATE / WINDOW)
     scale = 2 / (WINDOW * float(np.square(hann(WINDOW)).sum()))

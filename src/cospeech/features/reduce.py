@@ -1,4 +1,7 @@
-"""What of the audio features a network hears: functions of (T, 84) rows of `AUDIO_NAMES`, the same in training and at run time.
+"""What of the audio features a network hears, the same in training and at run time: functions of rows of a front-end.
+
+Front-ends are classes that make rows of speech (`Hearing`): ours, the (T, 84) of `AUDIO_NAMES`, of which all but one are made,
+and that of PATS' stores (`log_mel.LogMelFeatures`), whose rows are heard as they are.
 
 Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
 
@@ -9,21 +12,50 @@ powers of the bands that lie in it, those on its edge counting as much as they r
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from functools import cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import InputError, nearest
-from .frames import AUDIO_NAMES
+from .frames import AUDIO_NAMES, FrameFeatures
+from .log_mel import LOG_MEL_NAMES, LogMelFeatures
 from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
 
-__all__ = ["REDUCTIONS", "Reduction", "audio_names", "audio_width", "reduce_audio"]
+if TYPE_CHECKING:
+    from ..speech import Speech
+
+__all__ = [
+    "REDUCTIONS", "Hearing", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "reduce_audio",
+]  # fmt: skip
 
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
 _PROSODY = tuple(AUDIO_NAMES[N_MELS:])
+
+
+class Hearing(Protocol):
+    """Speech in pieces of any size → rows of features at the rate of the motion (`FrameFeatures` says how)."""
+
+    @property
+    def duration(self) -> Fraction:
+        """Seconds heard so far."""
+        ...
+
+    @property
+    def delay(self) -> float:
+        """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain."""
+        ...
+
+    def push(self, chunk: Speech) -> Floats:
+        """The rows that a piece makes certain."""
+        ...
+
+    def finish(self, frames: int | None = None) -> Floats:
+        """The rest, to so many in all."""
+        ...
 
 
 class Reduction(NamedTuple):
@@ -32,16 +64,20 @@ class Reduction(NamedTuple):
     Args:
         what: one line.
         names: one per column.
-        apply: (T, 84) float32 → (T, A) float32.
+        apply: (T, C) float32 → (T, A) float32.
+        columns: (C,) names of what it is made of, as a store has them.
+        listen: frames per second → the front-end that makes these columns of speech.
     """
 
     what: str
     names: tuple[str, ...]
     apply: Callable[[Floats], Floats]
+    columns: tuple[str, ...] = AUDIO_NAMES
+    listen: Callable[[float], Hearing] = FrameFeatures
 
 
 @cache
-def _pool(count: int) -> Bands:
+def _pool(count: int) -> Bands[np.float32]:
     """(count, 80) shares of the mel bands in as many equal parts of their axis; each row's sum is 1."""
     edges = np.linspace(0, N_MELS, count + 1)
     band = np.arange(N_MELS)
@@ -69,6 +105,10 @@ def _log_powers_and_prosody(columns: Floats, count: int) -> Floats:
     return np.concatenate([_log_powers(columns, count), _prosody(columns)], 1)
 
 
+def _as_it_is(columns: Floats) -> Floats:
+    return columns
+
+
 def _mels(count: int) -> tuple[str, ...]:
     return tuple(f"mel{k}" for k in range(count))
 
@@ -88,6 +128,13 @@ REDUCTIONS: dict[str, Reduction] = {
         partial(_log_powers_and_prosody, count=20),
     ),
     "prosody": Reduction("energy in dB, pitch in octaves from 120 Hz (0 without voice), voicing, onset", _PROSODY, _prosody),
+    "log-mel-400": Reduction(
+        "log of 64 mel magnitudes, 125 to 7500 Hz, as PATS has them (Mix-StAGE)",
+        LOG_MEL_NAMES,
+        _as_it_is,
+        LOG_MEL_NAMES,
+        LogMelFeatures,
+    ),
 }
 """Name → what it keeps; the names that recipes and bundles use."""
 
@@ -119,18 +166,34 @@ def audio_width(name: str) -> int:
     return len(_find(name).names)
 
 
+def audio_columns(name: str) -> tuple[str, ...]:
+    """Names of the columns that `reduce_audio` takes.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).columns
+
+
+def hear(name: str, fps: float) -> Hearing:
+    """A front-end for what `reduce_audio` takes.
+
+    Raises:
+        InputError: unknown name, or fps is not a positive number.
+    """
+    return _find(name).listen(fps)
+
+
 def reduce_audio(columns: Floats, name: str) -> Floats:
-    """(T, 84) rows of `AUDIO_NAMES` → (T, A) float32; row t depends on row t alone.
+    """(T, C) rows of `audio_columns` → (T, A) float32; row t depends on row t alone.
 
     Raises:
         InputError: unknown name, another number of columns, or values that are not finite.
     """
     reduction = _find(name)
     columns = np.asarray(columns, np.float32)
-    if columns.ndim != 2 or columns.shape[1] != len(AUDIO_NAMES):
-        raise InputError(
-            f"audio features of shape {columns.shape}", f"(frames, {len(AUDIO_NAMES)}) as FrameFeatures gives them"
-        )
+    if columns.ndim != 2 or columns.shape[1] != len(reduction.columns):
+        raise InputError(f"audio features of shape {columns.shape}", f"{name!r} is made of (frames, {len(reduction.columns)})")
     if not np.isfinite(columns).all():
         raise InputError("audio features hold values that are not finite")
     return reduction.apply(columns)

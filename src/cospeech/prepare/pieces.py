@@ -14,7 +14,8 @@ from ..corpora.clip import Clip, Points, Semantic
 from ..corpora.store import Entry
 from ..corpora.store_writer import Piece
 from ..errors import CospeechError, InputError
-from ..features import AUDIO_NAMES, audio_features
+from ..features import AUDIO_NAMES, LOG_MEL_NAMES, audio_features
+from ..features.log_mel import log_mel_at, log_mel_count
 from ..files import atomic
 from ..motion import Motion
 from ..poses import Pose, find_pose
@@ -34,7 +35,7 @@ __all__ = [
     "split_of",
 ]
 
-_READY = {"pats": ("audio/log_mel_400", tuple(f"log_mel_400.{k}" for k in range(64)))}
+_READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
 """Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
 
@@ -114,14 +115,18 @@ def _words(clip: Clip) -> tuple[Word, ...] | None:
 
 
 def _audio(clip: Clip, frames: int, plan: Plan) -> Array | None:
-    """Features of the sound, or the spectra that come with the corpus, every so many of them as it has per frame."""
+    """Features of the sound, or the spectra that come with the corpus: at 100 a second where they are as many as that gives,
+    else every so many of them as there are per frame."""
     if plan.corpus not in _READY:
         return None if clip.speech is None else audio_features(clip.speech, frames, plan.fps)
     ready = clip.extra.get(_READY[plan.corpus][0])
     if not isinstance(ready, np.ndarray) or not len(ready):
         return None
-    rows = np.arange(frames) / plan.fps * (len(ready) / max(clip.duration, 1e-9))
-    return ready[np.minimum(rows.astype(int), len(ready) - 1)].astype(np.float32)
+    if abs(len(ready) - log_mel_count(clip.duration)) <= 1:
+        rows = log_mel_at(np.arange(frames), plan.fps)
+    else:
+        rows = (np.arange(frames) / plan.fps * (len(ready) / max(clip.duration, 1e-9))).astype(int)
+    return ready[np.minimum(rows, len(ready) - 1)].astype(np.float32)
 
 
 def _source(clip: Clip, pose: Pose, fps: float) -> Any:

@@ -6,8 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..features.frames import FrameFeatures, audio_features
-from ..features.reduce import reduce_audio
+from ..features.reduce import hear, reduce_audio
 from ..rotations import Array
 from ..speech import Speech, count_frames
 from .fading import Fading
@@ -45,14 +44,19 @@ class Listener:
     def __init__(self, system: System, controls: Array) -> None:
         self._system = system
         self._controls = Fading(_row(controls), system.fps)
-        self._features = FrameFeatures(system.fps)
-        self._silence = self._standard(audio_features(Speech(np.zeros(16_000, np.float32)), 1, system.fps))
+        self._features = hear(system.audio, system.fps)
+        self._silence = self._standard(_silence(system))
         self._given = 0
 
     @property
     def frames(self) -> int:
         """Of the model, in all that was heard."""
         return count_frames(self._features.duration, self._system.fps)
+
+    @property
+    def delay(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time until its row is there."""
+        return self._features.delay
 
     @property
     def quiet(self) -> Array:
@@ -78,7 +82,7 @@ class Listener:
         return rows
 
     def _standard(self, columns: Array) -> Array:
-        """(T, 84) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
+        """(T, C) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
         s = self._system.statistics
         rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
         return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
@@ -86,6 +90,13 @@ class Listener:
     def _controlled(self, rows: Array) -> Array:
         controls = self._controls.mixed(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
+
+
+def _silence(system: System) -> Array:
+    """(1, C) columns of silence."""
+    silence = hear(system.audio, system.fps)
+    rows = silence.push(Speech(np.zeros(16_000, np.float32)))
+    return np.concatenate([rows, silence.finish(1)])[:1]
 
 
 def _row(controls: Array) -> Array:

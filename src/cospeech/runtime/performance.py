@@ -16,7 +16,6 @@ import numpy as np
 
 from ..corpora.clip import Points
 from ..errors import InputError
-from ..features.frames import frame_delay
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
@@ -151,7 +150,7 @@ class Performance:
         self._faces, self._fps, self._parts = faces, fps, parts
         self._wish, self._direct = wish, direct
         behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
-        self._latency = player.latency + behind + frame_delay(system.fps)
+        self._latency = player.latency + behind + listener.delay
         self._bodies: list[list[Motion]] = [[] for _ in faces]
         self._heads: list[list[Motion]] = [[] for _ in faces]
         self._duration = Fraction(0)

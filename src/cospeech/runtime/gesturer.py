@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..corpora.clip import Points
 from ..errors import InputError
 from ..motion import Motion
+from ..poses import find_pose
 from ..poses.controls import control_row, read_controls
 from ..rotations import Array
 from ..rules import RuleGesturer
@@ -19,8 +21,9 @@ from ..speech import Speech
 from .bundle import read_bundle
 from .flow_bundle import FlowSystem
 from .listener import Listener
-from .performance import PIECE, Performance, Wish
+from .performance import PIECE, Performance, Player, Wish
 from .players import Players, Terms, players_of
+from .sampling import Sampled
 from .style import Transfer
 from .systems import open_system
 from .window_bundle import WindowSystem
@@ -81,12 +84,15 @@ class BundleGesturer:
         self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
         wish = self._understood(style)
         faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
-        listener = Listener(self.system, wish.controls)
-        terms = Terms(seeds, float(temperature), float(intensity), look_ahead)
-        player = self._players.play(wish.blend, listener.quiet, terms)
+        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead))
         return Performance(
             self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
         )
+
+    def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener, Player]:
+        """Who hears, and who plays."""
+        listener = Listener(self.system, wish.controls)
+        return listener, self._players.play(wish.blend, listener.quiet, terms)
 
     def _understood(self, style: object) -> Wish:
         """What a style means."""
@@ -119,6 +125,43 @@ class BundleGesturer:
             InputError: an option is out of range or a name unknown.
         """
         return self.generate_takes(speech, takes=1, **options)[0]
+
+    def points(
+        self,
+        speech: Speech,
+        *,
+        style: object = None,
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        look_ahead: float | None = None,
+    ) -> Points:
+        """The key points that `generate` makes motion of, for systems that were trained on points; at the system's own rate.
+
+        Of ``keypoints2d`` they are in pixels from the neck, y up, the shoulder at 167, as PATS' networks are published.
+
+        Args:
+            speech: any rate.
+            style, seed, intensity, temperature, look_ahead: see `generate`.
+
+        Returns:
+            ceil(duration × fps) frames.
+
+        Raises:
+            InputError: a system of joint rotations, or an option is out of range.
+        """
+        pose = find_pose(self.system.pose)
+        if pose.source != "points":
+            raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
+        self.session(style=style, seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)  # it checks
+        check_speech(speech)
+        listener, player = self._cast(self._understood(style), Terms([int(seed)], temperature, intensity, look_ahead))
+        made = [player.push(listener.push(chunk)) for chunk in speech.chunks(PIECE)]
+        made += [player.push(listener.finish()), player.finish(listener.quiet)]
+        sampled = Sampled(1, player.width, smooth=self.system.smooth, step=1.0)
+        poses, at = sampled.push(np.concatenate(made, 1), listener.frames, listener.frames - 1)
+        found: Points = pose.decode(player.units(poses, at)[0], self.system.fps)
+        return found
 
     def generate_takes(self, speech: Speech, *, takes: int, **options: Any) -> list[Motion]:
         """Several takes in one pass, which costs little more than one: those of ``seed``, ``seed + 1``, …"""

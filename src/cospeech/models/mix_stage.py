@@ -91,7 +91,7 @@ class MixGanConfig:
     reconstruction: float = 1.0
     """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
     judge_poses: bool = False
-    """Whether D sees poses beside velocity, and knows whose they should be (nn/pose_judge.py); ours."""
+    """Whether D sees poses beside velocity, and knows whose they should be and to what speech (nn/pose_judge.py); ours."""
     persistence: float = 0.0
     """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
     that makes takes differ, drawn for so long a time. Ours; 0: of those that L_rec is of."""
@@ -165,7 +165,7 @@ class MixGan(Windowed):
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
         self.discriminator: PoseJudge | PatchDiscriminator = (
-            PoseJudge(pose, config.patch_channels, max(1, style.speakers))
+            PoseJudge(pose, audio, config.patch_channels, max(1, style.speakers))
             if config.judge_poses
             else PatchDiscriminator(pose, config.patch_channels)
         )
@@ -230,9 +230,9 @@ class MixGan(Windowed):
         noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
         return mix(made, torch.softmax(logits + noise, 1))
 
-    def _score(self, pose: Tensor, batch: Batch) -> Tensor:
-        """D's scores of (B, D, T) poses in the style of the batch's speakers."""
-        seen = (pose, batch["speaker"]) if self.config.judge_poses else (velocity(pose),)
+    def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
+        """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
+        seen = (pose, batch["audio"].roll(shift, 0).mT, batch["speaker"]) if self.config.judge_poses else (velocity(pose),)
         scores: Tensor = self.discriminator(*seen)
         return scores
 
@@ -244,7 +244,10 @@ class MixGan(Windowed):
         self._left = None if self.config.alternate else decoded
         true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoded.judged.detach()))
         judging = JUDGINGS[self.config.judging]
-        return {"true": judging.true(true), "false": self._growing(step) * judging.false(false)}
+        terms = {"true": judging.true(true), "false": self._growing(step) * judging.false(false)}
+        if self.config.judge_poses and len(batch) > 1:
+            terms["strange"] = judging.false(self._score(batch["pose"].mT, batch, shift=1))
+        return terms
 
     def _heard(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
         """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.

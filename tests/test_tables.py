@@ -305,6 +305,14 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(stages, runs, tmp_path
     assert make_table("flow-2", replace(stages, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
     assert not any("step" in text for text in heard)
 
+    part = make_table("flow-2", stages, seeds=(0, 1), only=("baseline", "global"), tell=lambda text: None)
+    assert {name for name, row in part["rows"].items() if "cells" in row} == {"without global encoder", "baseline"}
+    assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
+        k: v for k, v in part["rows"].items() if "cells" in v
+    }
+    assert "(left out)" in to_text(part)
+    assert "(left out)" not in to_text(table)
+
     data, page = write_table(table, tmp_path)
     assert json.loads(data.read_text()) == table
     for text in (page.read_text(), to_text(table)):
@@ -392,6 +400,7 @@ def test_on_the_command_line(store, recipes, runs, tmp_path):
         (["--table", "flow-9"], "flow-9"),
         (["--table", "flow-2", "--seeds", "0,a"], "--seeds"),
         (["--table", "flow-2", "--seeds", "0,0"], "each once"),
+        (["--table", "flow-2", "--rows", "basement"], "baseline"),
         (["rules", "--table", "flow-2"], "rules"),
         (["--table", "flow-2", "--recipes", "nowhere"], "--recipes"),
         (["--table", "flow-2", "--set", "model.widht=3", "--seeds", "7"], "widht"),

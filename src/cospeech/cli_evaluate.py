@@ -38,6 +38,9 @@ Table = Annotated[
     Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1 to flow-3, mix-1 to mix-6; docs/tables.md."),
 ]
 Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="Of --table: one run of every row with each.")]
+Rows = Annotated[
+    list[str] | None, Option("--rows", metavar="TEXT", help="Of --table: make only rows whose names hold this; repeatable.")
+]
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="Of --table: where its runs lie, or are made, and its files.")]
 Recipes = Annotated[Path, Option("--recipes", metavar="FOLDER", help="Of --table: the recipes of the repository.")]
 Small = Annotated[bool, Option("--small", help="Of --table: narrow networks and few steps, about two minutes a run.")]
@@ -71,8 +74,8 @@ def _numbers(text: str) -> list[int]:
 
 
 def _table(
-    name: str, store: Path, *, raw: Path | None, seeds: str, runs: Path, recipes: Path, small: bool, changes: list[str],
-    threads: int, about: str, figure: Path | None,
+    name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path, small: bool,
+    changes: list[str], threads: int, about: str, figure: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a table of a paper, its files and its figure."""
     from .tables import Stages, draw_table, make_table, write_table
@@ -81,7 +84,7 @@ def _table(
         typer.echo(text, err=True)
 
     stages = Stages(store, runs, recipes, small, tuple(changes), threads, about, tell)
-    table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), tell=tell)
+    table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
     for path in write_table(table, runs):
         tell(f"wrote {path}")
     if figure is not None:
@@ -115,6 +118,7 @@ def register(app: typer.Typer) -> None:
         features: Features = None,
         table: Table = None,
         seeds: Seeds = "0,1,2",
+        rows: Rows = None,
         runs: Runs = Path("runs/tables"),
         recipes: Recipes = Path("recipes"),
         small: Small = False,
@@ -139,8 +143,8 @@ def register(app: typer.Typer) -> None:
             from .tables import to_text
 
             made = _table(
-                table, corpus, raw=raw, seeds=seeds, runs=runs, recipes=recipes, small=small, changes=changes or [],
-                threads=threads, about=about, figure=figure,
+                table, corpus, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
+                changes=changes or [], threads=threads, about=about, figure=figure,
             )  # fmt: skip
             _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
             return

@@ -65,7 +65,19 @@ def _row(row: Row, bench: Bench, design: Design, stages: Stages, seeds: Sequence
     return told | {"cells": {metric: summary(runs, metric) for metric in design.columns}, "facts": facts}
 
 
-def _head(stages: Stages, bench: Bench, seeds: Sequence[int]) -> str:
+def _chosen(rows: Sequence[Row], only: Sequence[str]) -> set[str]:
+    """Names of the rows that are made: those that hold one of the texts, or all.
+
+    Raises:
+        InputError: a text that no row holds.
+    """
+    for text in only:
+        if not any(text in row.name for row in rows):
+            raise InputError(f"no row of the table is called {text!r}", nearest(text, [row.name for row in rows]))
+    return {row.name for row in rows if not only or any(text in row.name for text in only)}
+
+
+def _head(stages: Stages, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
     """Of what and with what the table was made, in a line."""
     store = stages.store
     scale = (
@@ -74,6 +86,7 @@ def _head(stages: Stages, bench: Bench, seeds: Sequence[int]) -> str:
         else "the recipes' own scale"
     )
     more = f"; changed: {' '.join(stages.overrides)}" if stages.overrides else ""
+    more += f"; only the rows of {', '.join(only)}, the others are the paper's figures alone" if only else ""
     what = f"{stages.about}, " if stages.about else ""
     hours = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps / 3600
     features = f"; features: {bench.features}" if bench.features else ""
@@ -84,7 +97,13 @@ def _head(stages: Stages, bench: Bench, seeds: Sequence[int]) -> str:
 
 
 def make_table(
-    name: str, stages: Stages, *, raw: str | PathLike[str] | None = None, seeds: Sequence[int] = (0, 1, 2), tell: Tell
+    name: str,
+    stages: Stages,
+    *,
+    raw: str | PathLike[str] | None = None,
+    seeds: Sequence[int] = (0, 1, 2),
+    only: Sequence[str] = (),
+    tell: Tell,
 ) -> dict[str, Any]:
     """A table of `TABLES`, as a plain dictionary; `report.to_text` and so on tell it.
 
@@ -93,6 +112,7 @@ def make_table(
         stages: the store, where runs lie, and at what scale.
         raw: the corpus of the store, for metrics that hear.
         seeds: one run of every row with each.
+        only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
         tell: told what is being done.
 
     Raises:
@@ -101,16 +121,20 @@ def make_table(
     design, part = part_of(name, stages.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
+    chosen = _chosen(part.rows, only)
     bench = design.bench(design, part, stages, raw)
     tell("control rows")
     controls = bench.controls()
-    steps, total = count(1), len(part.rows)
+    steps = count(1)
     rows = {
-        row.name: _row(row, bench, design, stages, seeds, tell, f"row {next(steps)} of {total}") for row in part.rows
-    }  # fmt: skip
+        row.name: _row(row, bench, design, stages, seeds, tell, f"row {next(steps)} of {len(chosen)}")
+        if row.name in chosen
+        else {"recipe": row.recipe, "published": dict(row.published)}
+        for row in part.rows
+    }
     return {
         "table": name, "title": f"{name}: {design.title} ({stages.store.corpus})", "columns": dict(design.columns),
-        "head": _head(stages, bench, seeds), "corpus": stages.store.corpus, "pose": stages.store.pose,
+        "head": _head(stages, bench, seeds, only), "corpus": stages.store.corpus, "pose": stages.store.pose,
         "small": stages.small, "seeds": list(seeds), "note": part.note, "rows": rows,
         "controls": {row: {metric: summary([cells], metric) for metric in design.columns} for row, cells in controls.items()},
         "faults": bench.faults(controls), "verdicts": verdicts(design, part, rows),

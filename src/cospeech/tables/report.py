@@ -92,7 +92,8 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
         if row.get("cells"):
             yield [name, *(_number(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
         if row["published"]:
-            label = f"{name}, published" if row.get("cells") else f"{name}, published (not built yet)"
+            why = "left out" if row["recipe"] else "not built yet"
+            label = f"{name}, published" if row.get("cells") else f"{name}, published ({why})"
             yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
     for name, cells in table["controls"].items():
         yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]

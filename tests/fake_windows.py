@@ -72,6 +72,7 @@ def fake_statistics(sizes: WindowSizes, codes: np.ndarray) -> WindowStatistics:
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0), "audio_low": np.full(a, -4.0),
         "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, (len(codes), d)), "codes": codes,
+        "made": np.zeros((len(codes), d)), "gains": rng.uniform(0.6, 1.6, (len(codes), d)),
     }  # fmt: skip
     return WindowStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 

@@ -62,7 +62,8 @@ def small_statistics(sizes: WindowSizes, seed: int = 1) -> WindowStatistics:
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
         "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, (len(NAMES), d)),
-        "codes": np.eye(len(NAMES)),
+        "codes": np.eye(len(NAMES)), "made": rng.normal(0, 0.1, (len(NAMES), d)),
+        "gains": rng.uniform(0.6, 1.6, (len(NAMES), d)),
     }  # fmt: skip
     return WindowStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 

@@ -110,12 +110,13 @@ class Shipped:
     recipe: str
     run: str
     which: str
+    smooth: int
     card: str
 
 
 KINDS = {
-    "stylised-flow": Shipped("flow_humanoid", "run-humanoid", "best", FLOW),
-    "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", MIX),  # adversarial training has no figure to be best by
+    "stylised-flow": Shipped("flow_humanoid", "run-humanoid", "best", 1, FLOW),
+    "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", 0, MIX),  # adversarial training has no figure to be best by
 }
 
 
@@ -155,7 +156,7 @@ def main() -> None:
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     out.parent.mkdir(parents=True, exist_ok=True)
-    bundle_run(run, out, which=kind.which, style=STYLE)
+    bundle_run(run, out, which=kind.which, smooth=kind.smooth, style=STYLE)
     facts = read_facts(run)
     table = contest({chosen.name: str(out), "rules": "rules"}, store, raw=raw, metrics=METRICS)
     kept, config = facts["store"], facts["config"]
@@ -165,7 +166,7 @@ def main() -> None:
         machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
         table=markdown(table),
     )  # fmt: skip
-    bundle_run(run, out, which=kind.which, card=card, style=STYLE)
+    bundle_run(run, out, which=kind.which, smooth=kind.smooth, card=card, style=STYLE)
     print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
     print(table.to_text())
 

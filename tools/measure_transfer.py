@@ -62,7 +62,7 @@ def traits(clips: dict[str, list[Clip]]) -> np.ndarray:
     return np.array(rows)
 
 
-def table(system: str, store: Store, raw: Path, look_ahead: float | None) -> list[list[str]]:
+def table(system: str, store: Store, raw: Path) -> list[list[str]]:
     """Rows: recordings, and the system in the styles of other speakers."""
     judge, model = Judge(store), cospeech.load(system)
     clips = [clip for clip in stored_clips(store.folder, split=None, raw=raw) if clip.split != "train"]
@@ -75,16 +75,22 @@ def table(system: str, store: Store, raw: Path, look_ahead: float | None) -> lis
         speech = talk.speech.window(talk.speech.start, talk.speech.start + TALK)
         for name in store.speakers:
             if name != talk.speaker:
-                motion = model.generate(
-                    speech, style=name, seed=number, fps=store.fps, parts=PARTS, **({} if look_ahead is None else {"look_ahead": look_ahead})
-                )  # fmt: skip
+                motion = model.generate(speech, style=name, seed=number, fps=store.fps, parts=PARTS)
                 made[name].append(replace(talk, speech=speech, motion=motion))
         print(f"{number + 1} of {len(talks)} speeches", flush=True)
     true, ours = traits(own), traits(made)
     alike = [f"{np.corrcoef(true[:, k], ours[:, k])[0, 1]:.2f}" for k in range(len(SHOWN))]
     means = [" / ".join(f"{value:.3g}" for value in rows.mean(0)) for rows in (true, ours)]
     return [
-        ["held-out recordings", named(judge, own, 0.0), rhythm([c for found in own.values() for c in found]), means[0], "", "", ""],
+        [
+            "held-out recordings",
+            named(judge, own, 0.0),
+            rhythm([c for found in own.values() for c in found]),
+            means[0],
+            "",
+            "",
+            "",
+        ],
         [system, named(judge, made, WARM), rhythm([c for found in made.values() for c in found]), means[1], *alike],
     ]
 
@@ -94,10 +100,9 @@ def main() -> None:
     parser.add_argument("system")
     parser.add_argument("--store", type=Path, required=True)
     parser.add_argument("--raw", type=Path, required=True)
-    parser.add_argument("--look-ahead", type=float)
     parser.add_argument("--write", action="store_true", help="put the table into docs/models/mix_stage.md")
     chosen = parser.parse_args()
-    rows = table(chosen.system, Store(chosen.store), chosen.raw, chosen.look_ahead)
+    rows = table(chosen.system, Store(chosen.store), chosen.raw)
     head = ["", "named right", "beat alignment", "rate, amplitude, right share", *(f"{name}, r" for name in SHOWN)]
     text = "\n".join("| " + " | ".join(cells) + " |" for cells in [head, ["---"] * len(head), *rows])
     print(text)

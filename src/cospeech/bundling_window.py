@@ -11,14 +11,18 @@ import torch
 
 from .errors import InputError
 from .models.lowering import Lowered, lower
+from .nn.gumbel import smooth_gumbel
+from .nn.objective import Chance
 from .rotations import Array
 from .runtime.manifest import pose_bounds
+from .runtime.nudge import SECONDS
 from .runtime.window_bundle import WindowStatistics, half, unpacked, write_window
 from .runtime.window_engine import WindowEngine
 
 __all__ = ["bundle_window"]
 
 DIGITS = 6  # of the measured error
+GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
 
 
 def bundle_window(
@@ -50,7 +54,7 @@ def bundle_window(
         raise InputError(f"a run of {facts['model']!r} on poses by_clip", "networks by windows play poses of the whole data")
     if "speech" not in examples:
         raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
-    measured = _statistics(model, statistics, examples)
+    measured = _statistics(model, statistics, examples, SECONDS * options["fps"])
     low = lower(model)
     weights = low.weights
     if small:
@@ -60,11 +64,33 @@ def bundle_window(
     write_window(path, weights, low.graphs, low.sizes, measured, facts=facts, card=card, **options)
 
 
-def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[str, torch.Tensor]) -> WindowStatistics:
+def _statistics(
+    model: Any, statistics: dict[str, torch.Tensor], examples: dict[str, torch.Tensor], persistence: float
+) -> WindowStatistics:
     """What the runtime has to know, with what stands for each speaker."""
-    own = {"centres": examples["pose_centre"], "codes": model.speaker_styles(examples["stretches"])}
+    codes = model.speaker_styles(examples["stretches"])
+    made, gains = _calibrated(model, codes, examples, persistence)
+    own = {"centres": examples["pose_centre"], "codes": codes, "made": made, "gains": gains}
     known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(WindowStatistics)}
     return WindowStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
+
+
+@torch.no_grad()
+def _calibrated(
+    model: Any, codes: torch.Tensor, examples: dict[str, torch.Tensor], persistence: float
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """(S, D) mean of what a network makes in each style of everybody's speech, in windows as in training, with priors as in a
+    performance; and (S, D) the speakers' own deviation within a window, in that of what it makes."""
+    speech = examples["speech"].flatten(0, 1)
+    frames = min(model.window, speech.shape[1] // model.multiple * model.multiple)
+    speech = speech.unfold(1, frames, frames).flatten(0, 1).mT
+    noise = torch.zeros(len(speech), frames, 0)
+    if model.modes:
+        noise = smooth_gumbel(Chance(0, 0), len(speech), model.modes, frames, persistence).mT
+    made = [model.make(speech, code.expand(len(speech), frames, -1), noise) for code in codes]
+    own = examples["stretches"].unfold(2, frames, frames).movedim(-1, -2).flatten(1, 2)
+    wanted, moved = (torch.stack([poses.var(1).mean(0).sqrt() for poses in each]) for each in (own, made))
+    return torch.stack([poses.mean((0, 1)) for poses in made]), (wanted / moved.clamp_min(1e-6)).clamp(*GAINS)
 
 
 def _rounding(low: Lowered, small: dict[str, Array], measured: WindowStatistics, examples: dict[str, torch.Tensor]) -> float:

@@ -39,9 +39,12 @@ class Manner:
     beginnings: Array
     """(n, τ, D) stretches that a performance may begin with."""
     spread: Array | None = None
-    """(D,) deviation, for a system that knows poses by their recording's own mean and deviation."""
+    """(D,) deviation, for a flow that knows poses by their recording's own mean and deviation; of a network by windows: by what
+    its poses are multiplied (`WindowStatistics.gains`)."""
     shown: tuple[Array, ...] = ()
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
+    made: Array | None = None
+    """(D,) mean of what a network by windows makes in this style, which ``centre`` takes the place of."""
 
 
 Blend = tuple[tuple[float, Manner], ...]

@@ -20,6 +20,7 @@ __all__ = ["KIND", "WindowStatistics", "WindowSystem", "half", "open_window", "u
 KIND = "window"
 """What a manifest's ``kind`` says of a bundle of this module."""
 _WEIGHTS = "weights.safetensors"
+_BY_SPEAKER = ("centres", "made", "gains")
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,10 @@ class WindowStatistics:
     """(S, D) standardised mean pose of each speaker."""
     codes: Array
     """(S, styles) what the network is given for each speaker; of no width where it has no styles."""
+    made: Array
+    """(S, D) mean of the poses that the network makes in each speaker's style, which the speaker's own takes the place of."""
+    gains: Array
+    """(S, D) by what they are multiplied, so that they deviate from their mean as the speaker's do; positive."""
 
 
 @dataclass(frozen=True)
@@ -143,4 +148,6 @@ def _check_statistics(statistics: WindowStatistics, sizes: WindowSizes, speakers
     shapes: dict[str, tuple[int, ...]] = {
         f.name: (sizes.audio if f.name.startswith("audio") else sizes.pose,) for f in fields(WindowStatistics)
     }
-    check_numbers(statistics, shapes | {"centres": (speakers, sizes.pose), "codes": (speakers, sizes.styles)})
+    check_numbers(statistics, shapes | {"codes": (speakers, sizes.styles)} | dict.fromkeys(_BY_SPEAKER, (speakers, sizes.pose)))
+    if statistics.gains.min() <= 0:
+        raise InputError("a gain of a style that is not positive", "is the bundle damaged?")

@@ -113,6 +113,10 @@ class _Style:
     """(N, 1, styles) of each take."""
     centre: Array
     """(1, 1, D) standardised mean pose."""
+    made: Array
+    """(1, 1, D) that of what the network makes."""
+    gain: Array
+    """(1, 1, D) by what the network's poses are multiplied."""
 
 
 class WindowPlayer:
@@ -177,16 +181,17 @@ class WindowPlayer:
 
     def units(self, poses: Array, at: Array) -> Array:
         """See `Player`."""
-        s, centre = self._system.statistics, self._styles.mixed(lambda style: style.centre, at)
-        return (centre + self._intensity * (poses - centre)) * s.pose_std + s.pose_mean
+        s, mixed = self._system.statistics, self._styles.mixed
+        centre, made, gain = (mixed(f, at) for f in (lambda x: x.centre, lambda x: x.made, lambda x: x.gain))
+        return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
     def restyle(self, blend: Blend, frame: int) -> None:
         """See `Player`."""
         self._styles.change(self._style(blend), frame)
 
     def _style(self, blend: Blend) -> _Style:
-        code, centre = (weighted((share, getattr(m, name)) for share, m in blend) for name in ("code", "centre"))
-        return _Style((code + self._moved)[:, None], centre[None, None])
+        code, *rest = (weighted((s, getattr(m, name)) for s, m in blend) for name in ("code", "centre", "made", "spread"))
+        return _Style((code + self._moved)[:, None], *(each[None, None] for each in rest))
 
     def _drawn(self, frames: int) -> Array:
         """(N, frames, modes) the next noise."""

@@ -26,7 +26,7 @@ def plays_mixtures(system: WindowSystem) -> bool:
 def named_window(system: WindowSystem, name: str) -> Manner:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
-    return Manner(s.codes[k], s.centres[k], _beginnings(system))
+    return Manner(s.codes[k], s.centres[k], _beginnings(system), s.gains[k], made=s.made[k])
 
 
 def example_window(system: WindowSystem, motion: Motion, name: str = "the example") -> Manner:
@@ -55,10 +55,12 @@ def example_window(system: WindowSystem, motion: Motion, name: str = "the exampl
     shown = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in shown)
     found = [system.engine.style_of(stretch) for poses in shown for stretch in stretches(poses, STYLE_FRAMES)]
     code, centre = np.mean([each for each in found if each is not None], 0), np.concatenate(shown).mean(0)
+    shares = np.full(len(s.codes), 1 / len(s.codes))
     if plays_mixtures(system):
-        code = _shares(code)
+        code = shares = _shares(code)
         centre = code @ s.centres
-    return Manner(code.astype(np.float32), centre.astype(np.float32), _beginnings(system), None, shown)
+    gain, made = ((shares @ each).astype(np.float32) for each in (s.gains, s.made))
+    return Manner(code.astype(np.float32), centre.astype(np.float32), _beginnings(system), gain, shown, made)
 
 
 def mixture(system: WindowSystem, blend: Blend) -> dict[str, float] | None:

@@ -116,7 +116,7 @@ class Shipped:
 
 KINDS = {
     "stylised-flow": Shipped("flow_humanoid", "run-humanoid", "best", 1, FLOW),
-    "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", 0, MIX),  # adversarial training has no figure to be best by
+    "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", 1, MIX),  # adversarial training has no figure to be best by
 }
 
 

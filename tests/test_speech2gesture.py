@@ -98,7 +98,9 @@ def test_as_many_poses_as_frames_of_speech(net, frames):
     assert made.shape == (2, frames, POSE)
     assert made.isfinite().all()
     assert torch.equal(net.generate(audio, NO_STYLE[:2]), made)
-    whole = net.generate(torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1), NO_STYLE[:2])  # what it is filled up with
+    whole = net.generate(
+        torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1), NO_STYLE[:2]
+    )  # what it is filled up with
     assert torch.equal(whole[:, :frames], made)
 
 
@@ -138,8 +140,6 @@ def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):
     assert (report.parameters, report.best["name"]) == (sum(p.numel() for p in net.parameters()), "generator.l1")
     windows = open_set(recipe, Store(store), torch.device("cpu")).feed(net.eval(), "train", False).at(64, 0, 0)
     pose, audio = (torch.from_numpy(windows[name]) for name in ("pose", "audio"))
-    own, strange, mean = (
-        (made - pose).abs().mean() for made in (net(audio), net(audio.flip(0)), torch.zeros_like(pose))
-    )
+    own, strange, mean = ((made - pose).abs().mean() for made in (net(audio), net(audio.flip(0)), torch.zeros_like(pose)))
     assert own < 0.7 * mean
     assert own < 0.7 * strange

@@ -267,7 +267,7 @@ def test_what_ships_is_small_says_what_it_is_and_moves(path):
     with zipfile.ZipFile(path) as file:
         manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
     assert manifest["model"] == path.stem
-    assert manifest["sizes"]["int8"]
+    assert manifest["sizes"].get("int8") or 0 < manifest["rounding"] < 0.01  # of a flow; of a network by windows, 16 bits
     for word in ("synthetic", "cannot do", "Rebuild", "±", "ground truth", "noise", "frozen"):
         assert word in card, word
     player = cospeech.load(path.stem)

@@ -125,7 +125,7 @@ def test_settings_that_are_none_are_told(field, value):
 def test_the_recipe_is_at_the_authors_sizes_and_the_defaults_are_its_own():
     recipe = load_recipe(ROOT / "recipes" / "speech2gesture_pats.toml")
     assert build(Speech2GestureConfig, recipe.config, "model") == Speech2GestureConfig()
-    assert (recipe.train.batch, recipe.train.lr, recipe.data.audio) == (32, 1e-4, None)
+    assert (recipe.train.batch, recipe.train.lr, recipe.data.audio) == (32, 1e-4, "log-mel-400")
 
 
 def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):

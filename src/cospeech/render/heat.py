@@ -29,6 +29,7 @@ _BONE, _BODY = (186, 192, 201), (238, 240, 243)
 _RED, _BLUE = (222, 58, 50), (38, 98, 204)  # as much ink as there is, on paper; figure 7: right red, left blue
 _SCALE = 4  # lines are drawn four times as large and shrunk
 _CELL, _GAP, _MARGIN, _LEGEND = 190, 8, 20, 56  # pixels: height of a cell or, where that is more, its width, and so on
+_KEYS = 620  # pixels: width of the legend
 _BLUR = 0.055  # of the ink, in shoulders' breadths
 _POINTS, _STEPS = 9, 8  # along an arm, and between two frames, where ink is left
 _FULL, _GAMMA = 98.5, 0.52  # percentile of the fullest cell's ink that is in full colour, and how less is raised; by eye
@@ -251,7 +252,7 @@ def draw_heat(
     side = _MARGIN + round(max(small.getlength(line) for label in rows for line in label.split("\n"))) + 14
     above = (44 if title else 10) + 34 + 19 * max(text.count("\n") for text in columns)
     (wide, tall), count = frame.size, len(columns)
-    width = max(side + count * (wide + _GAP) - _GAP + _MARGIN, side + 560)
+    width = max(side + count * (wide + _GAP) - _GAP + _MARGIN, side + _KEYS)
     sheet = Image.new("RGB", (width, above + len(rows) * (tall + _GAP) - _GAP + _LEGEND), _PAPER)
     pen = ImageDraw.Draw(sheet)
     pen.text((_MARGIN, 28), title, _INK, big, anchor="lm")

@@ -66,7 +66,8 @@ def system_of(engine: WindowEngine) -> WindowSystem:
     statistics = WindowStatistics(
         pose_mean=zeros, pose_std=ones, audio_mean=quiet, audio_std=loud, pose_low=-BOUND * ones, pose_high=BOUND * ones,
         audio_low=-BOUND * loud, audio_high=BOUND * loud, centres=np.zeros((SPEAKERS, POSE), np.float32),
-        codes=np.eye(SPEAKERS, dtype=np.float32),
+        codes=np.eye(SPEAKERS, dtype=np.float32), made=np.zeros((SPEAKERS, POSE), np.float32),
+        gains=np.ones((SPEAKERS, POSE), np.float32),
     )  # fmt: skip
     names = tuple(f"speaker{k}" for k in range(SPEAKERS))
     return WindowSystem(engine, statistics, "keypoints2d", FPS, "mel64", 1, names, names[0], "")

@@ -70,7 +70,7 @@ def system_of(engine: WindowEngine) -> WindowSystem:
         gains=np.ones((SPEAKERS, POSE), np.float32),
     )  # fmt: skip
     names = tuple(f"speaker{k}" for k in range(SPEAKERS))
-    return WindowSystem(engine, statistics, "keypoints2d", FPS, "mel64", 1, names, names[0], "")
+    return WindowSystem("keypoints2d", FPS, "mel64", 1, names, names[0], "", engine, statistics)
 
 
 def playing(engine: WindowEngine, frames: int, takes: int) -> Callable[[], object]:

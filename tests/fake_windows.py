@@ -94,7 +94,7 @@ def fake_system(
     sizes = sizes or fake_sizes()
     engine = FakeEngine(sizes, recognises=recognises)
     statistics = fake_statistics(sizes, np.eye(len(NAMES)) if codes is None else codes)
-    return WindowSystem(engine, statistics, pose, fps, audio, 1, NAMES, "ada", "")  # type: ignore[arg-type]
+    return WindowSystem(pose, fps, audio, 1, NAMES, "ada", "", engine, statistics)  # type: ignore[arg-type]
 
 
 @cache

@@ -73,6 +73,10 @@ class Bundle:
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{member} of {self.name!r} cannot be read: {error}"[:200], _HINT) from None
 
+    def graphs(self) -> dict[str, bytes]:
+        """The ONNX members, by their names without the suffix."""
+        return {name.removesuffix(".onnx"): data for name, data in self.members.items() if name.endswith(".onnx")}
+
 
 def pack_arrays(arrays: Mapping[str, Array]) -> bytes:
     """A safetensors member."""

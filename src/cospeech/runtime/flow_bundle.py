@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
 
@@ -12,11 +12,22 @@ import numpy as np
 from ..errors import InputError
 from ..poses.controls import CONTROLS, QUANTILES
 from ..rotations import Array
-from .bundle import Bundle, pack_arrays, write_bundle
+from .bundle import Bundle
 from .flow_engine import FlowEngine
 from .flow_graph import build_graphs
 from .flow_weights import FlowSizes, check_weights, pack_weights
-from .manifest import STATISTICS, check_numbers, pose_bounds, read_facts, read_sizes, read_statistics
+from .manifest import (
+    WEIGHTS,
+    Scales,
+    System,
+    check_kind,
+    check_numbers,
+    pose_bounds,
+    read_facts,
+    read_sizes,
+    read_statistics,
+    write_system,
+)
 
 __all__ = ["KIND", "FlowSystem", "Statistics", "open_flow", "write_flow"]
 
@@ -25,20 +36,9 @@ KIND = "flow"
 
 
 @dataclass(frozen=True)
-class Statistics:
-    """What stands between vectors of a pose or of audio and what the network sees; ranges are standardised."""
+class Statistics(Scales):
+    """Scales, and what stands for each speaker."""
 
-    pose_mean: Array
-    """(D,)"""
-    pose_std: Array
-    audio_mean: Array
-    """(A,)"""
-    audio_std: Array
-    pose_low: Array
-    """(D,) least standardised value in the training data."""
-    pose_high: Array
-    audio_low: Array
-    audio_high: Array
     histories: Array
     """(P · M, τ, D) standardised stretches of the training data, with which performances begin: M of each speaker."""
     styles: Array
@@ -57,23 +57,13 @@ class Statistics:
 
 
 @dataclass(frozen=True)
-class FlowSystem:
-    """A bundle ready to perform."""
+class FlowSystem(System):
+    """A flow ready to perform."""
 
     engine: FlowEngine
     statistics: Statistics
-    pose: str
-    fps: float
-    audio: str
-    smooth: int
-    """How many frames to either side poses are averaged over, with binomial weights."""
-    styles: tuple[str, ...]
-    """Names of the speakers."""
-    style: str
-    """The one that is played where nobody says."""
     controls: tuple[str, ...]
     """Names of the style controls (`cospeech.poses.controls`) that it was trained with: further columns of the speech."""
-    card: str
 
 
 def write_flow(
@@ -107,14 +97,8 @@ def write_flow(
     """
     weights = pack_weights(arrays, sizes)
     _check_statistics(statistics, sizes, len(facts["styles"]), len(facts.get("controls", ())))
-    manifest = {**facts, "kind": KIND, "sizes": asdict(sizes), "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
-    members = {
-        "weights.safetensors": pack_arrays(weights),
-        STATISTICS: pack_arrays({f.name: getattr(statistics, f.name) for f in fields(Statistics)}),
-        **{f"{name}.onnx": graph for name, graph in build_graphs(weights, sizes).items()},
-        "card.md": card.encode(),
-    }
-    write_bundle(path, manifest, members)
+    known = {**facts, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
+    write_system(path, KIND, sizes, weights, build_graphs(weights, sizes), statistics, known, card)
 
 
 def open_flow(bundle: Bundle) -> FlowSystem:
@@ -123,8 +107,7 @@ def open_flow(bundle: Bundle) -> FlowSystem:
     Raises:
         InputError: the bundle is of another kind, or its parts do not fit together.
     """
-    if bundle.manifest.get("kind") != KIND:
-        raise InputError(f"{bundle.name!r} holds a {str(bundle.manifest.get('kind'))[:40]!r}, not a flow")
+    check_kind(bundle, KIND, "a flow")
     sizes = read_sizes(bundle, FlowSizes)
     controls = bundle.fact("controls", list) if "controls" in bundle.manifest else []
     if any(controls.count(name) > 1 or name not in CONTROLS for name in controls):
@@ -132,12 +115,10 @@ def open_flow(bundle: Bundle) -> FlowSystem:
     known = read_facts(bundle, sizes.pose, sizes.audio - len(controls))
     statistics = read_statistics(bundle, Statistics)
     _check_statistics(statistics, sizes, len(known.styles), len(controls))
-    weights = bundle.arrays("weights.safetensors")
+    weights = bundle.arrays(WEIGHTS)
     check_weights(weights, sizes)
-    graphs = {name.removesuffix(".onnx"): data for name, data in bundle.members.items() if name.endswith(".onnx")}
-    engine = FlowEngine(sizes, weights, graphs, *pose_bounds(statistics))
-    card = bundle.members.get("card.md", b"").decode("utf-8", "replace")
-    return FlowSystem(engine, statistics, **vars(known), controls=tuple(controls), card=card)
+    engine = FlowEngine(sizes, weights, bundle.graphs(), *pose_bounds(statistics))
+    return FlowSystem(**vars(known), engine=engine, statistics=statistics, controls=tuple(controls))
 
 
 def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, controls: int) -> None:
@@ -148,8 +129,7 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
         "spreads": (len(statistics.spreads), sizes.pose if statistics.spreads.shape[-1] else 0),
         **dict.fromkeys(("made_mean", "made_std"), (sizes.pose if statistics.spreads.size else 0,)),
     }  # fmt: skip
-    each_number = {f.name: (sizes.pose if f.name.startswith("pose") else sizes.audio - controls,) for f in fields(Statistics)}
-    check_numbers(statistics, each_number | shapes)
+    check_numbers(statistics, sizes.pose, sizes.audio - controls, shapes)
     if statistics.spreads.size and (len(statistics.spreads) != speakers or statistics.spreads.min() <= 0):
         raise InputError("spreads of speakers that are not positive, or not one for each")
     if statistics.made_std.size and statistics.made_std.min() <= 0:

@@ -19,14 +19,13 @@ from ..rules import RuleGesturer
 from ..rules.session import check_speech
 from ..speech import Speech
 from .bundle import read_bundle
-from .flow_bundle import FlowSystem
 from .listener import Listener
+from .manifest import System
 from .performance import PIECE, Performance, Player, Wish
 from .players import Players, Terms, players_of
 from .sampling import Sampled
 from .style import Transfer
 from .systems import open_system
-from .window_bundle import WindowSystem
 
 __all__ = ["BundleGesturer"]
 
@@ -46,7 +45,7 @@ class BundleGesturer:
 
     takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
-    def __init__(self, system: FlowSystem | WindowSystem, transfer: Transfer | None = None) -> None:
+    def __init__(self, system: System, transfer: Transfer | None = None) -> None:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system

@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
-
 import numpy as np
 
 from ..features.reduce import hear, reduce_audio
 from ..rotations import Array
 from ..speech import Speech, count_frames
 from .fading import Fading
+from .manifest import System
 
-__all__ = ["Listener", "System"]
-
-
-class System(Protocol):
-    """What trained systems of every kind have (`cospeech.runtime.flow_bundle.FlowSystem` says what it is)."""
-
-    @property
-    def statistics(self) -> Any: ...
-    @property
-    def pose(self) -> str: ...
-    @property
-    def fps(self) -> float: ...
-    @property
-    def audio(self) -> str: ...
-    @property
-    def smooth(self) -> int: ...
-    @property
-    def styles(self) -> tuple[str, ...]: ...
-    @property
-    def style(self) -> str: ...
+__all__ = ["Listener"]
 
 
 class Listener:

@@ -1,9 +1,14 @@
-"""What the bundles of every kind of system have in common: facts of a manifest, sizes, statistics of the training data."""
+"""What the bundles of every kind of system have in common: facts, sizes, statistics of the training data, members.
+
+A kind is a module with its ``KIND``, its `System` and its `Scales`, a function that checks and writes (`write_system`) and
+one that opens; `cospeech.runtime.systems` and `cospeech.runtime.players` list the kinds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
+from os import PathLike
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,15 +17,19 @@ from ..errors import InputError
 from ..features.reduce import REDUCTIONS, audio_width
 from ..poses import POSES, find_pose
 from ..rotations import Array
-from .bundle import Bundle
+from .bundle import Bundle, pack_arrays, write_bundle
 
-__all__ = ["MARGIN", "STATISTICS", "Facts", "check_numbers", "pose_bounds", "read_facts", "read_sizes", "read_statistics"]
+__all__ = [
+    "MARGIN", "STATISTICS", "WEIGHTS", "Facts", "Scales", "System", "check_kind", "check_numbers", "pose_bounds", "read_facts",
+    "read_sizes", "read_statistics", "write_system",
+]  # fmt: skip
 
 MARGIN = 0.25  # ours: of the range of a number in the training data, beyond either end, that a pose may reach
 FRAME_RATES = (1.0, 240.0)
 MOST_SMOOTH = 8  # frames; ours
 FARTHEST = 1e6  # ours: no pose, no feature comes near
-STATISTICS = "statistics.safetensors"
+STATISTICS, WEIGHTS = "statistics.safetensors", "weights.safetensors"
+_CARD = "card.md"
 T = TypeVar("T")
 
 
@@ -39,10 +48,49 @@ class Facts:
     """Names of the speakers."""
     style: str
     """The one that is played where nobody says."""
+    card: str
+    """Markdown."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What stands between vectors of a pose or of audio and what a network sees; ranges are standardised."""
+
+    pose_mean: Array
+    """(D,)"""
+    pose_std: Array
+    audio_mean: Array
+    """(A,)"""
+    audio_std: Array
+    pose_low: Array
+    """(D,) least standardised value in the training data."""
+    pose_high: Array
+    audio_low: Array
+    audio_high: Array
+
+
+@dataclass(frozen=True)
+class System(Facts):
+    """A bundle ready to perform; those of a kind say which engine and which statistics."""
+
+    engine: Any
+    statistics: Any
+    """`Scales`, and more."""
+
+
+def check_kind(bundle: Bundle, kind: str, what: str) -> None:
+    """Whether a bundle is of a kind, which is ``what`` in words.
+
+    Raises:
+        InputError: it is of another.
+    """
+    found = bundle.manifest.get("kind")
+    if found != kind:
+        raise InputError(f"{bundle.name!r} holds a {str(found)[:40]!r}, not {what}")
 
 
 def read_facts(bundle: Bundle, pose_width: int, audio_width_: int) -> Facts:
-    """The facts of a manifest.
+    """The facts of a manifest, and the card.
 
     Args:
         bundle: whose.
@@ -61,7 +109,8 @@ def read_facts(bundle: Bundle, pose_width: int, audio_width_: int) -> Facts:
         raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
     if not (FRAME_RATES[0] <= fps <= FRAME_RATES[1] and 0 <= smooth <= MOST_SMOOTH):
         raise InputError(f"{bundle.name!r} has {fps} frames per second, smoothed over {smooth}", "is it damaged?")
-    return Facts(pose, fps, audio, smooth, tuple(names), style)
+    card = bundle.members.get(_CARD, b"").decode("utf-8", "replace")
+    return Facts(pose, fps, audio, smooth, tuple(names), style, card)
 
 
 def read_sizes(bundle: Bundle, kind: type[T]) -> T:
@@ -89,17 +138,19 @@ def read_statistics(bundle: Bundle, kind: type[T]) -> T:
     return kind(**arrays)
 
 
-def check_numbers(statistics: Any, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Types, shapes and values of arrays, of which all have ``pose_std``, ``audio_std`` and the ranges of both.
+def check_numbers(statistics: Scales, pose: int, audio: int, more: Mapping[str, tuple[int, ...]]) -> None:
+    """Types, shapes and values of arrays.
 
     Args:
-        statistics: a dataclass of arrays.
-        shapes: of all of them.
+        statistics: all of them.
+        pose, audio: D and A.
+        more: shapes of those that are not in `Scales`.
 
     Raises:
         InputError: they cannot be used.
     """
-    for name, shape in shapes.items():
+    every = {f.name: (audio if f.name.startswith("audio") else pose,) for f in fields(Scales)} | dict(more)
+    for name, shape in every.items():
         value = getattr(statistics, name)
         if value.shape != shape or value.dtype != np.float32:
             raise InputError(f"statistics {name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
@@ -111,7 +162,41 @@ def check_numbers(statistics: Any, shapes: Mapping[str, tuple[int, ...]]) -> Non
         raise InputError("statistics with a range whose ends are exchanged")
 
 
-def pose_bounds(statistics: Any) -> tuple[Array, Array]:
+def pose_bounds(statistics: Scales) -> tuple[Array, Array]:
     """(D,) least and greatest numbers of a pose that is made: those of the training data and some more."""
     margin = MARGIN * (statistics.pose_high - statistics.pose_low) + 1e-3
     return statistics.pose_low - margin, statistics.pose_high + margin
+
+
+def write_system(
+    path: str | PathLike[str],
+    kind: str,
+    sizes: Any,
+    weights: Mapping[str, Array],
+    graphs: Mapping[str, bytes],
+    statistics: Scales,
+    facts: Mapping[str, Any],
+    card: str,
+) -> None:
+    """Write a system that was checked.
+
+    Args:
+        path: of the bundle.
+        kind: of the system.
+        sizes: of the network, a dataclass.
+        weights: of the graphs.
+        graphs: name → ONNX.
+        statistics: of the training data.
+        facts: for the manifest, those of `Facts` among them.
+        card: Markdown.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    members = {
+        WEIGHTS: pack_arrays(weights),
+        STATISTICS: pack_arrays(vars(statistics)),
+        **{f"{name}.onnx": graph for name, graph in graphs.items()},
+        _CARD: card.encode(),
+    }
+    write_bundle(path, {**facts, "kind": kind, "sizes": asdict(sizes)}, members)

@@ -24,7 +24,8 @@ from ..rules import Session as RuleSession
 from ..rules.session import check_speech
 from ..skeleton import humanoid
 from ..speech import Speech, count_frames
-from .listener import Listener, System
+from .listener import Listener
+from .manifest import System
 from .manner import Blend
 from .sampling import Sampled
 

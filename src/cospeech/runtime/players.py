@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..poses.controls import QUANTILES
 from ..rotations import Array
 from .flow_bundle import FlowSystem
 from .flow_player import FlowPlayer, Source
+from .manifest import System
 from .manner import Blend
 from .performance import Player
 from .style import Styles, Transfer, best_transfer
@@ -117,7 +118,10 @@ class WindowPlayers:
         )
 
 
-def players_of(system: FlowSystem | WindowSystem, transfer: Transfer | None = None) -> Players:
+_WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Players]] = {WindowSystem: WindowPlayers}
+
+
+def players_of(system: System, transfer: Transfer | None = None) -> Players:
     """Of this kind of system.
 
     Raises:
@@ -127,4 +131,4 @@ def players_of(system: FlowSystem | WindowSystem, transfer: Transfer | None = No
         return FlowPlayers(system, transfer)
     if transfer is not None:
         raise InputError("a way of transfer for a system without latents", "leave it out")
-    return WindowPlayers(system)
+    return _WITHOUT_LATENTS[type(system)](system)

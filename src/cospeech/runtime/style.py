@@ -28,7 +28,7 @@ from ..rotations import Array
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
 from .flow_player import Source
-from .listener import System
+from .manifest import System
 from .manner import Blend, Manner, example, latents_of, named, weighted
 
 __all__ = [

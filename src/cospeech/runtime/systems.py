@@ -7,18 +7,19 @@ from collections.abc import Callable
 from ..errors import InputError
 from . import flow_bundle, window_bundle
 from .bundle import Bundle
-from .flow_bundle import FlowSystem, open_flow
-from .window_bundle import WindowSystem, open_window
+from .flow_bundle import open_flow
+from .manifest import System
+from .window_bundle import open_window
 
 __all__ = ["open_system"]
 
-_KINDS: dict[str, Callable[[Bundle], FlowSystem | WindowSystem]] = {
+_KINDS: dict[str, Callable[[Bundle], System]] = {
     flow_bundle.KIND: open_flow,
     window_bundle.KIND: open_window,
 }
 
 
-def open_system(bundle: Bundle) -> FlowSystem | WindowSystem:
+def open_system(bundle: Bundle) -> System:
     """What a bundle holds, ready to perform.
 
     Raises:

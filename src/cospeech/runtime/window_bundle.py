@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
@@ -11,33 +11,32 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
-from .bundle import Bundle, pack_arrays, write_bundle
-from .manifest import STATISTICS, check_numbers, pose_bounds, read_facts, read_sizes, read_statistics
+from .bundle import Bundle
+from .manifest import (
+    WEIGHTS,
+    Scales,
+    System,
+    check_kind,
+    check_numbers,
+    pose_bounds,
+    read_facts,
+    read_sizes,
+    read_statistics,
+    write_system,
+)
 from .window_engine import WindowEngine, WindowSizes, check_weights
 
 __all__ = ["KIND", "WindowStatistics", "WindowSystem", "half", "open_window", "unpacked", "write_window"]
 
 KIND = "window"
 """What a manifest's ``kind`` says of a bundle of this module."""
-_WEIGHTS = "weights.safetensors"
 _BY_SPEAKER = ("centres", "made", "gains")
 
 
 @dataclass(frozen=True)
-class WindowStatistics:
-    """What stands between vectors of a pose or of audio and what the network sees; ranges are standardised."""
+class WindowStatistics(Scales):
+    """Scales, and what stands for each speaker."""
 
-    pose_mean: Array
-    """(D,)"""
-    pose_std: Array
-    audio_mean: Array
-    """(A,)"""
-    audio_std: Array
-    pose_low: Array
-    """(D,) least standardised value in the training data."""
-    pose_high: Array
-    audio_low: Array
-    audio_high: Array
     centres: Array
     """(S, D) standardised mean pose of each speaker."""
     codes: Array
@@ -49,21 +48,11 @@ class WindowStatistics:
 
 
 @dataclass(frozen=True)
-class WindowSystem:
-    """A bundle ready to perform."""
+class WindowSystem(System):
+    """A network of windows ready to perform."""
 
     engine: WindowEngine
     statistics: WindowStatistics
-    pose: str
-    fps: float
-    audio: str
-    smooth: int
-    """How many frames to either side poses are averaged over, with binomial weights."""
-    styles: tuple[str, ...]
-    """Names of the speakers."""
-    style: str
-    """The one that is played where nobody says."""
-    card: str
 
 
 def half(weights: Mapping[str, Array]) -> dict[str, Array]:
@@ -115,14 +104,8 @@ def write_window(
     """
     _check_statistics(statistics, sizes, len(facts["styles"]))
     WindowEngine(sizes, unpacked(weights), graphs, *pose_bounds(statistics))
-    manifest = {**facts, "kind": KIND, "sizes": asdict(sizes), "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
-    members = {
-        _WEIGHTS: pack_arrays(weights),
-        STATISTICS: pack_arrays({f.name: getattr(statistics, f.name) for f in fields(WindowStatistics)}),
-        **{f"{name}.onnx": graph for name, graph in graphs.items()},
-        "card.md": card.encode(),
-    }
-    write_bundle(path, manifest, members)
+    known = {**facts, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
+    write_system(path, KIND, sizes, weights, graphs, statistics, known, card)
 
 
 def open_window(bundle: Bundle) -> WindowSystem:
@@ -131,23 +114,17 @@ def open_window(bundle: Bundle) -> WindowSystem:
     Raises:
         InputError: the bundle is of another kind, or its parts do not fit together.
     """
-    if bundle.manifest.get("kind") != KIND:
-        raise InputError(f"{bundle.name!r} holds a {str(bundle.manifest.get('kind'))[:40]!r}, not a network of windows")
+    check_kind(bundle, KIND, "a network of windows")
     sizes = read_sizes(bundle, WindowSizes)
     known = read_facts(bundle, sizes.pose, sizes.audio)
     statistics = read_statistics(bundle, WindowStatistics)
     _check_statistics(statistics, sizes, len(known.styles))
-    weights = unpacked(bundle.arrays(_WEIGHTS))
-    graphs = {name.removesuffix(".onnx"): data for name, data in bundle.members.items() if name.endswith(".onnx")}
-    engine = WindowEngine(sizes, weights, graphs, *pose_bounds(statistics))
-    card = bundle.members.get("card.md", b"").decode("utf-8", "replace")
-    return WindowSystem(engine, statistics, **vars(known), card=card)
+    engine = WindowEngine(sizes, unpacked(bundle.arrays(WEIGHTS)), bundle.graphs(), *pose_bounds(statistics))
+    return WindowSystem(**vars(known), engine=engine, statistics=statistics)
 
 
 def _check_statistics(statistics: WindowStatistics, sizes: WindowSizes, speakers: int) -> None:
-    shapes: dict[str, tuple[int, ...]] = {
-        f.name: (sizes.audio if f.name.startswith("audio") else sizes.pose,) for f in fields(WindowStatistics)
-    }
-    check_numbers(statistics, shapes | {"codes": (speakers, sizes.styles)} | dict.fromkeys(_BY_SPEAKER, (speakers, sizes.pose)))
+    shapes = {"codes": (speakers, sizes.styles)} | dict.fromkeys(_BY_SPEAKER, (speakers, sizes.pose))
+    check_numbers(statistics, sizes.pose, sizes.audio, shapes)
     if statistics.gains.min() <= 0:
         raise InputError("a gain of a style that is not positive", "is the bundle damaged?")

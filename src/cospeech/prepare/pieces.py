@@ -16,6 +16,7 @@ from ..corpora.store_writer import Piece
 from ..errors import CospeechError, InputError
 from ..features import AUDIO_NAMES, LOG_MEL_NAMES, audio_features
 from ..features.log_mel import log_mel_at, log_mel_count
+from ..features.words import word_ids
 from ..files import atomic
 from ..motion import Motion
 from ..poses import Pose, find_pose
@@ -172,13 +173,10 @@ def _scores(semantics: tuple[Semantic, ...], frames: int, fps: float) -> Array:
 
 
 def _word_numbers(words: tuple[Word, ...], frames: int, fps: float) -> Array:
-    """(frames,) 1 + the place in `_vocabulary` of the word that is being said, 0 in silence; a word has at least one frame."""
+    """(frames,) 1 + the place in `_vocabulary` of the word that is being said, 0 in silence."""
     numbers = {word: 1 + k for k, word in enumerate(_vocabulary(words))}
-    out = np.zeros(frames, np.int32)
-    for word in words:
-        first = max(0, round(word.start * fps))
-        out[first : max(first + 1, round(word.end * fps))] = numbers[word.text.lower()]
-    return out
+    spoken = word_ids(words, frames, fps)
+    return np.array([0 if word is None else numbers[word.lower()] for word in spoken], np.int32)
 
 
 def _vocabulary(words: tuple[Word, ...] | None) -> list[str]:

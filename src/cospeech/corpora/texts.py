@@ -1,0 +1,63 @@
+"""The words of a store as numbers for a network: subwords of a table that it learns, or vectors learnt elsewhere."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import Protocol, cast
+
+import numpy as np
+
+from ..errors import InputError
+from ..features.words import plain_word, subword_rows
+from ..rotations import Array
+from .lookup import Lookup
+from .store import Store
+
+__all__ = ["Vectors", "with_subwords", "with_vectors"]
+
+
+class Vectors(Protocol):
+    """Words → vectors (`cospeech.features.word_vectors`)."""
+
+    @property
+    def width(self) -> int: ...
+    def vector(self, word: str) -> Array:
+        """(width,) float32; zeros of a word that has none."""
+        ...
+
+
+def with_subwords(store: Store) -> Store:
+    """The same store with the array ``text`` (N, `GRAMS`) int32 of `cospeech.features.words.subwords`; its files stay.
+
+    Raises:
+        InputError: the store has no words.
+    """
+    return _with_text(store, subword_rows(["", *store.words[1:]]))
+
+
+def with_vectors(store: Store, vectors: Vectors) -> Store:
+    """The same store with the array ``text`` (N, width) float32 of the words' vectors; zeros in silence. Its files stay.
+
+    Raises:
+        InputError: the store has no words.
+    """
+    table = np.zeros((max(1, len(store.words)), vectors.width), np.float32)
+    for row, word in enumerate(store.words[1:], 1):
+        if plain := plain_word(word):
+            table[row] = vectors.vector(plain)
+    return _with_text(store, table)
+
+
+def _with_text(store: Store, table: Array) -> Store:
+    """Looked up by ``word``; rows where words are not known have those of silence, and their clips no ``text``."""
+    if "word" not in store.arrays or len(store.words) < 2:
+        hint = "prepare it from a corpus with transcripts, or choose a model without text"
+        raise InputError(f"the store {str(store.folder)!r} has no words", hint)
+    word = np.asarray(store.arrays["word"])
+    if word.max(initial=0) >= len(store.words):
+        raise InputError(f"the store {str(store.folder)!r} has word {word.max()} of {len(store.words)}", "prepare it again")
+    more = copy(store)
+    more.arrays = store.arrays | {"text": cast(Array, Lookup(table, np.maximum(word, 0)))}
+    more.clips = tuple(replace(clip, has=(*clip.has, "text")) if "word" in clip.has else clip for clip in store.clips)
+    return more

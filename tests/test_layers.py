@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 LAYERS = [
     {"errors", "_decode"},
     {"files", "interrupts", "rotations", "skeletons"},
-    {"decoding", "recipe", "runlog"},
+    {"decoding", "emotions", "recipe", "runlog"},
     {"skeleton", "speech"},
     {"motion", "features", "recognise_shape"},
     {"recognise", "tpose", "alignment"},

@@ -63,7 +63,7 @@ def _styles() -> list[Row]:
 
 
 def _emotions() -> list[Row]:
-    from .rules.manners import EMOTIONS
+    from .emotions import EMOTIONS
 
     return [{"name": "auto", "what": "heard from the speech; the default"}] + [
         {"name": name, "what": f"{name}, whatever the speech sounds like"} for name in EMOTIONS

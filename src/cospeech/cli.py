@@ -86,7 +86,8 @@ Emotion = Annotated[
     _option(
         "--emotion",
         metavar="NAME",
-        help="auto (heard from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust.",
+        help="auto (heard from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        "or a .csv of how it changes.",
     ),
 ]
 Speaker = Annotated[

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from . import __version__
 from .alignment import align_with_recogniser
+from .emotions import EmotionTrack, emotion_track, read_emotion_track
 from .errors import InputError, nearest
 from .export import FORMATS, Writer, open_writer
 from .export import format_of as format_of_file
@@ -27,7 +28,6 @@ from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
-from .rules.manners import EMOTIONS
 from .runtime.style import example_files
 from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
@@ -69,7 +69,7 @@ class _Options:
     """What a model is asked for, beside the speech."""
 
     style: StyleLike
-    emotion: str
+    emotion: str | EmotionTrack
     intensity: float
     temperature: float
     fps: float
@@ -82,7 +82,7 @@ def generate_files(
     *,
     model: str = DEFAULT,
     style: StyleLike = None,
-    emotion: str = "auto",
+    emotion: str | PathLike[str] | EmotionTrack = "auto",
     speaker: str | None = None,
     transcript: File | None = None,
     transcribe: bool = False,
@@ -106,7 +106,8 @@ def generate_files(
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
-        emotion: one of `EMOTIONS`, or ``auto`` to hear it from the speech.
+        emotion: one of `cospeech.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over time: an
+            `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
@@ -128,10 +129,11 @@ def generate_files(
     began = time.perf_counter()
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
-    options = _Options(style or speaker, emotion, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
+    felt, track = _read_emotion(emotion)
+    options = _Options(style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    check_files(audio, names, [path for path in (transcript, avatar, *example_files(options.style)) if path], report)
+    check_files(audio, names, [path for path in (transcript, avatar, track, *example_files(options.style)) if path], report)
     gesturer = load_model(model)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
@@ -154,7 +156,8 @@ def generate_files(
             seed=seed,
             takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes),
-            emotion=performance.emotion if emotion == "auto" else {name: float(name == emotion) for name in EMOTIONS},
+            emotion=performance.emotion,
+            speaker=performance.speaker,
             style=_style_text(options.style) or gesturer.default_style,
             style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names],
@@ -273,6 +276,14 @@ def _writer_keywords(
     return keywords
 
 
+def _read_emotion(emotion: str | PathLike[str] | EmotionTrack) -> tuple[str | EmotionTrack, str | None]:
+    """What a session understands: of a file its track, anything else as it is; and the file, where there is one."""
+    if isinstance(emotion, EmotionTrack):
+        return emotion, None
+    name = os.fspath(emotion)
+    return (read_emotion_track(name), name) if name.lower().endswith(".csv") else (name, None)
+
+
 def _style_text(style: StyleLike) -> str:
     """A style as the report has it; nothing for the default one."""
     if isinstance(style, Mapping):
@@ -291,8 +302,7 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:
-    if options.emotion != "auto" and options.emotion not in EMOTIONS:
-        raise InputError(f"no emotion is called {options.emotion!r}", nearest(options.emotion, ("auto", *EMOTIONS)))
+    emotion_track(options.emotion)  # it checks
     for part in options.parts:
         if part not in PARTS:
             raise InputError(f"no part is called {part!r}", nearest(part, PARTS))

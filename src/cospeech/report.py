@@ -24,5 +24,8 @@ class Report(BaseModel):
     style_mixture: dict[str, float] | None = Field(
         None, description="speaker → weight, where a model plays a mixture of speakers; of an example the nearest one"
     )
+    speaker: dict[str, float] | None = Field(
+        None, description="probability of each speaker, where a model tells by the voice who speaks"
+    )
     outputs: list[str] = Field(description="files written")
     version: str = Field(description="version of cospeech")

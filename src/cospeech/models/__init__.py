@@ -63,6 +63,11 @@ class Performance(Protocol):
         ...
 
     @property
+    def speaker(self) -> dict[str, float] | None:
+        """Probability of each speaker, over all that was heard, where a system tells them apart."""
+        ...
+
+    @property
     def style_mixture(self) -> dict[str, float] | None:
         """Speaker → weight, where a mixture of speakers is played."""
         ...

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 from math import isfinite
 from numbers import Integral, Real
 
+from ..emotions import EMOTIONS, EmotionTrack, emotion_track
 from ..errors import InputError, nearest
 from ..motion import Motion
 from ..speech import Speech
-from .manners import EMOTIONS
 from .plan import Gesture
 from .session import LOOK_AHEAD, Session, check_speech
 from .styles import STYLES, Style, mix_styles
@@ -40,7 +40,7 @@ class RuleGesturer:
         self,
         *,
         style: str | Style | None = None,
-        emotion: str = "auto",
+        emotion: str | EmotionTrack = "auto",
         seed: int = 0,
         intensity: float = 1.0,
         temperature: float = 1.0,
@@ -57,12 +57,11 @@ class RuleGesturer:
                 raise InputError(f"{name} {value}", f"0 … {most:g}")
         if not (isinstance(fps, Real) and isfinite(fps) and 1 <= fps <= 240):
             raise InputError(f"{fps} frames per second", "1 … 240")
-        if emotion not in ("auto", *EMOTIONS):
-            raise InputError(f"no emotion is called {emotion!r}", nearest(str(emotion), ("auto", *EMOTIONS)))
+        track = emotion_track(emotion)
         if not (isinstance(seed, Integral) and 0 <= seed < 2**63):
             raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 1")
         return Session(
-            _find_style(style), emotion=None if emotion == "auto" else emotion, seed=int(seed), intensity=float(intensity),
+            _find_style(style), emotion=track, seed=int(seed), intensity=float(intensity),
             temperature=float(temperature), fps=float(fps), parts=parts,
         )  # fmt: skip
 
@@ -71,7 +70,7 @@ class RuleGesturer:
         speech: Speech,
         *,
         style: str | Style | None = None,
-        emotion: str = "auto",
+        emotion: str | EmotionTrack = "auto",
         seed: int = 0,
         intensity: float = 1.0,
         temperature: float = 1.0,
@@ -83,7 +82,7 @@ class RuleGesturer:
         Args:
             speech: any rate; words, where it has them, call for lexical gestures and better lips.
             style: a name in `STYLES`, a mixture (``"calm:0.7,lively:0.3"``) or a `Style` of your own; None: the first one.
-            emotion: one of `EMOTIONS`, or "auto": from the voice.
+            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
             seed: another seed, another plausible performance; the same one, the same bytes.
             intensity: size of all movement, 0 (idle) … 2.
             temperature: freedom in the choice and place of gestures, 0 … 2.
@@ -109,7 +108,7 @@ class RuleGesturer:
         chunks: Iterable[Speech],
         *,
         style: str | Style | None = None,
-        emotion: str = "auto",
+        emotion: str | EmotionTrack = "auto",
         seed: int = 0,
         intensity: float = 1.0,
         temperature: float = 1.0,

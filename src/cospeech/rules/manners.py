@@ -10,7 +10,7 @@ import numpy as np
 
 from ..rotations import Array
 
-__all__ = ["EMOTIONS", "MANNERS", "Manner", "blend_manners"]
+__all__ = ["MANNERS", "Manner", "blend_manners"]
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,6 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
         ),
     }
 )
-EMOTIONS: tuple[str, ...] = tuple(MANNERS)
-"""The eight emotions of BEAT in its order."""
-
 _MANNER_FIELDS = tuple(f.name for f in fields(Manner))
 _MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..emotions import EMOTIONS, EmotionTrack
 from ..rotations import Array
 from .heard import RATE, Accent, Heard
-from .manners import EMOTIONS
 
 __all__ = ["SPAN", "Mood", "voice_cues"]
 
@@ -59,25 +59,33 @@ class Mood:
     """Probabilities of the eight emotions, followed over a stream.
 
     Args:
-        fixed: name of an emotion to keep, or None to follow the voice.
+        track: the course to keep to, or None to follow the voice.
     """
 
-    def __init__(self, fixed: str | None = None) -> None:
-        self.probabilities = np.zeros(len(EMOTIONS))
-        self.probabilities[EMOTIONS.index(fixed) if fixed else 0] = 1.0
-        self.fixed = fixed is not None
+    def __init__(self, track: EmotionTrack | None = None) -> None:
+        self.track = track
+        self.probabilities = (track or EmotionTrack.constant("neutral")).at(np.zeros(()))
         self.total = np.zeros(len(EMOTIONS))
         self._ticks = 0
 
+    def keep(self, time: float) -> None:
+        """What the track says of this time in seconds."""
+        assert self.track is not None
+        self.probabilities = self.track.at(np.array(time))
+        self._count()
+
     def follow(self, heard: Heard, accents: list[Accent]) -> None:
         """Take one look at the last seconds of speech."""
-        cues = None if self.fixed else voice_cues(heard, accents)
+        cues = voice_cues(heard, accents)
         if cues is not None:
             logits = _WEIGHTS @ np.concatenate([[1.0], np.clip(cues, -2.5, 2.5)])
             guess = np.exp(logits - logits.max())
             guess = np.maximum(guess / guess.sum() - _DOUBT, 0.0)
             guess[0] += 1.0 - guess.sum()
             self.probabilities = _INERTIA * self.probabilities + (1 - _INERTIA) * guess
+        self._count()
+
+    def _count(self) -> None:
         self.total += self.probabilities
         self._ticks += 1
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..emotions import EMOTIONS, EmotionTrack
 from ..errors import InputError
 from ..features.mel import RATE as SAMPLE_RATE
 from ..motion import Motion
@@ -17,7 +18,7 @@ from ..skeleton import humanoid
 from ..speech import Speech, Word, count_frames
 from .face import Face
 from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
-from .manners import EMOTIONS, blend_manners
+from .manners import blend_manners
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
@@ -36,7 +37,7 @@ class Session:
 
     Args:
         style: the speaker.
-        emotion: one of the eight, or None to follow the voice.
+        emotion: what is felt over time, or None to follow the voice.
         seed: of this take.
         intensity, temperature: see `RuleGesturer.generate`.
         fps: of the motion.
@@ -47,7 +48,7 @@ class Session:
         self,
         style: Style,
         *,
-        emotion: str | None,
+        emotion: EmotionTrack | None,
         seed: int,
         intensity: float,
         temperature: float,
@@ -74,8 +75,12 @@ class Session:
 
     @property
     def emotion(self) -> dict[str, float]:
-        """Probability of each emotion, over all that was heard."""
+        """Probability of each emotion, over all that was heard; of a track its mean over the speech."""
         return self.mood.mean
+
+    @property
+    def speaker(self) -> None:
+        """Rules do not tell speakers apart."""
 
     @property
     def style_mixture(self) -> None:
@@ -144,7 +149,9 @@ class Session:
         accents = [a for a in listener.accents if now - 1.5 < a.time <= now + HORIZON]
         phrases = [p for p in listener.phrases if p.start <= now + HORIZON]
         words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
-        if not self.mood.fixed and self._ticks % 5 == 0:
+        if self.mood.track is not None:
+            self.mood.keep(now)
+        elif self._ticks % 5 == 0:
             recent = [a for a in listener.accents if a.time <= now + HORIZON]
             self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
         manner = blend_manners(self.mood.probabilities)
@@ -186,7 +193,9 @@ class Session:
         return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
 
     def _mood_at(self, times: Array) -> Array:
-        """(N, 8) probabilities, linear between ticks and one tick late, so that the later one has always been decided."""
+        """(N, 8): of the track; or linear between ticks and one tick late, so that the later one has always been decided."""
+        if self.mood.track is not None:
+            return self.mood.track.at(times)
         at = np.array([t for t, _ in self._moods])
         values = np.array([p for _, p in self._moods])
         return np.stack([np.interp(times - TICK, at, values[:, k]) for k in range(values.shape[1])], -1)

@@ -35,40 +35,6 @@ _EYES = ("leftEye", "rightEye")
 PIECE = 2.0  # seconds of speech worked off at once
 
 
-class Source(Protocol):
-    """Where a take's latents come from, and how it begins: at random, or from an example."""
-
-    @property
-    def history(self) -> Array:
-        """(τ, D) standardised poses before the first frame."""
-        ...
-
-    @property
-    def style(self) -> Array:
-        """(style,) code, for a system that has them."""
-        ...
-
-    @property
-    def centre(self) -> Array:
-        """(D,) standardised mean pose of the speaker, from which ``intensity`` scales."""
-        ...
-
-    @property
-    def spread(self) -> Array | None:
-        """(D,) what the network's poses are multiplied by before they are added to the mean pose, so that they deviate as the
-        speaker's do; None for a network that gives standardised poses themselves."""
-        ...
-
-    @property
-    def drift(self) -> Array | None:
-        """(D,) mean of what the network makes of these latents by itself, taken off before; None with ``spread``."""
-        ...
-
-    def draw(self, frames: int) -> Array:
-        """(frames, D) the next latents; pieces of any size make the same sequence."""
-        ...
-
-
 class Player(Protocol):
     """A network of any kind under way: rows of speech in, poses of N takes out."""
 
@@ -161,6 +127,11 @@ class Performance:
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
         return self._faces[0].emotion
+
+    @property
+    def speaker(self) -> dict[str, float] | None:
+        """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
+        return None
 
     @property
     def latency(self) -> float:

@@ -27,6 +27,7 @@ _MIX = {"modes": 4, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
+    "fgd-autoencoder+beat": {"frames": 34, "channels": 4, "code": 16, "widening": 2, "difference": 0.0, "velocity": 0.1},
     "stylised-flow": _FLOW | {"encoder_channels": 8, "encoder_blocks": 2, "feature": 4},
     "stylised-flow+style": _FLOW
     | {
@@ -206,6 +207,8 @@ def test_sizes_that_are_none_are_told(name):
     [
         # Yoon et al. 2020, authors' code: 190,691, of which 32·32 + 32 are of a layer without use (fc_logvar)
         ("fgd-autoencoder", {}, 27, 0, 190_691 - 1_056),
+        # Liu et al. 2022 (BEAT): 10,095,499 by hand of the widths, of which 300·300 + 300 are of the same layer
+        ("fgd-autoencoder", {"channels": 300, "hidden": 1200, "code": 300, "widening": 2}, 141, 0, 10_095_499 - 90_300),
         # Ye et al. 2022, authors' code at 27 and 69 numbers a pose
         ("stylised-flow", {}, 27, 29, 123_611_408),
         ("stylised-flow", {"history": 10, "look_ahead": 10, "frames": 100}, 69, 27, 146_478_480),

@@ -14,6 +14,9 @@ No inception network is trained on gestures, so that two convolutional autoencod
     (B, 34, D) ─►[conv 3] × 2 ─►[conv 4, stride 2]─► conv 3 ─► (B, 32·12) ─►[256]─►[128]─► 32 ─► code (B, 32)
                       (B, 34, D) ◄─ conv 3 ◄─ conv 3 ◄─[conv 3, transposed] × 2 ◄─ (B, 4, 34) ◄─[64]◄─┘
 
+BEAT (Liu et al. 2022) has the second in other sizes, with a code of 300 numbers, and squares in the place of |Δx̂ − Δx|₁, at a
+tenth of the weight: recipes/fgd_beat.toml.
+
 Followed, changed, not said in the papers: docs/models/gesture_autoencoder.md, by number. Neither goes into a runtime bundle:
 they serve training and evaluation.
 """
@@ -52,18 +55,27 @@ class AutoencoderConfig:
 
 @dataclass(frozen=True)
 class FgdConfig:
-    """Sizes of `FgdAutoencoder`; the paper gives none but the length, the defaults are the authors' code's."""
+    """Sizes of `FgdAutoencoder`; the paper gives none but the length, the defaults are the authors' code's.
+
+    The decoder's are of the code's: a dense layer of 2 · code, then ⌊code / 8⌋ channels; authors' code, and BEAT's.
+    """
 
     frames: int = 34
     """T of a window; Yoon et al. 2020 (2.27 s at their 15 frames per second)."""
     channels: int = 32
-    """Of the first, the last and all decoding convolutions; those between have twice as many."""
+    """Of the first and last convolution of the encoder, and of the decoder's; those between have twice as many."""
     hidden: int = 256
-    """Of the first fully connected layer; the others have 1/2 and 1/4 of it (decoder)."""
+    """Of the encoder's first fully connected layer; the second has half of it."""
     code: int = 32
     """Width of the code."""
     dense_slope: float = 1.0
     """Of the LeakyReLU after fully connected layers; authors' ``LeakyReLU(True)`` is a slope of 1, which is none at all."""
+    widening: int = 1
+    """So many times ``channels`` has the decoder's last convolution but one; BEAT's code 2."""
+    difference: float = 1.0
+    """Weight of |Δx̂ − Δx|₁; BEAT's code 0."""
+    velocity: float = 0.0
+    """Weight of |Δx̂ − Δx|₂², which takes its place in BEAT's code, there 0.1."""
 
 
 def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, padding: int = 1, bias: bool = False) -> nn.Sequential:
@@ -73,8 +85,9 @@ def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, padding:
 
 
 def _loss(made: Tensor, x: Tensor) -> dict[str, Tensor]:
-    """The two terms that both networks minimise; (B, T, D) each."""
-    return {"l1": (made - x).abs().mean(), "l1_difference": (made.diff(dim=1) - x.diff(dim=1)).abs().mean()}
+    """The two terms that both networks minimise, and what may stand for the second; (B, T, D) each."""
+    difference = made.diff(dim=1) - x.diff(dim=1)
+    return {"l1": (made - x).abs().mean(), "l1_difference": difference.abs().mean(), "velocity": difference.square().mean()}
 
 
 class Omega(nn.Module):
@@ -158,7 +171,9 @@ class GestureAutoencoder(nn.Module):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
-        return _loss(self.decode(self.encode(batch.arrays["pose"])), batch.arrays["pose"])
+        x = batch.arrays["pose"]
+        terms = _loss(self.decode(self.encode(x)), x)
+        return {name: terms[name] for name in ("l1", "l1_difference")}
 
 
 class FgdAutoencoder(nn.Module):
@@ -175,7 +190,8 @@ class FgdAutoencoder(nn.Module):
 
     def __init__(self, config: FgdConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()
-        if config.frames < SHORTEST or min(config.channels, config.hidden // 4, config.code, pose) < 1:
+        sizes = (config.channels, config.hidden // 2, config.code, config.widening, pose)
+        if config.frames < SHORTEST or min(sizes) < 1 or not min(config.difference, config.velocity) >= 0:
             raise InputError(f"an autoencoder for FGD of {config}", f"{SHORTEST} frames at least, sizes are positive")
         self.config, self.pose = config, pose
         few, many = config.channels, 2 * config.channels
@@ -192,13 +208,14 @@ class FgdAutoencoder(nn.Module):
             nn.Linear(config.hidden // 2, config.code),
             nn.Linear(config.code, config.code),
         )
+        self.first, last = max(1, config.code // 8), config.widening * few
         self.spread = nn.Sequential(
-            *self._dense(config.code, config.hidden // 4), nn.Linear(config.hidden // 4, 4 * config.frames)
+            *self._dense(config.code, 2 * config.code), nn.Linear(2 * config.code, self.first * config.frames)
         )
         self.decoder = nn.Sequential(
-            nn.ConvTranspose1d(4, few, 3), BatchNorm1d(few), nn.LeakyReLU(SLOPE),
+            nn.ConvTranspose1d(self.first, few, 3), BatchNorm1d(few), nn.LeakyReLU(SLOPE),
             nn.ConvTranspose1d(few, few, 3), BatchNorm1d(few), nn.LeakyReLU(SLOPE),
-            nn.Conv1d(few, few, 3), nn.Conv1d(few, pose, 3),
+            nn.Conv1d(few, last, 3), nn.Conv1d(last, pose, 3),
         )  # fmt: skip
 
     def _dense(self, inputs: int, outputs: int) -> list[nn.Module]:
@@ -216,7 +233,7 @@ class FgdAutoencoder(nn.Module):
 
     def decode(self, code: Tensor) -> Tensor:
         """(B, code) → (B, T, D)."""
-        x: Tensor = self.decoder(self.spread(code).unflatten(1, (4, self.config.frames)))
+        x: Tensor = self.decoder(self.spread(code).unflatten(1, (self.first, self.config.frames)))
         return x.transpose(1, 2)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -228,5 +245,8 @@ class FgdAutoencoder(nn.Module):
         return {"autoencoder": Objective(self.parameters(), self.loss)}
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """L of the module's docstring."""
-        return _loss(self.decode(self.encode(batch.arrays["pose"])), batch.arrays["pose"])
+        """L of the module's docstring, weighted."""
+        x = batch.arrays["pose"]
+        terms = _loss(self.decode(self.encode(x)), x)
+        weights = {"l1": 1.0, "l1_difference": self.config.difference, "velocity": self.config.velocity}
+        return {name: weights[name] * term for name, term in terms.items() if weights[name]}

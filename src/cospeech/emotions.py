@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from os import PathLike, fsdecode
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from .errors import InputError, nearest
 from .files import describe_os_error
 from .rotations import Array
 
-__all__ = ["EMOTIONS", "EmotionTrack", "emotion_track", "read_emotion_track"]
+__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "emotion_track", "read_emotion_track"]
 
 EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 """The eight emotions of BEAT in its order."""
@@ -25,6 +26,15 @@ BLEND = 0.5
 _MOST_BYTES, _MOST_ROWS = 16 << 20, 100_000  # ours: an hour at 25 rows a second; beyond, it is another file
 _LATEST = 1e7  # s; ours, four months
 _SUM = 1e-6  # how far the weights of a moment may be from 1
+
+
+@runtime_checkable
+class Moods(Protocol):
+    """What tells the emotions of a time: an `EmotionTrack`, or whoever hears them."""
+
+    def at(self, times: Array) -> Array:
+        """(…, 8) weights at these times (…) in seconds; they sum to 1."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +93,13 @@ class EmotionTrack:
         return self.weights[low] + share * (self.weights[high] - self.weights[low])
 
 
-def emotion_track(emotion: object) -> EmotionTrack | None:
-    """What a session's ``emotion`` asks for: a track, or None for "auto", which follows the voice.
+def emotion_track(emotion: object) -> Moods | None:
+    """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the voice.
 
     Raises:
         InputError: neither "auto", nor the name of an emotion, nor a track.
     """
-    if isinstance(emotion, EmotionTrack):
+    if isinstance(emotion, Moods):
         return emotion
     if emotion == "auto":
         return None

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import gcd
 from os import PathLike
 
 import numpy as np
@@ -22,10 +21,10 @@ from ..corpora.store import Store, gather
 from ..errors import InputError
 from ..evaluation import sample_of, stored_clips
 from ..metrics import Sample
-from ..metrics.controls import control_rows
 from ..motion import Motion
 from ..poses import find_pose
 from ..rotations import Array
+from .controls import far_rows
 
 __all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol"]
 
@@ -162,10 +161,6 @@ class Excerpts:
         return [self._clip(k, poses) for k, poses in enumerate(self.rows("pose", self.protocol.given, 0))]
 
     def controls(self) -> Mapping[str, list[Sample]]:
-        """The control rows, by name. "Another clip" is one from far away: half of all windows lie between."""
-        count = len(self)
-        step = next(s for s in range(count // 2 or 1, count + 1) if gcd(s, count) == 1)
-        order = np.arange(count) * step % count
-        rows = control_rows([self._true_clips[k] for k in order])
-        back = np.argsort(order)
-        return {name: [self._sample(clips[k], str(n)) for n, k in enumerate(back)] for name, clips in rows.items()}
+        """The control rows, by name."""
+        rows = far_rows(self._true_clips)
+        return {name: [self._sample(clip, str(n)) for n, clip in enumerate(clips)] for name, clips in rows.items()}

@@ -16,11 +16,11 @@ from ..corpora.clip import Clip
 from ..metrics import Tools
 from ..metrics.controls import CONTROLS, control_rows
 from ..rotations import Array
-from .controls import faults_of
+from .controls import far_rows, faults_of
 from .designs import Cells, Design, Part, Pictures, Row
 from .mix_figures import draw_styles
 from .mix_scores import NAMED, mean_cells, named_cells, score_cells
-from .mix_windows import MixWindows, spread
+from .mix_windows import MixWindows
 from .scores import cell, kept
 from .stages import CLASSIFIER, Player, Stages, of_speakers
 
@@ -129,13 +129,9 @@ class Kept(_Windowed):
 
         def work(speaker: str) -> dict[str, Cells]:
             which = self.place.of([speaker])
-            order = spread(len(which))
-            clips = self.place.recorded(which[order])
-            rows = control_rows(clips)
-            back = np.argsort(order)
             found = {}
-            for name, made in rows.items():
-                vectors = np.stack([self.place.pose.encode(made[k].points) for k in back])
+            for name, clips in far_rows(self.place.recorded(which)).items():
+                vectors = np.stack([self.place.pose.encode(clip.points) for clip in clips])
                 found[name] = self._judged(self.place.samples(vectors, which), which)
             return found
 

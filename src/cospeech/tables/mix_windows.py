@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from math import gcd
 from os import PathLike
 
 import numpy as np
@@ -23,16 +22,10 @@ from ..poses import find_pose
 from ..poses.modes import find_centres
 from ..rotations import Array
 
-__all__ = ["FRAMES", "MODES", "MixWindows", "spread"]
+__all__ = ["FRAMES", "MODES", "MixWindows"]
 
 FRAMES = 64  # authors' code: 4.3 s at 15 frames per second
 MODES = 8  # authors' code: centres of F1, whatever the M of a network
-
-
-def spread(count: int) -> Array:
-    """(count,) an order in which neighbours are about half of all apart."""
-    step = next(s for s in range(count // 2 or 1, count + 1) if gcd(s, count) == 1)
-    return np.arange(count) * step % count
 
 
 class MixWindows:

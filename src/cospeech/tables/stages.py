@@ -17,7 +17,6 @@ import numpy as np
 
 from ..corpora.store import Store
 from ..errors import InputError
-from ..features.frames import AUDIO_NAMES
 from ..files import describe_os_error
 from ..metrics import FeatureNet
 from ..recipe import Recipe, changed, load_recipe, read_recipe
@@ -225,8 +224,6 @@ class Stages:
             raise InputError(f"a table's row {name!r} with data.by_clip or model.style", "tables are of the papers' systems")
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
-        if recipe.data.audio and len(self.store.names.get("audio", AUDIO_NAMES)) != len(AUDIO_NAMES):
-            recipe = replace(recipe, data=replace(recipe.data, audio=None))  # PATS' own 64 bands: nothing to reduce
         return recipe
 
     def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:

@@ -25,6 +25,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from ..nn.content import AudioContent
+from ..nn.judging import JUDGINGS
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
 from ..nn.unet1d import UNet1d, conv_block
@@ -33,6 +34,7 @@ from ..nn.windowed import Windowed
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 
 HEARD = 3  # times that the speech encoder halves time
+_JUDGING = JUDGINGS["squares"]  # authors' code
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,8 @@ class Speech2Gesture(Windowed):
         with torch.no_grad():
             made = self(batch["audio"])
         return {
-            "real": (self.judge(batch["pose"]) - 1).square().mean(),
-            "made": self.config.fake * self.judge(made).square().mean(),
+            "real": _JUDGING.true(self.judge(batch["pose"])),
+            "made": self.config.fake * _JUDGING.false(self.judge(made)),
         }
 
     def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -134,7 +136,7 @@ class Speech2Gesture(Windowed):
         made = self(batch["audio"])
         terms = {"l1": (made - batch["pose"]).abs().mean()}
         if self.config.adversarial:
-            terms["adversarial"] = self.config.adversarial * (self.judge(made) - 1).square().mean()
+            terms["adversarial"] = self.config.adversarial * _JUDGING.fooled(self.judge(made))
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------

@@ -9,19 +9,13 @@ All sums run along a spectrum, none over spectra and none through BLAS: a stream
 
 from __future__ import annotations
 
-from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from .at_16_khz import At16kHz
+from .hearing import Hearing
 from .mel import BATCH, FPS, HOP, RATE, WINDOW, Bands, Doubles, Floats, magnitudes, mel_triangles
-
-if TYPE_CHECKING:
-    from ..speech import Speech
 
 __all__ = ["LOG_MEL_NAMES", "SPAN", "LogMelFeatures", "log_mel_400", "log_mel_at", "log_mel_count"]
 
@@ -71,8 +65,8 @@ def log_mel_at(frames: NDArray[np.int64], fps: float) -> NDArray[np.int64]:
     return (frames * FPS / fps).astype(np.int64)
 
 
-class LogMelFeatures:
-    """Rows of `LOG_MEL_NAMES` for speech that arrives in pieces of any size and of one rate, whichever.
+class LogMelFeatures(Hearing):
+    """Rows of `LOG_MEL_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; samples are kept.
 
     Args:
         fps: frames per second of the motion.
@@ -87,60 +81,29 @@ class LogMelFeatures:
     """
 
     delay = SPAN / RATE
-    """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain."""
 
     def __init__(self, fps: float) -> None:
-        if not 0 < fps < np.inf:
-            raise InputError(f"{fps} frames per second", "a positive number, such as 15")
-        self.fps = fps
-        self._speech = At16kHz()
-        self._first = 0  # index of the first sample that is kept
-        self._heard = np.zeros(0, np.float32)
-        self._given = 0  # rows handed out
+        super().__init__(fps, np.zeros(0, np.float32))
 
-    @property
-    def duration(self) -> Fraction:
-        """Seconds heard so far."""
-        return self._speech.duration
+    def _made(self, samples: Floats) -> Floats:
+        return samples
 
-    def push(self, chunk: Speech) -> Floats:
-        """(n, 64) float32: the rows that this piece makes certain; possibly none.
-
-        Raises:
-            InputError: the piece has another rate than those before, or the speech is over.
-        """
-        self._heard = np.concatenate([self._heard, self._speech.push(chunk)])
-        until = self._given
-        while log_mel_at(np.array(until), self.fps) <= self._last:
-            until += 1
-        return self._give(until)
-
-    def finish(self, frames: int | None = None) -> Floats:
-        """The rest of the rows; those that begin later than the last whole spectrum have that one.
-
-        Args:
-            frames: how many rows there shall be in all; ceil(duration × fps) where not given. Fewer than were handed out
-                already are no error: then there is no rest.
-        """
-        from ..speech import count_frames
-
-        total = count_frames(self.duration, self.fps) if frames is None else frames
-        self._heard = np.concatenate([self._heard, self._speech.finish()])
-        if self._last < 0:
-            self._heard = np.pad(self._heard, (0, SPAN - len(self._heard)))
-        return self._give(max(total, self._given))
+    def _rest(self) -> Floats:
+        """Silence, as much as a first spectrum still lacks."""
+        return np.zeros(max(0, SPAN - self._end), np.float32)
 
     @property
     def _last(self) -> int:
         """The last spectrum that is whole; -1 where there is none yet."""
-        return (self._first + len(self._heard) - SPAN) // HOP if self._first + len(self._heard) >= SPAN else -1
+        return (self._end - SPAN) // HOP if self._end >= SPAN else -1
 
-    def _give(self, until: int) -> Floats:
-        """Rows up to ``until``; forgets the samples that no later row needs."""
-        wanted = np.minimum(log_mel_at(np.arange(self._given, until), self.fps), self._last)
+    def _certain(self, frame: int) -> bool:
+        return bool(log_mel_at(np.array(frame), self.fps) <= self._last)
+
+    def _rows(self, frames: NDArray[np.int64]) -> Floats:
+        wanted = np.minimum(log_mel_at(frames, self.fps), self._last)
         rows = _log_mel(self._heard, wanted * HOP - self._first) if len(wanted) else np.zeros((0, _BANDS))
-        self._given = until
-        done = max(0, min(int(log_mel_at(np.array(until), self.fps)), self._last)) * HOP
-        if done > self._first:
-            self._first, self._heard = done, self._heard[done - self._first :].copy()
         return rows.astype(np.float32)
+
+    def _needed(self, frame: int) -> int:
+        return min(int(log_mel_at(np.array(frame), self.fps)), self._last) * HOP

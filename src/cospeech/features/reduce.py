@@ -12,50 +12,25 @@ powers of the bands that lie in it, those on its edge counting as much as they r
 from __future__ import annotations
 
 from collections.abc import Callable
-from fractions import Fraction
 from functools import cache, partial
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, nearest
 from .frames import AUDIO_NAMES, FrameFeatures
+from .hearing import Hearing
 from .log_mel import LOG_MEL_NAMES, LogMelFeatures
 from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
 
-if TYPE_CHECKING:
-    from ..speech import Speech
-
 __all__ = [
-    "REDUCTIONS", "Hearing", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "reduce_audio",
+    "REDUCTIONS", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "reduce_audio",
 ]  # fmt: skip
 
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
 _PROSODY = tuple(AUDIO_NAMES[N_MELS:])
-
-
-class Hearing(Protocol):
-    """Speech in pieces of any size → rows of features at the rate of the motion (`FrameFeatures` says how)."""
-
-    @property
-    def duration(self) -> Fraction:
-        """Seconds heard so far."""
-        ...
-
-    @property
-    def delay(self) -> float:
-        """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain."""
-        ...
-
-    def push(self, chunk: Speech) -> Floats:
-        """The rows that a piece makes certain."""
-        ...
-
-    def finish(self, frames: int | None = None) -> Floats:
-        """The rest, to so many in all."""
-        ...
 
 
 class Reduction(NamedTuple):

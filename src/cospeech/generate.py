@@ -28,6 +28,7 @@ from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
 from .motion import Motion
 from .report import Report
+from .rules.gains import face_gains
 from .runtime.style import example_files
 from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
@@ -47,6 +48,7 @@ __all__ = [
 ]
 
 File = str | PathLike[str]
+FaceGain = float | str | Mapping[str, float]
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
@@ -74,6 +76,7 @@ class _Options:
     temperature: float
     fps: float
     parts: tuple[str, ...]
+    face_gain: FaceGain
 
 
 def generate_files(
@@ -91,6 +94,7 @@ def generate_files(
     temperature: float = 1.0,
     intensity: float = 1.0,
     parts: Iterable[str] = PARTS,
+    face_gain: FaceGain = 1.0,
     skeleton: str = "humanoid",
     fps: float = 30.0,
     avatar: File | None = None,
@@ -116,6 +120,7 @@ def generate_files(
         temperature: how far choices stray from the likeliest, 0 … 2.
         intensity: size of the motion, 0 … 2.
         parts: of `PARTS`.
+        face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.rules.gains.face_gains`.
         skeleton: of the BVH files.
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
@@ -130,7 +135,7 @@ def generate_files(
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     felt, track = _read_emotion(emotion)
-    options = _Options(style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)))
+    options = _Options(style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain)
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     check_files(audio, names, [path for path in (transcript, avatar, track, *example_files(options.style)) if path], report)
@@ -149,20 +154,11 @@ def generate_files(
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
-            model=model,
-            speech_seconds=seconds,
-            frames=wanted,
-            fps=options.fps,
-            seed=seed,
-            takes=takes,
-            realtime_factor=(time.perf_counter() - began) / (seconds * takes),
-            emotion=performance.emotion,
-            speaker=performance.speaker,
-            style=_style_text(options.style) or gesturer.default_style,
-            style_mixture=performance.style_mixture,
-            outputs=[str(path) for path in names],
-            version=__version__,
-        )
+            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
+            realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
+            speaker=performance.speaker, style=_style_text(options.style) or gesturer.default_style,
+            style_mixture=performance.style_mixture, outputs=[str(path) for path in names], version=__version__,
+        )  # fmt: skip
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
     return result
@@ -302,7 +298,8 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
 
 
 def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:
-    emotion_track(options.emotion)  # it checks
+    emotion_track(options.emotion)  # it checks, and so does the next
+    face_gains(options.face_gain)
     for part in options.parts:
         if part not in PARTS:
             raise InputError(f"no part is called {part!r}", nearest(part, PARTS))

@@ -6,7 +6,7 @@ analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from numbers import Integral, Real
 
@@ -14,11 +14,13 @@ from ..emotions import EMOTIONS, EmotionTrack, emotion_track
 from ..errors import InputError, nearest
 from ..motion import Motion
 from ..speech import Speech
+from .gains import face_gains
+from .mouth import Mouth, MouthMaker
 from .plan import Gesture
 from .session import LOOK_AHEAD, Session, check_speech
 from .styles import STYLES, Style, mix_styles
 
-__all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "RuleGesturer", "Session", "Style"]
+__all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "Mouth", "MouthMaker", "RuleGesturer", "Session", "Style"]
 
 _PARTS = ("face", "body", "hands")
 
@@ -30,11 +32,17 @@ class RuleGesturer:
     >>> motion = RuleGesturer().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)
     >>> len(motion), motion.face.shape
     (30, (30, 52))
+
+    Args:
+        mouth: makes what a face speaks with; where not given, rules make its mouth, from the sound's energy and bands.
     """
 
     look_ahead = LOOK_AHEAD
     default_style = next(iter(STYLES))
     takes_at_once = 1
+
+    def __init__(self, mouth: MouthMaker | None = None) -> None:
+        self._mouth = mouth
 
     def session(
         self,
@@ -46,6 +54,7 @@ class RuleGesturer:
         temperature: float = 1.0,
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
+        face_gain: float | str | Mapping[str, float] = 1.0,
     ) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`."""
         parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
@@ -60,9 +69,11 @@ class RuleGesturer:
         track = emotion_track(emotion)
         if not (isinstance(seed, Integral) and 0 <= seed < 2**63):
             raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 1")
+        gains = face_gains(face_gain)
+        mouth = self._mouth() if self._mouth is not None and "face" in parts else None
         return Session(
             _find_style(style), emotion=track, seed=int(seed), intensity=float(intensity),
-            temperature=float(temperature), fps=float(fps), parts=parts,
+            temperature=float(temperature), fps=float(fps), parts=parts, mouth=mouth, gains=gains,
         )  # fmt: skip
 
     def generate(
@@ -76,6 +87,7 @@ class RuleGesturer:
         temperature: float = 1.0,
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
+        face_gain: float | str | Mapping[str, float] = 1.0,
     ) -> Motion:
         """Gestures for a whole speech.
 
@@ -88,6 +100,8 @@ class RuleGesturer:
             temperature: freedom in the choice and place of gestures, 0 … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
+            face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
+                or a dict), see `cospeech.rules.gains.face_gains`.
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.
@@ -96,8 +110,9 @@ class RuleGesturer:
             InputError: an option is out of range or a name unknown.
         """
         session = self.session(
-            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
-        )
+            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts,
+            face_gain=face_gain,
+        )  # fmt: skip
         check_speech(speech)
         pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)]
         pieces += session.finish()
@@ -114,11 +129,13 @@ class RuleGesturer:
         temperature: float = 1.0,
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
+        face_gain: float | str | Mapping[str, float] = 1.0,
     ) -> Iterator[Motion]:
         """The same motion in pieces, at most `LOOK_AHEAD` seconds behind the speech, which may come in pieces of any size."""
         session = self.session(
-            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts
-        )
+            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts,
+            face_gain=face_gain,
+        )  # fmt: skip
         for chunk in chunks:
             yield from session.push(chunk)
         yield from session.finish()

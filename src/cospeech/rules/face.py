@@ -51,6 +51,7 @@ _LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
 _CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
+_TALKS = (0.02, 0.20)  # `Voice.talking` at which a learnt mouth starts to move, and moves in full: 0.25, 0.1 s ahead (ours)
 _MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
 _FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
 _SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
@@ -64,11 +65,19 @@ class Face:
         intensity: 0 … about 2; scales the expression of emotion and, less, the articulation.
         expressiveness: 0 … about 2; scales brows, small signs and, less, the articulation.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
+        gains: (52,) factors of what comes out; all 1 where not given.
     """
 
     def __init__(
-        self, *, seed: int, intensity: float = 1.0, expressiveness: float = 1.0, blink_rate: float = 22.0 / 60
+        self,
+        *,
+        seed: int,
+        intensity: float = 1.0,
+        expressiveness: float = 1.0,
+        blink_rate: float = 22.0 / 60,
+        gains: Array | None = None,
     ) -> None:
+        self._gains = np.ones(len(ARKIT)) if gains is None else gains
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
         self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
         lean = 0.05 * hashed_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
@@ -88,6 +97,7 @@ class Face:
         gaze: Array,
         head_speed: Array | None = None,
         shifts: Sequence[tuple[float, float]] = (),
+        spoken: Array | None = None,
     ) -> Array:
         """ARKit weights at ``times``.
 
@@ -100,6 +110,7 @@ class Face:
             gaze: (T, 2) radians of yaw (+ to the character's left) and pitch (+ up) of the eyes in the head.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
             shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
+            spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
 
         Returns:
             (T, 52) in 0 … 1.
@@ -109,14 +120,17 @@ class Face:
             return np.zeros((0, len(ARKIT)))
         voice = voice_to_mouth(times, heard)
         drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
-        shape, closed = self._speech(times, heard, voice, words)
-        out = shape @ _SPREAD
+        if spoken is None:
+            shape, closed = self._speech(times, heard, voice, words)
+            out = shape @ _SPREAD
+        else:
+            out, closed = self._learnt(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
         _close_lips(out, closed)
         out *= self._lean
         self._brows(out, times, accents, drift)
         self._eyes(out, times, heard, np.asarray(gaze, float), head_speed, shifts)
-        return np.clip(out, 0.0, 1.0)
+        return self._scaled(np.clip(out, 0.0, 1.0))
 
     def _speech(self, times: Array, heard: Heard, voice: Voice, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
@@ -128,6 +142,19 @@ class Face:
         mouth.shape[:, 0] *= _WORDS_GAIN * voice.effort
         shape = claim[:, None] * mouth.shape + (1 - claim)[:, None] * voice.shape
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
+
+    def _learnt(self, times: Array, heard: Heard, voice: Voice, words: Sequence, spoken: Array) -> tuple[Array, Array]:
+        """(T, 52) and (T,): as a mouth says while somebody talks; how far words close the lips: m, b, p are hard to hear."""
+        talks = np.clip((voice.talking - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
+        shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
+        mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
+        return shape, mouth.claim * mouth.closed
+
+    def _scaled(self, out: Array) -> Array:
+        """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
+        scaled: Array = np.clip(out * self._gains, 0.0, 1.0)
+        scaled[:, _CLOSE] = np.minimum(scaled[:, _CLOSE], scaled[:, _JAW])
+        return scaled
 
     def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
         """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
@@ -166,6 +193,6 @@ def _close_lips(out: Array, closed: Array) -> None:
     """Bring the lips together, whatever else the mouth does: mouthClose undoes as much as the jaw opens (ARKit)."""
     out *= 1 - closed[:, None] * _OPENS
     out[:, _JAW] *= 1 - 0.6 * closed
-    out[:, _CLOSE] = closed * out[:, _JAW]
+    out[:, _CLOSE] = np.clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
     out[:, _PRESS] += 0.22 * closed[:, None]
     out[:, _ROLL] += 0.10 * closed[:, None]

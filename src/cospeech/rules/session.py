@@ -20,15 +20,18 @@ from .face import Face
 from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
 from .manners import blend_manners
 from .mood import SPAN, Mood
+from .mouth import Mouth
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
 
-__all__ = ["LOOK_AHEAD", "Session", "check_speech"]
+__all__ = ["LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech"]
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that must have been heard before the frame can be made (1.48 s): gestures begin before the
 word that they go with, so somebody has to wait."""
+MOUTH_WAITS = LOOK_AHEAD - TICK
+"""Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
 _MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
 
 
@@ -42,6 +45,8 @@ class Session:
         intensity, temperature: see `RuleGesturer.generate`.
         fps: of the motion.
         parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose.
+        mouth: what the face speaks with; rules make its mouth where there is none.
+        gains: (52,) factors of the face's channels; all 1 where not given.
     """
 
     def __init__(
@@ -54,6 +59,8 @@ class Session:
         temperature: float,
         fps: float,
         parts: tuple[str, ...],
+        mouth: Mouth | None = None,
+        gains: Array | None = None,
     ) -> None:
         self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
         self.intensity = intensity
@@ -61,8 +68,10 @@ class Session:
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.face = Face(
-            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60
-        )
+            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60,
+            gains=gains,
+        )  # fmt: skip
+        self.mouth = mouth
         self.gestures: list[Gesture] = []
         """Every stroke planned so far, in the order of planning."""
         self._duration = Fraction(0)
@@ -97,7 +106,7 @@ class Session:
         self._words.extend(chunk.words or ())
         samples = self._samples(chunk)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
-            self.listener.push(samples[first : first + SAMPLE_RATE])
+            self._hear(samples[first : first + SAMPLE_RATE])
             heard = self.listener.known + LEVEL_DELAY
             while self._ticks * TICK + LOOK_AHEAD <= heard:
                 self._decide()
@@ -115,8 +124,10 @@ class Session:
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._resampler is not None:
-            self.listener.push(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))
+            self._hear(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))
         self.listener.finish()
+        if self.mouth is not None:
+            self.mouth.finish()
         while self._frame < total:
             end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
             while self._ticks * TICK < end:
@@ -141,6 +152,12 @@ class Session:
 
             self._resampler = ResampleStream(chunk.rate, SAMPLE_RATE, 1, "float32", "HQ")
         return self._resampler.resample_chunk(chunk.samples)  # type: ignore[no-any-return]
+
+    def _hear(self, samples: Array) -> None:
+        """Samples at 16 kHz, for all that listens."""
+        self.listener.push(samples)
+        if self.mouth is not None:
+            self.mouth.push(samples)
 
     def _decide(self) -> None:
         now = self._ticks * TICK
@@ -188,8 +205,10 @@ class Session:
             accents = [a for a in self.listener.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
             words = [w for w in self._words if w.start < times[-1] + 1.0]
             shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
-            face = self.face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze, shifts=shifts)
-            face = face.astype(np.float32)
+            spoken = None if self.mouth is None else self.mouth.at(times)
+            face = self.face.weights(
+                times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze, shifts=shifts, spoken=spoken
+            ).astype(np.float32)
         return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
 
     def _mood_at(self, times: Array) -> Array:

@@ -1,0 +1,148 @@
+"""The mouth of a network that was trained on faces (`speech-to-face`), played for a speech that comes in pieces.
+
+speech → rows of features (`Listener`) → windows of the network (`WindowPlayer`) → smoothed (`Sampled`) → read off at any time,
+linearly between the network's frames. Every number follows from its frame's index alone: a stream has the bits of the whole.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from ..rules.session import MOUTH_WAITS
+from ..skeletons.arkit import ARKIT
+from ..speech import Speech
+from .bundle import read_bundle
+from .listener import Listener
+from .sampling import Sampled
+from .sliding import Setting
+from .style import Styles
+from .systems import open_system
+from .window_bundle import WindowSystem
+from .window_engine import WindowSizes
+from .window_player import WindowPlayer
+from .window_style import example_window, named_window
+
+__all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "open_mouth", "shipped_mouth", "spoken_setting"]
+
+POSE = "face"
+"""The representation of poses that a mouth is read from: the ARKit weights come first."""
+SHIPPED_FACE = Path(__file__).parents[1] / "assets" / "bundles" / "speech-to-face.cospeech"
+"""The face that comes with the package."""
+_HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the face waits for anyway, and windows overlap little
+_FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
+
+
+def spoken_setting(sizes: WindowSizes, fps: float) -> Setting:
+    """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
+    hop = max(sizes.multiple, round(_HOP * fps) // sizes.multiple * sizes.multiple)
+    far = round(_HOP * fps)
+    if sizes.reach is not None and sizes.reach <= far:  # exact: what one pass over the whole speech would make
+        around = -(-sizes.reach // sizes.multiple) * sizes.multiple
+        return Setting(2 * around + hop, hop, around, 0)
+    window = -(-max(sizes.window, hop + far) // sizes.multiple) * sizes.multiple
+    return Setting(window, hop, far, min(round(_FADE * fps), far, hop))
+
+
+class BundleMouth:
+    """The mouth of one speech; see `cospeech.rules.mouth.Mouth`.
+
+    Args:
+        system: a bundle of poses "face", opened.
+        style: whose mouth, as `Styles.blend` understands it; the bundle's own choice where not given.
+
+    Raises:
+        InputError: a bundle of other poses, or one that waits longer for the speech than a face can.
+    """
+
+    def __init__(self, system: WindowSystem, style: object = None) -> None:
+        if system.pose != POSE:
+            raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
+        self._fps = system.fps
+        self._listener = Listener(system, np.zeros(0, np.float32))
+        setting = spoken_setting(system.engine.sizes, system.fps)
+        blend = Styles(system, named_window, example_window).blend(style)
+        self._player = WindowPlayer(system, setting, blend, [0], self._listener.quiet, temperature=0.0)
+        self._sampled = Sampled(1, self._player.width, smooth=system.smooth, step=1.0)
+        self.latency = self._player.latency + self._listener.delay + (system.smooth + 2) / system.fps
+        """Seconds of speech after a time that have been heard, at most, when it is known."""
+        if not self.latency <= MOUTH_WAITS:
+            raise InputError(f"a mouth that waits {self.latency:.2f} s", f"a face is made after {MOUTH_WAITS:.2f} s of speech")
+        self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
+        self._finished = False
+
+    @property
+    def known(self) -> float:
+        """See `Mouth`."""
+        return np.inf if self._finished else (self._first + len(self._kept) - 1) / self._fps
+
+    def push(self, samples: Array) -> None:
+        """See `Mouth`."""
+        if len(samples):
+            self._keep(self._player.push(self._listener.push(Speech(samples))))
+
+    def finish(self) -> None:
+        """See `Mouth`."""
+        rest = self._player.push(self._listener.finish())
+        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
+        self._keep(rest, self._listener.frames, self._listener.frames - 1)
+        self._finished = True
+
+    def at(self, times: Array) -> Array:
+        """See `Mouth`.
+
+        Raises:
+            RuntimeError: some are not known yet.
+        """
+        places = np.asarray(times, float) * self._fps
+        if not len(places) or (self._finished and not len(self._kept)):
+            return np.zeros((len(places), len(ARKIT)))
+        if not places[-1] <= self.known * self._fps + 1e-6:
+            raise RuntimeError(f"the mouth is known until {self.known:.3f} s, not at {times[-1]:.3f} s")
+        low = np.floor(places + 1e-6).astype(int)
+        share = np.maximum(places - low, 0.0)[:, None]
+        here, there = (self._kept[np.clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
+        gone = min(int(low[0]) - self._first, len(self._kept) - 1)
+        if gone > 0:
+            self._first, self._kept = self._first + gone, self._kept[gone:].copy()
+        return here + share * (there - here)
+
+    def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
+        """Weights of what further frames of the network make certain."""
+        poses, at = self._sampled.push(made, total, last)
+        if len(at):
+            weights = np.clip(self._player.units(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
+            self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
+
+
+def open_mouth(path: Path) -> WindowSystem:
+    """A bundle of faces, for any number of mouths.
+
+    Raises:
+        InputError: it cannot be read, is damaged, or no mouth can be made of it.
+    """
+    system = open_system(read_bundle(path))
+    if not isinstance(system, WindowSystem):
+        raise InputError(f"{path.name!r} is no network of faces", "speech-to-face is one")
+    BundleMouth(system)  # one that does not fit says so
+    return system
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> WindowSystem:
+    if not SHIPPED_FACE.is_file():
+        raise InputError(f"no {SHIPPED_FACE.name} ships with this installation", "install cospeech again: faces speak with it")
+    return open_mouth(SHIPPED_FACE)
+
+
+def shipped_mouth() -> BundleMouth:
+    """A mouth of the face that ships.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    return BundleMouth(_shipped())

@@ -216,3 +216,64 @@ def test_a_writer_that_fails_leaves_nothing(recordings, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="full"):
         synthesise(tmp_path / "raw", "trinity", speech=recordings, hours=0.001, tts=False)
     assert list(tmp_path.iterdir()) == []
+
+
+def speeches(count: int, seconds: float, reader: str) -> list[Speech]:
+    rng = np.random.default_rng(len(reader))
+    samples = (0.05 * rng.normal(size=round(seconds * 16_000))).astype(np.float32)
+    return [Speech(samples, name=f"{reader}/{k}.wav") for k in range(count)]
+
+
+def test_readers_are_told_apart_by_folder(recordings, tmp_path):
+    for reader in ("ann", "bob"):
+        shutil.copytree(recordings, tmp_path / reader)
+    found = list(voices.recordings(tmp_path))
+    assert [speech.name for speech in found] == ["ann/one.wav", "ann/two.wav", "bob/one.wav", "bob/two.wav"]
+    assert [voices.reader_of(speech) for speech in found] == ["ann", "ann", "bob", "bob"]
+    pieces = list(voices.pieces_of([*speeches(3, 2.0, "ann"), *speeches(2, 2.0, "bob")], 30.0))
+    assert [voices.reader_of(piece) for piece in pieces] == ["ann", "bob"]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Performing is not what is tested: takes are speeches without motion to speak of."""
+    seen: list[Clip] = []
+
+    def still(speech, style, *, emotion, seed, fps):
+        return Clip("take", "speaker", "synthetic", speech, emotion=emotion)
+
+    def keep(clips, raw):
+        raw.mkdir()
+        seen.extend(clips)
+
+    monkeypatch.setattr("cospeech.synthesise.perform", still)
+    monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
+    for layout in ("beat", "trinity"):
+        monkeypatch.setattr(f"cospeech.corpora.{layout}.write", keep)
+    return seen
+
+
+@pytest.mark.parametrize("layout", ["beat", "trinity"])
+def test_emotions_are_dealt_evenly_and_speakers_have_voices(layout, quick, recordings, tmp_path):
+    for reader in ("ann", "bob", "cy"):
+        shutil.copytree(recordings, tmp_path / "speech" / reader)
+    made = synthesise(tmp_path / "raw", layout, speech=tmp_path / "speech", hours=0.2, speakers=3, tts=False, seed=1)
+    counts = [made.emotions[e] for e in sorted(set(made.emotions) - {"neutral"})]
+    assert len(counts) == 7
+    neutral = made.emotions["neutral"] / made.takes
+    assert 0.1 < neutral < 0.35 if layout == "beat" else 0.35 < neutral < 0.65
+    if layout == "beat":
+        assert min(counts) >= 0.4 * max(counts)
+        readers = {(clip.speaker, voices.reader_of(clip.speech)) for clip in quick}
+        assert len(readers) == 3  # one reader each
+        assert {split for clip in quick if (split := clip.split)} == {"train", "validation", "test"}
+
+
+def test_only_beat_s_voices_act_and_only_when_asked(quick, recordings, tmp_path):
+    given = {len(speech.samples) for speech in voices.pieces_of(voices.recordings(recordings), 30.0)}
+    for name, layout, options in [("a", "beat", {}), ("b", "beat", {"act": False}), ("c", "trinity", {})]:
+        quick.clear()
+        synthesise(tmp_path / name, layout, speech=recordings, hours=0.1, speakers=1, tts=False, **options)
+        lengths = {len(clip.speech.samples) for clip in quick}
+        assert (lengths <= given) == (name != "a")
+        assert (len(lengths) > len(given)) == (name == "a")

@@ -44,6 +44,7 @@ Hours = Annotated[float, Option("--hours", metavar="NUMBER", help="How much moti
 Speakers = Annotated[int | None, Option("--speakers", metavar="NUMBER", help="How many; 8, Trinity 1 else.")]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Another seed, another corpus.")]
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Whether espeak-ng and flite speak, where they are installed.")]
+Act = Annotated[bool, Option("--act/--no-act", help="Whether voices act the emotions (BEAT's layout).")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress bar, no summary.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
@@ -112,6 +113,7 @@ def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
         speakers: Speakers = None,
         seed: Seed = 0,
         tts: Tts = True,
+        act: Act = True,
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
@@ -123,6 +125,8 @@ def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
         from .synthesise import synthesise as make
 
         with progress("synthesising", quiet) as tell:
-            report = make(raw, layout, speech=speech, hours=hours, speakers=speakers, seed=seed, tts=tts, progress=tell)
+            report = make(
+                raw, layout, speech=speech, hours=hours, speakers=speakers, seed=seed, tts=tts, act=act, progress=tell
+            )
         if not quiet:
             typer.echo(f"{raw}  {report.summary()}")

@@ -1,8 +1,8 @@
 """``cospeech synthesise``: a synthetic corpus in the raw layout of TED, Trinity, PATS or BEAT.
 
-The rule-based gesturer performs real and synthesised speech as several speakers in eight emotions. What comes out looks, to
-every tool that reads the real data set, like that data set; it is there to test, to teach and to practise with. It is
-**synthetic**: a network trained on it learns our rules, not people.
+The rule-based gesturer performs real and synthesised speech as several speakers in eight emotions, which in BEAT's layout the
+voices act as well (`acting`). What comes out looks, to every tool that reads the real data set, like that data set; it is there
+to test, to teach and to practise with. It is **synthetic**: a network trained on it learns our rules, not people.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from ..files import describe_os_error
 from ..motion import Motion
 from ..rules import EMOTIONS, Gesture, RuleGesturer, Style
 from ..speech import Speech
+from .acting import Actor, act
 from .speakers import Speaker, cast
-from .voices import Voice, installed_voices, pieces_of, recordings, say
+from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say
 
 __all__ = ["LAYOUTS", "Layout", "SynthesisReport", "perform", "synthesise"]
 
@@ -39,22 +40,30 @@ class Layout:
         fps: at which motion is made.
         take: seconds of a take, at most.
         speakers: how many where the caller does not say.
-        full: whether an emotion (other than neutral) of a speaker and split can run out of places.
+        neutral: how many takes are neutral for one of each other emotion.
+        full: whether an emotion of a speaker and split can run out of places.
+        acted: whether speakers have voices of their own, which act the emotion.
     """
 
     fps: float
     take: float
     speakers: int = 8
+    neutral: int = 7
     full: bool = False
+    acted: bool = False
 
 
 LAYOUTS: dict[str, Layout] = {
     "ted": Layout(25.0, 12.0),
     "trinity": Layout(60.0, 60.0, speakers=1),
     "pats": Layout(15.0, 15.0),
-    "beat": Layout(120.0, 60.0, full=True),
+    "beat": Layout(120.0, 30.0, neutral=2, full=True, acted=True),
 }
-"""Layout → frame rate of the real data, and a length of takes as they are there; Trinity has one speaker."""
+"""Layout → frame rate of the real data, and a length of takes as they are there; Trinity has one speaker.
+
+Half of the takes are neutral. BEAT's layout is where emotions can be learnt: two neutral takes for one of each other emotion,
+half as long as there, so that a speaker has several of each within half an hour.
+"""
 
 _TAKES = 3  # ours: fewest takes of each speaker, one for each split
 _SHORTEST_TAKE = 5.0  # seconds; ours
@@ -96,6 +105,7 @@ def synthesise(
     speakers: int | None = None,
     seed: int = 0,
     tts: bool = True,
+    act: bool = True,
     progress: Callable[[float, float | None], None] | None = None,
 ) -> SynthesisReport:
     """Make a synthetic corpus.
@@ -108,6 +118,7 @@ def synthesise(
         speakers: how many; those of `LAYOUTS` where not given.
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
         tts: whether espeak-ng and flite speak, as far as they are installed.
+        act: whether voices act the emotions, in layouts that say which there is (BEAT's).
         progress: called with seconds done and seconds in all.
 
     Returns:
@@ -128,9 +139,9 @@ def synthesise(
     engines = installed_voices(seed) if tts else []
     if not real and not engines:
         raise InputError("there is nothing to say", "name a folder of speech, or install espeak-ng or flite")
-    pool = _Pool(real, engines, take, max(2, int(min(hours * 3600 / _TAKES_PER_SPEECH, _MOST_HELD) / take)), seed)
     made = _Tally()
-    clips = _clips(layout, people, pool, hours * 3600, seed, made, progress)
+    pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
+    clips = _clips(replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, seed, made, progress)
     write = import_module(CORPORA[layout].module).write
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -164,7 +175,7 @@ class _Tally:
 
     def __post_init__(self) -> None:
         self.emotions: Counter[str] = Counter()
-        self.speeches: set[int] = set()
+        self.speeches: set[tuple[int, int]] = set()
 
 
 class _Pool:
@@ -187,28 +198,62 @@ class _Pool:
         return -1 - which, self._made[which]
 
 
+def _pools(
+    layout: Layout, people: int, real: list[Speech], engines: list[Voice], take: float, seconds: float, seed: int
+) -> list[_Pool]:
+    """What each speaker says: all the same, or each in voices and by readers of its own, as far as they suffice."""
+    count = min(seconds / _TAKES_PER_SPEECH, _MOST_HELD) / take
+    if not layout.acted:
+        return [_Pool(real, engines, take, max(2, int(count)), seed)] * people
+    readers: dict[str, list[Speech]] = {}
+    for speech in real:
+        readers.setdefault(reader_of(speech), []).append(speech)
+    everybody = list(readers.values())
+    pools = []
+    for who in range(people):
+        own = [speech for reader in everybody[who::people] for speech in reader]
+        voices = engines[who::people]
+        if not own and not voices:
+            own, voices = (everybody[who % len(everybody)], []) if everybody else ([], [engines[who % len(engines)]])
+        pools.append(_Pool(own, voices, take, max(2, int(count / people)), _take_seed(seed, who)))
+    return pools
+
+
 def _clips(
-    layout: str, people: list[Speaker], pool: _Pool, seconds: float, seed: int, made: _Tally,
+    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pool], seconds: float, seed: int, made: _Tally,
     progress: Callable[[float, float | None], None] | None,
 ) -> Iterator[Clip]:  # fmt: skip
     """Takes, speaker by speaker, each until the speaker's share is full."""
     places: Counter[tuple[int, str, str]] = Counter()
     for who, person in enumerate(people):
+        actor = Actor(seed, who)
+        emotions = _emotions(chosen.neutral, seed, who)
         done, k = 0.0, 0
         while done < seconds / len(people):
-            which, speech = pool[k + 3 * who]  # 3: ours, speakers begin at different speeches and meet at some
-            emotion = "neutral" if k % 2 == 0 else EMOTIONS[1 + (k // 2 + who) % 7]
+            which, speech = pools[who][k + 3 * who]  # 3: ours, speakers begin at different speeches and meet at some
+            emotion = next(emotions)
             split = {1: "test", 2: "validation"}.get(k % 10, "train")
-            if LAYOUTS[layout].full:
+            if chosen.full:
                 emotion, split = _place(places, who, emotion, split)
-            clip = perform(speech, person.style, emotion=emotion, seed=_take_seed(seed, who, k), fps=LAYOUTS[layout].fps)
+            own = _take_seed(seed, who, k)
+            if chosen.acted:
+                speech = act(speech, actor.acting(emotion, own), own)
+            clip = perform(speech, person.style, emotion=emotion, seed=own, fps=chosen.fps)
             yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
             done, k = done + clip.duration, k + 1
             made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration
             made.emotions[emotion] += 1
-            made.speeches.add(which)
+            made.speeches.add((id(pools[who]), which))
             if progress is not None:
                 progress(made.seconds, seconds)
+
+
+def _emotions(neutral: int, seed: int, who: int) -> Iterator[str]:
+    """Emotions without end: shuffled rounds of one each and so many neutral, so that nothing else goes with them."""
+    rng = np.random.default_rng([seed, who, 14])
+    cards = [*EMOTIONS[1:], *["neutral"] * neutral]
+    while True:
+        yield from (cards[k] for k in rng.permutation(len(cards)))
 
 
 def _take_seed(*parts: int) -> int:

@@ -19,7 +19,7 @@ from ..errors import InputError, InternalError
 from ..speech import Speech, Word
 from .texts import SENTENCES
 
-__all__ = ["ENGINES", "Voice", "installed_voices", "pieces_of", "recordings", "say"]
+__all__ = ["ENGINES", "Voice", "installed_voices", "pieces_of", "reader_of", "recordings", "say"]
 
 _RATE = 16_000  # Hz
 _PAUSE = 0.6  # seconds between two recordings or sentences; ours
@@ -103,6 +103,8 @@ def _speak(voice: Voice, text: str, path: Path) -> Speech:
 def recordings(place: str | PathLike[str]) -> Iterator[Speech]:
     """All sound files of a folder that can be read, with their words where a transcript lies beside them.
 
+    Names are paths below the folder.
+
     Transcripts are those of `cospeech.corpora.folder`; of LJ Speech also its ``metadata.csv``.
 
     Raises:
@@ -122,9 +124,14 @@ def recordings(place: str | PathLike[str]) -> Iterator[Speech]:
             if text is not None:
                 speech = replace(speech, words=align(tokenise(text), speech))
         count += 1
-        yield speech
+        yield replace(speech, name=Path(item.name).with_name(speech.name).as_posix())
     if not count:
         raise InputError(f"no sound file in {str(place)!r} can be read", last)
+
+
+def reader_of(speech: Speech) -> str:
+    """Who reads a recording: those of one folder are taken to have one reader."""
+    return Path(speech.name).parent.as_posix()
 
 
 def _metadata(path: Path) -> dict[str, str]:
@@ -139,18 +146,23 @@ def _metadata(path: Path) -> dict[str, str]:
 
 
 def pieces_of(speeches: Iterable[Speech], seconds: float) -> Iterator[Speech]:
-    """The speeches as pieces of at most some ``seconds``: long ones cut, short ones joined, if both have words or none has."""
+    """The speeches as pieces of at most some ``seconds``: long ones cut, short ones of a reader joined, if both have
+    words or none has."""
     waiting: list[Speech] = []
     for speech in speeches:
         for part in _cut(speech, seconds):
             held = sum(float(s.duration) + _PAUSE for s in waiting)
-            alike = not waiting or (waiting[0].words is None) == (part.words is None)
+            alike = not waiting or _kind(waiting[0]) == _kind(part)
             if waiting and (not alike or held + float(part.duration) > seconds):
                 yield _joined(waiting, waiting[0].name)
                 waiting = []
             waiting.append(part)
     if waiting:
         yield _joined(waiting, waiting[0].name)
+
+
+def _kind(speech: Speech) -> tuple[bool, str]:
+    return speech.words is None, reader_of(speech)
 
 
 def _cut(speech: Speech, seconds: float) -> Iterator[Speech]:

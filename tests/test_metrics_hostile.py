@@ -36,6 +36,7 @@ def sample(name: str, frames: int, joints: int, fill: str, seed: int = 0, sound:
         positions=make(frames, joints, 3),
         points=make(frames, 52, 2),
         rotations=rotations / np.linalg.norm(rotations, axis=-1, keepdims=True),
+        face=make(frames, 52),
         track=Track(30.0, make(2 * frames, 3), **parts),
         speech=Speech(speech.astype(np.float32), 8000),
         semantics=rng.choice([0.0, 1.0], frames),

@@ -168,6 +168,21 @@ def test_srgr_is_weighted_by_meaning_and_knows_that_angles_wrap():
         load_metric("srgr")(real, [Sample("a", FPS, rotations=true, semantics=weights * 3)])
 
 
+@pytest.mark.parametrize("name", ["srgr", "srgr_beat"])
+def test_joints_that_stand_still_in_all_recordings_do_not_count(name):
+    rng = np.random.default_rng(3)
+    weights = rng.random(20)
+
+    def sample(seed: int, still: int) -> Sample:
+        angles = np.random.default_rng(seed).normal(size=(20, 4, 3)) * 3
+        legs = np.broadcast_to(np.array([30.0, 0, 0]), (20, still, 3))
+        return Sample("a", FPS, rotations=euler_to_quat(np.radians(np.concatenate([legs, angles], 1)), "XYZ"), semantics=weights)
+
+    bare = load_metric(name)([sample(1, 0)], [sample(0, 0)]).value
+    assert load_metric(name)([sample(1, 7)], [sample(0, 7)]).value == pytest.approx(bare)
+    assert 0 < bare < load_metric(name)([sample(0, 7)], [sample(0, 7)]).value
+
+
 def slow_modes(clip_list: list[np.ndarray], centres: np.ndarray, *, joined: bool) -> list[int]:
     """Frame by frame and joint by joint, as one would with pencil and paper."""
     names, before = [], None

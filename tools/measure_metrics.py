@@ -22,6 +22,7 @@ from cospeech.corpora.keypoints import joint_points
 from cospeech.evaluation import POSE_STATISTICS, evaluate, sample_of
 from cospeech.metrics import METRICS, FeatureNet, Tools, load_metric
 from cospeech.metrics.mode_f1 import mode_features
+from cospeech.models import PARTS
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.skeleton import humanoid
 from cospeech.skeletons.pats import JOINTS
@@ -51,7 +52,7 @@ def speeches(folder: Path, minutes: float) -> list[Speech]:
 
 def recording(speech: Speech, number: int, seed: int) -> Clip:
     style = list(STYLES)[number % 4]
-    session = RuleGesturer().session(style=style, seed=seed, fps=FPS, parts=("body", "hands"))
+    session = RuleGesturer().session(style=style, seed=seed, fps=FPS, parts=PARTS)
     pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)] + list(session.finish())
     semantics = tuple(Semantic(g.start, g.end, g.score) for g in session.gestures if g.score > 0)
     motion = type(pieces[0]).concatenate(pieces)

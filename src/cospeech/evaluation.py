@@ -135,7 +135,7 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: b
             arms = None  # a body without arms that we know; metrics that need them say so
         return Sample(
             fps=motion.fps, positions=motion.positions()[:, keep], rotations=np.asarray(motion.rotations[:, keep], np.float64),
-            names=tuple(skeleton.names[k] for k in keep), track=arms,
+            names=tuple(skeleton.names[k] for k in keep), face=motion.face, track=arms,
             semantics=_semantics(clip.semantics, len(motion), motion.fps), **common,
         )  # fmt: skip
     if clip.points is not None and len(clip.points):
@@ -180,7 +180,8 @@ def _fit(motion: Motion, clip: Clip) -> Clip:
     if missing > PADDED or not len(motion):
         raise InputError(f"motion for {clip.name!r} has {len(motion)} frames, the recording {len(clip.motion)}")
     frames = np.minimum(np.arange(len(clip.motion)), len(motion) - 1)
-    return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=None))
+    face = None if motion.face is None else motion.face[frames]
+    return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
 
 
 def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
@@ -233,6 +234,8 @@ def stored_clips(
     for entry in entries:
         arrays = store.clip(entry)
         body = pose.decode(np.asarray(arrays["pose"], np.float64), store.fps)
+        if isinstance(body, Motion) and "face" in arrays:
+            body = replace(body, face=np.asarray(arrays["face"], np.float64))
         kind = {"motion": body} if isinstance(body, Motion) else {"points": body}
         semantics = _stretches(arrays["semantic"], store.fps) if "semantic" in arrays else None
         speech = sounds.get(entry.name)

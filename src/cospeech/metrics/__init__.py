@@ -39,6 +39,10 @@ _ROWS = {
     "wasserstein": ("w1_speed", "w1_acceleration", "w1_speed_mix_stage"),
     "genea": ("jerk", "acceleration", "jerk_genea", "hellinger_speed", "hellinger_speed_genea"),
     "cca": ("cca", "cca_genea"),
+    "face_mse": ("face_mse",),
+    "lip_closure": ("lip_closure", "lip_closure_agreement"),
+    "jaw_lag": ("jaw_lag", "jaw_correlation"),
+    "blinks": ("blinks", "blink_rate", "blink_duration", "blink_gaps"),
 }
 """Module (and page of the documentation) → its metrics."""
 

@@ -64,6 +64,15 @@ def _mean_quats(q: Array) -> Array:
     return quat_normalize((q * signs).sum(0))
 
 
+def _noisy_face(clip: Clip, kin: Sequence[Clip], size: float | None, rng: np.random.Generator) -> Array | None:
+    """The mean face of the clips that have one, likewise, as weights of 0 … 1."""
+    if clip.motion.face is None:
+        return None
+    faces = np.concatenate([c.motion.face for c in kin if c.motion.face is not None])
+    noise = rng.normal(size=clip.motion.face.shape) * (faces.std(0) if size is None else size)
+    return np.clip(faces.mean(0) + noise, 0, 1)
+
+
 def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random.Generator) -> Clip:
     """The mean pose with noise of deviation ``size``, or of the clips' own deviation where None."""
     kin, body = _kin(clips, clip), _body(clip)
@@ -74,7 +83,8 @@ def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random
         spread = quat_to_rotvec(quat_multiply(quat_conjugate(mean), rotations)).std(0) if size is None else size
         turns = rotvec_to_quat(rng.normal(size=(len(body), len(mean), 3)) * spread)
         root = roots.mean(0) + rng.normal(size=(len(body), 3)) * (roots.std(0) if size is None else size)
-        return replace(clip, motion=replace(body, rotations=quat_multiply(mean, turns), root=root))
+        face = _noisy_face(clip, kin, size, rng)
+        return replace(clip, motion=replace(body, rotations=quat_multiply(mean, turns), root=root, face=face))
     values = np.concatenate([c.points.values for c in kin])
     noise = rng.normal(size=body.values.shape) * (values.std(0) if size is None else size)
     return replace(clip, points=replace(body, values=values.mean(0) + noise))

@@ -9,10 +9,17 @@ import numpy as np
 
 from ..errors import InputError
 from ..rotations import Array
+from ..skeletons.arkit import ARKIT
 from ..speech import Speech
 from .movement import Track
 
 __all__ = ["FeatureNet", "Sample", "Score", "Tools", "pose_vectors"]
+
+
+_SHAPES: dict[str, tuple[int, int | None]] = {
+    "positions": (3, 3), "points": (3, 2), "rotations": (3, 4), "face": (2, len(ARKIT)), "semantics": (1, None),
+}  # fmt: skip
+"""Field of a `Sample` → dimensions of its array, and the length of the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +33,7 @@ class Sample:
         points: (T, K, 2) key points, pixels of the corpus with y up; point 0 is the root.
         rotations: (T, J, 4) local rotations, xyzw.
         names: of the J joints.
+        face: (T, 52) ARKit weights in the order of `cospeech.skeletons.arkit.ARKIT`.
         track: hips, shoulders, elbows and wrists (beat and movement metrics).
         speech: what was spoken meanwhile.
         semantics: (T,) semantic score of each frame, 0 … 1.
@@ -43,6 +51,7 @@ class Sample:
     points: Array | None = None
     rotations: Array | None = None
     names: tuple[str, ...] = ()
+    face: Array | None = None
     track: Track | None = None
     speech: Speech | None = None
     semantics: Array | None = None
@@ -54,7 +63,7 @@ class Sample:
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise InputError(f"{self.name!r} at {self.fps} frames per second")
         lengths = set()
-        for field, dims in (("positions", (3, 3)), ("points", (3, 2)), ("rotations", (3, 4)), ("semantics", (1, None))):
+        for field, dims in _SHAPES.items():
             value = getattr(self, field)
             if value is None:
                 continue
@@ -69,7 +78,7 @@ class Sample:
             object.__setattr__(self, "condition", self.name)
 
     def __len__(self) -> int:
-        for value in (self.positions, self.points, self.rotations, self.semantics):
+        for value in (self.positions, self.points, self.rotations, self.face, self.semantics):
             if value is not None:
                 return len(value)
         return 0 if self.track is None else len(self.track.hips)

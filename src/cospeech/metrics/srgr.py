@@ -2,7 +2,9 @@
 
 As coded: a joint is right where |Δx| + |Δy| + |Δz| of its Euler angles is below 4° (359° against 1° is wrong); the weight of a
 frame is its semantic score ÷ 0.165, the mean of BEAT, so that a perfect score is 1 only for clips with that mean; frames that
-were given count. `srgr` takes the angle of the rotation between the two, weights that sum to 1, and no given frames.
+were given count. `srgr` takes the angle of the rotation between the two, weights that sum to 1, and no given frames. Joints that
+stand still in all recordings (legs that a representation leaves out) are in neither: they would always be right. BEAT's code
+has only the 47 joints that move.
 """
 
 from __future__ import annotations
@@ -21,11 +23,23 @@ __all__ = ["right_joints", "srgr", "srgr_beat"]
 
 NEAR = 4.0  # degrees (BEAT 2022 test.py)
 MEAN_SCORE = 0.165  # mean semantic score of BEAT (utils/metric.py)
+STILL = 1e-3  # degrees; ours: rounding of what does not move
 
 
 def right_joints(made: Array, true: Array) -> Array:
     """(T, J) whether two local rotations (T, J, 4) differ by less than 4°."""
     return np.degrees(quat_angle(made, true)) < NEAR
+
+
+def _moving(pairs: Sequence[tuple[Sample, Sample, Array, Array]]) -> dict[int, Array]:
+    """Number of joints → (J,) whether each moves in any of the recordings that have so many; all, where none does."""
+    found: dict[int, Array] = {}
+    first: dict[int, Array] = {}
+    for *_, true in pairs:
+        count = true.shape[1]
+        moves = np.degrees(quat_angle(true, first.setdefault(count, true[:1]))).max(0, initial=0) > STILL
+        found[count] = found.get(count, np.zeros(count, bool)) | moves
+    return {count: moves if moves.any() else ~moves for count, moves in found.items()}
 
 
 def _semantics(sample: Sample) -> Array:
@@ -38,11 +52,13 @@ def _semantics(sample: Sample) -> Array:
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 4° of the recording, frames weighted by their semantic score; 1 is perfect."""
-    values, weights = [], []
-    for sample, truth, made, true in paired_samples(generated, reference, "rotations"):
-        scores = _semantics(truth)[sample.seed_frames :]
+    values, weights, pairs = [], [], paired_samples(generated, reference, "rotations")
+    moving = _moving(pairs)
+    for sample, truth, made, true in pairs:
+        scores, moves = _semantics(truth)[sample.seed_frames :], moving[true.shape[1]]
         if scores.sum() > 0:
-            values.append(float(right_joints(made, true)[sample.seed_frames :].mean(1) @ scores / scores.sum()))
+            right = right_joints(made[:, moves], true[:, moves])[sample.seed_frames :].mean(1)
+            values.append(float(right @ scores / scores.sum()))
             weights.append(float(scores.sum()))
     if not values:
         raise InputError("no frame has a semantic score above 0", "annotated recordings, such as BEAT's")
@@ -52,8 +68,10 @@ def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools)
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """SRGR as coded for BEAT: Euler sums below 4°, weights ÷ 0.165; may exceed 1."""
-    values, weights = [], []
-    for _, truth, made, true in paired_samples(generated, reference, "rotations"):
+    values, weights, pairs = [], [], paired_samples(generated, reference, "rotations")
+    moving = _moving(pairs)
+    for _, truth, *both in pairs:
+        made, true = (joints[:, moving[joints.shape[1]]] for joints in both)
         gap = np.abs(np.degrees(quat_to_euler(made, "XYZ") - quat_to_euler(true, "XYZ"))).sum(-1)
         values.append(float(((gap < NEAR).mean(1) * _semantics(truth) / MEAN_SCORE).mean()))
         weights.append(float(len(made)))

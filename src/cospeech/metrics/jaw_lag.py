@@ -1,0 +1,103 @@
+"""Jaw lag: how many seconds the jaw is behind the loudness of the speech, and how closely it follows it.
+
+Correlation of ``jawOpen`` with the level in dB, both at 100 values a second and without their mean over the clip, at lags of
+−0.5 … 0.5 s; over all clips together. Positive: the jaw comes after the sound. Noise and the wrong speech have a best lag, too:
+`jaw_correlation` says how much it is worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotations import Array
+from ..skeletons.arkit import ARKIT_INDEX
+from .interval import bootstrap
+from .metric import metric
+from .sample import Sample, Score, Tools
+from .speech_level import RATE, at_rate, level
+
+__all__ = ["LAGS", "correlations", "jaw_correlation", "jaw_lag"]
+
+LAGS = np.arange(-50, 51)  # of 1/RATE s; ours: half a second is beyond any muscle or model
+SHORTEST = 2.0  # s; ours: shorter clips leave too little beside the lags
+STILL = 1e-4  # deviation of jawOpen; ours: less is rounding, as on a frozen face
+DRAWS = 400  # ours
+
+
+def _moments(sample: Sample) -> Array | None:
+    """(3, lags) of a clip: Σ jaw · level, Σ jaw², Σ level² where both are known; None where it is too short."""
+    assert sample.speech is not None
+    assert sample.face is not None
+    loud = level(sample.speech)
+    count = min(len(loud), int(len(sample.face) / sample.fps * RATE))
+    if count < SHORTEST * RATE:
+        return None
+    jaw = at_rate(sample.face[:, ARKIT_INDEX["jawOpen"]], sample.fps, count)
+    jaw, loud = jaw - jaw.mean(), loud[:count] - loud[:count].mean()
+    rows = []
+    for lag in LAGS:
+        a = jaw[max(lag, 0) : count + min(lag, 0)]
+        b = loud[max(-lag, 0) : count - max(lag, 0)]
+        rows.append((a @ b, a @ a, b @ b))
+    return np.array(rows).T
+
+
+def _of(moments: Array) -> Array:
+    """(lags,) correlations of sums (3, lags)."""
+    found: Array = moments[0] / np.sqrt(np.maximum(moments[1] * moments[2], 1e-300))
+    return found
+
+
+def _all(samples: Sequence[Sample]) -> Array:
+    """(clips, 3, lags) of those that are long enough.
+
+    Raises:
+        InputError: none is, or the jaws stand still.
+    """
+    known = [found for sample in samples if (found := _moments(sample)) is not None]
+    if not known:
+        raise InputError(f"no clip is longer than {SHORTEST:g} s", "longer clips with speech and a face")
+    return np.stack(known)
+
+
+def correlations(samples: Sequence[Sample]) -> Array:
+    """(101,) correlation of jaw and level at each of `LAGS`, over all clips."""
+    return _of(_all(samples).sum(0))
+
+
+def _moves(samples: Sequence[Sample]) -> bool:
+    jaws = [sample.face[:, ARKIT_INDEX["jawOpen"]] for sample in samples if sample.face is not None]
+    return max(float(jaw.std()) for jaw in jaws) > STILL
+
+
+@metric("face", "speech", better="reference", hears=True, unit="s")
+def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Seconds that the jaw is behind the level of the speech, where the two correlate best; best where as the reference's."""
+    if not _moves(generated):
+        raise InputError("the jaw stands still", "a lag is of jaws that move")
+    clips = _all(generated)
+    best = _of(clips.sum(0))
+
+    def lag(chosen: Array) -> float:
+        return float(LAGS[_of(clips[chosen].sum(0)).argmax()] / RATE)
+
+    ends = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(float(LAGS[best.argmax()] / RATE), ends, len(clips), f"correlation {best.max():.2f}")
+
+
+@metric("face", "speech", better="higher", hears=True)
+def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
+    """Correlation of the jaw with the level of the speech at the best lag, −1 … 1; 0 for a jaw that stands still."""
+    clips = _all(generated)
+    if not _moves(generated):
+        return Score(0.0, None, len(clips), "the jaw stands still")
+
+    def best(chosen: Array) -> float:
+        return float(_of(clips[chosen].sum(0)).max())
+
+    values = _of(clips.sum(0))
+    ends = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(float(values.max()), ends, len(clips), f"lag {LAGS[values.argmax()] / RATE:+.2f} s")

@@ -1,17 +1,30 @@
-"""Small bundles with random weights, for tests of the runtime: no network is trained, and torch is not needed."""
+"""Small bundles with random weights, for tests of the runtime: no network is trained, and torch is not needed. Speech for them
+(synthetic), and damage to bundles of every kind."""
 
 from __future__ import annotations
 
+import io
+import json
+import zipfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from cospeech.errors import InputError
 from cospeech.features.reduce import audio_width
+from cospeech.motion import Motion
 from cospeech.poses import find_pose
 from cospeech.poses.controls import QUANTILES
+from cospeech.runtime.bundle import MANIFEST
 from cospeech.runtime.flow_bundle import Statistics, write_flow
 from cospeech.runtime.flow_weights import CODE, FlowSizes
+from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.manifest import System
+from cospeech.speech import Speech
 
 
 def small_sizes(pose: str, audio: str) -> FlowSizes:
@@ -86,3 +99,109 @@ def write_small(
         facts=facts, card="# Random weights\n",
     )  # fmt: skip
     return path
+
+
+# on stage -----------------------------------------------------------------------------------------------------------------
+
+
+def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
+    """Noise in bursts, such as syllables are."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
+    return Speech((0.3 * sound + 0.001 * rng.normal(size=len(t))).astype(np.float32), rate)
+
+
+def same(a: Motion, b: Motion) -> bool:
+    face = a.face is b.face is None or (a.face is not None and b.face is not None and a.face.tobytes() == b.face.tobytes())
+    return a.rotations.tobytes() == b.rotations.tobytes() and a.root.tobytes() == b.root.tobytes() and face
+
+
+def cut(speech: Speech, edges: Sequence[int]) -> list[Speech]:
+    bounds = [0, *edges, len(speech)]
+    return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
+
+
+def changed(player: BundleGesturer, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options) -> Motion:
+    """A performance of speech in these pieces, the style changed after these samples."""
+    session, made, at = player.session(**options), [], 0
+    for chunk in cut(speech, sorted({*edges, *changes})):
+        made += session.push(chunk)
+        at += len(chunk)
+        if at in changes:
+            session.restyle(changes[at])
+    return Motion.concatenate([*made, *session.finish()])
+
+
+# damage -------------------------------------------------------------------------------------------------------------------
+
+
+def contents_of(data: bytes) -> tuple[dict, dict[str, bytes]]:
+    """Manifest and members of a bundle, to be changed."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    return json.loads(members.pop(MANIFEST)), members
+
+
+def mutations(data: bytes, rng: np.random.Generator) -> list[tuple[str, bytes]]:
+    """Damage of every kind, at random places."""
+    out = [(f"cut at {n}", data[:n]) for n in rng.integers(0, len(data), 60)]
+    for _ in range(160):  # bits and stretches anywhere
+        broken, at, size = bytearray(data), int(rng.integers(len(data))), int(rng.choice([1, 1, 1, 8, 200]))
+        broken[at : at + size] = rng.bytes(len(broken[at : at + size]))
+        out.append((f"{size} bytes at {at}", bytes(broken)))
+    tail = data.rfind(b"PK\x01\x02", 0, data.find(b"PK\x05\x06")) - 400
+    for _ in range(80):  # the directory of the zip, where lengths and names are
+        broken, at = bytearray(data), int(rng.integers(max(0, tail), len(data)))
+        broken[at] = int(rng.integers(256))
+        out.append((f"directory at {at}", bytes(broken)))
+    for _ in range(30):  # pieces moved
+        a, b = sorted(int(v) for v in rng.integers(0, len(data), 2))
+        out.append((f"{a} … {b} gone", data[:a] + data[b:]))
+        out.append((f"{a} … {b} twice", data[:b] + data[a:]))
+    return out
+
+
+def check_damage(opened: Callable[[bytes], System], data: bytes) -> float:
+    """Damages a bundle 360 times: what opens nevertheless (bytes that a zip does not use) is what was written.
+
+    Returns:
+        the share that was refused, in one line.
+    """
+    whole, refused = opened(data), 0
+    cases = mutations(data, np.random.default_rng(0))
+    for what, broken in cases:
+        try:
+            system = opened(broken)
+        except InputError as error:
+            refused += "\n" not in str(error)
+        else:
+            for name, value in system.engine.weights.items():
+                assert np.array_equal(value, whole.engine.weights[name]), what
+    return refused / len(cases)
+
+
+def check_repaired_damage(
+    rewritten: Callable[[dict, dict[str, bytes]], System], data: bytes, perform: Callable[[System], object], times: int
+) -> int:
+    """Changes members as somebody would who knows the format: errors, or a system of finite weights that performs.
+
+    Returns:
+        how often it was refused, in one line.
+    """
+    rng, refused = np.random.default_rng(1), 0
+    for turn in range(times):
+        manifest, members = contents_of(data)
+        name = sorted(members)[turn % len(members)]
+        broken = bytearray(members[name])
+        for _ in range(int(rng.integers(1, 4))):
+            broken[int(rng.integers(min(len(broken), 3000)))] = int(rng.integers(256))
+        try:
+            system = rewritten(manifest, {**members, name: bytes(broken)})
+        except InputError as error:
+            refused += "\n" not in str(error)
+            continue
+        assert all(np.isfinite(value).all() for value in system.engine.weights.values())
+        with suppress(InputError):
+            perform(system)
+    return refused

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -22,7 +21,7 @@ from cospeech.runtime.sampling import Sampled
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
-from runtime_bundles import write_small
+from runtime_bundles import changed, cut, same, talk, write_small
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
 FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
@@ -38,24 +37,6 @@ def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel
 def source(style: object, seed: int = 0):
     system = gesturer().system
     return CodeSource(system, Styles(system).blend(style), seed=seed)
-
-
-def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
-    """Noise in bursts, such as syllables are."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(seconds * rate)) / rate
-    sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
-    return Speech((0.3 * sound + 0.001 * rng.normal(size=len(t))).astype(np.float32), rate)
-
-
-def same(a: Motion, b: Motion) -> bool:
-    face = a.face is b.face is None or (a.face is not None and b.face is not None and a.face.tobytes() == b.face.tobytes())
-    return a.rotations.tobytes() == b.rotations.tobytes() and a.root.tobytes() == b.root.tobytes() and face
-
-
-def cut(speech: Speech, edges: list[int]) -> list[Speech]:
-    bounds = [0, *edges, len(speech)]
-    return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
 
 
 @pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
@@ -243,17 +224,6 @@ def test_no_torch_and_no_onnx(tmp_path):
 
 
 # a style that changes ----------------------------------------------------------------------------------------------------
-
-
-def changed(player: BundleGesturer, speech: Speech, edges: list[int], changes: dict[int, object], **options) -> Motion:
-    """A performance of speech in these pieces, the style changed after these samples."""
-    session, made, at = player.session(**options), [], 0
-    for chunk in cut(speech, sorted({*edges, *changes})):
-        made += session.push(chunk)
-        at += len(chunk)
-        if at in changes:
-            session.restyle(changes[at])
-    return Motion.concatenate([*made, *session.finish()])
 
 
 @pytest.mark.parametrize("transfer", [CodeSource, SegmentSource, NormalSource])

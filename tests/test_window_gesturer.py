@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
 from functools import cache, partial
-from itertools import pairwise
 from math import inf
 from pathlib import Path
 
@@ -27,6 +25,7 @@ from cospeech.runtime.window_style import example_window, mixture, named_window,
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech
 from fake_windows import whole_system
+from runtime_bundles import changed, cut, same, talk
 
 BODY = ("body", "hands")
 
@@ -35,31 +34,13 @@ def gesturer(**kind) -> BundleGesturer:
     return BundleGesturer(whole_system(**kind))
 
 
-def talk(seconds: float = 3.2, rate: int = 16_000) -> Speech:
-    """Noise in bursts, such as syllables are."""
-    rng = np.random.default_rng(0)
-    t = np.arange(round(seconds * rate)) / rate
-    sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
-    return Speech((0.3 * sound + 0.001 * rng.normal(size=len(t))).astype(np.float32), rate)
-
-
 @cache
 def acted(style: str = "lively", seconds: float = 9.0, fps: float = 30.0) -> Motion:
     return RuleGesturer().generate(talk(seconds), style=STYLES[style], fps=fps, parts=BODY, emotion="neutral")
 
 
-def same(a: Motion, b: Motion) -> bool:
-    face = a.face is b.face is None or (a.face is not None and b.face is not None and a.face.tobytes() == b.face.tobytes())
-    return a.rotations.tobytes() == b.rotations.tobytes() and a.root.tobytes() == b.root.tobytes() and face
-
-
 def away(a: Motion, b: Motion) -> float:
     return float(np.abs(a.rotations - b.rotations).max())
-
-
-def cut(speech: Speech, edges: Sequence[int]) -> list[Speech]:
-    bounds = [0, *edges, len(speech)]
-    return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
 
 
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
@@ -296,17 +277,6 @@ def test_stretches_overlap_by_half_and_reach_the_end():
 
 
 # a style that changes ----------------------------------------------------------------------------------------------------
-
-
-def changed(player: BundleGesturer, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options) -> Motion:
-    """A performance of speech in these pieces, the style changed after these samples."""
-    session, made, at = player.session(**options), [], 0
-    for chunk in cut(speech, sorted({*edges, *changes})):
-        made += session.push(chunk)
-        at += len(chunk)
-        if at in changes:
-            session.restyle(changes[at])
-    return Motion.concatenate([*made, *session.finish()])
 
 
 @pytest.mark.parametrize("look_ahead", [None, inf])

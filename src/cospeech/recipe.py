@@ -49,6 +49,8 @@ class Data:
     speakers: tuple[str, ...] = ()
     """Names of the speakers that are trained on, in the order in which the model numbers them; none: all of the store.
     Statistics and modes are then theirs alone."""
+    words: str | None = None
+    """File of fastText vectors (.vec, .bin) of the words, for a model that reads text; None: it learns subwords itself."""
     validation: float = 0.0
     """Share of the training clips held out for validation, for stores without a validation split."""
 

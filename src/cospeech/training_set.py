@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,12 @@ from .corpora.examples import examples_of
 from .corpora.feed import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
 from .corpora.store import Store
 from .corpora.subset import of_speakers
+from .corpora.texts import with_subwords, with_vectors
 from .corpora.windows import Windows
 from .errors import InputError
+from .features.word_vectors import open_vectors
 from .poses.controls import control_quantiles, with_controls
+from .poses.joints import hand_columns
 from .poses.modes import with_modes
 from .recipe import Data, Recipe, build, changed, read_recipe
 
@@ -51,7 +55,7 @@ class TrainingSet:
         """Batches of a split, as a model wants them."""
         windows = Windows(
             self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
-            held_out=self.data.validation,
+            held_out=self.data.validation, spare=getattr(model, "spare", ()),
         )  # fmt: skip
         return Feed(windows, self.standards, self.reduce, self.moments)
 
@@ -80,6 +84,8 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         store = with_controls(store)
         standards["control"] = Standard(*store.statistics("control"))
     centres = None
+    if "text" in kind.arrays:
+        store = with_subwords(store) if data.words is None else with_vectors(store, open_vectors(data.words))
     if "cluster" in kind.arrays:
         store, centres = with_modes(store, config.modes)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
@@ -90,11 +96,22 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     needs, known = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
-        "sizes": sizes(store, standards.get("audio")), "needs": known,
+        "sizes": sizes(store, standards.get("audio")) | _hands_and_text(kind, store, data), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.by_clip else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
+
+
+def _hands_and_text(kind: Any, store: Store, data: Data) -> dict[str, Any]:
+    """Sizes that some models alone are built by."""
+    takes = signature(kind.__init__).parameters
+    found: dict[str, Any] = {}
+    if "hands" in takes:
+        found["hands"] = hand_columns(store.names["pose"])
+    if "text" in takes:
+        found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
+    return found
 
 
 def _reduction(name: str | None, store: Store) -> Reduce | None:

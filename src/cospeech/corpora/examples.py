@@ -9,11 +9,13 @@ import numpy as np
 
 from ..rotations import Array
 from .feed import Moments, Reduce, Standard
-from .store import Store
+from .store import Entry, Store
 
-__all__ = ["STRETCH", "STRETCHES", "examples_of"]
+__all__ = ["SAID", "STRETCH", "STRETCHES", "examples_of"]
 
 STRETCH = 128  # frames; ours: 4 to 9 s, longer than any history and than the stretches that style codes are made of
+SAID = {"text": "texts", "emotion": "emotions"}
+"""Arrays of a store whose values to the stretches are kept, by the names of these."""
 STRETCHES = 8  # of each speaker; ours: enough for a mean, and for takes that do not begin alike
 
 
@@ -28,8 +30,8 @@ def examples_of(
 
     Returns:
         ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D) of
-        poses and ``speech`` (speakers, 8, `STRETCH`, A) of the speech to them, ``pose_centre`` (speakers, D): the mean pose
-        of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, both of neutral
+        poses and ``speech`` (speakers, 8, `STRETCH`, A) of the speech to them, ``texts`` and ``emotions`` likewise where the
+        store has `SAID` arrays, ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, both of neutral
         clips where there are some, and all poses but the centre by their clips' moments. float32. Shorter clips are held
         at their ends, a speaker without training clips has the stretches of the others.
     """
@@ -46,7 +48,7 @@ def examples_of(
         poses = pose(arrays["pose"])
         if moments is not None:
             poses = (poses - moments.centre[number]) / moments.spread[number]
-        rows[clip.speaker].append(np.concatenate([poses, audio(heard)], 1))
+        rows[clip.speaker].append(np.concatenate([poses, audio(heard), *_said(store, clip)], 1))
         for name, values in (("pose", poses), ("audio", audio(heard))):
             low, high = values.min(0), values.max(0)
             edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
@@ -55,7 +57,9 @@ def examples_of(
     taken = [found or every for found in rows.values()]
     width = len(edges["pose_low"])
     stretches = np.stack([_stretches(found) for found in taken])
-    own = {"stretches": stretches[..., :width], "speech": stretches[..., width:]}
+    ends = np.cumsum([width, len(edges["audio_low"]), *(x.shape[1] for x in _said(store, store.clips[0]))])
+    names = ("stretches", "speech", *(name for array, name in SAID.items() if array in store.arrays))
+    own = dict(zip(names, np.split(stretches, ends[:-1], -1), strict=True))
     if moments is None:
         own["pose_centre"] = np.stack([np.concatenate(found)[:, :width].mean(0) for found in taken])
     else:
@@ -64,6 +68,12 @@ def examples_of(
         own["pose_centre"] = np.stack([moments.centre[found].mean(0) for found in numbers])
         own["pose_spread"] = np.stack([moments.spread[found].mean(0) for found in numbers])
     return {name: np.ascontiguousarray(values, np.float32) for name, values in {**edges, **own}.items()}
+
+
+def _said(store: Store, clip: Entry) -> list[Array]:
+    """(T, ·) of each of the `SAID` arrays that there are."""
+    found = [store.arrays[array] for array in SAID if array in store.arrays]
+    return [array[clip.offset : clip.offset + clip.frames].reshape(clip.frames, -1) for array in found]
 
 
 def _neutral(store: Store, numbers: list[int]) -> list[int]:
@@ -76,7 +86,7 @@ def _neutral(store: Store, numbers: list[int]) -> list[int]:
 
 
 def _stretches(clips: list[Array]) -> Array:
-    """(`STRETCHES`, `STRETCH`, D + A), evenly spread over all that there is of a speaker."""
+    """(`STRETCHES`, `STRETCH`, columns), evenly spread over all that there is of a speaker."""
     lengths = np.array([len(clip) for clip in clips])
     places = (np.arange(STRETCHES) + 0.5) / STRETCHES * lengths.sum()
     found = []

@@ -29,6 +29,7 @@ class Windows:
         balanced: as many windows of each speaker in a batch, up to one.
         mirror: whether mirrored clips are among them.
         held_out: share of the training clips that count as validation split: every k-th, with its augmented copies.
+        spare: arrays that a clip may lack, whose values then say that they are none.
 
     Raises:
         InputError: there is no such window.
@@ -44,9 +45,13 @@ class Windows:
         balanced: bool = False,
         mirror: bool = True,
         held_out: float = 0.0,
+        spare: Sequence[str] = (),
     ) -> None:
         self.store, self.frames, self.arrays, self.balanced = store, frames, tuple(arrays), balanced
-        numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, self.arrays)
+        if unknown := [name for name in self.arrays if name not in store.arrays]:
+            raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(store.arrays)}")
+        needed = [name for name in self.arrays if name not in spare]
+        numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, needed)
         names = [store.clips[k].name for k in numbers]
         good = np.array([mirror or not mirrored_clip(name) for name in names])
         if held_out:

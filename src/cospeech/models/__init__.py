@@ -26,6 +26,8 @@ MODELS: dict[str, str] = {
     "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
     "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "munit": "cospeech.models.munit:Munit",
+    "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
+    "speech-to-face": "cospeech.models.speech_to_face:SpeechToFace",
 }
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
 
@@ -37,6 +39,10 @@ NETWORKS: dict[str, str] = {
     "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
     "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
     "munit": "cospeech.models.munit:Munit",
+    "speech-to-face": "cospeech.models.speech_to_face:SpeechToFace",
+    "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
+    "chain-of-generation-live": "cospeech.models.chain_live:ChainLive",
+    "speech-classifier": "cospeech.models.speech_classifier:SpeechClassifier",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
     "speaker-classifier": "cospeech.models.speaker_classifier:SpeakerClassifier",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +12,21 @@ from ..motion import Motion
 from ..rotations import Array, quat_continuous, quat_normalize
 from ..skeleton import Skeleton
 
-__all__ = ["build_motion", "pick", "size"]
+__all__ = ["build_motion", "hand_columns", "pick", "size"]
+
+_HAND = re.compile(r"(left|right)_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE)
+
+
+def hand_columns(names: Sequence[str]) -> list[int]:
+    """Which columns of a pose are hands: rotations of wrists and fingers, and grips; by the columns' names.
+
+    Raises:
+        InputError: none is, or all are.
+    """
+    found = [k for k, name in enumerate(names) if _HAND.match(name)]
+    if not 0 < len(found) < len(names):
+        raise InputError(f"a pose of which {len(found)} of {len(names)} columns are hands", "such as euler or expmap-humanoid")
+    return found
 
 
 def _places(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:

@@ -1,0 +1,124 @@
+"""Chain of Generation as speech comes: a pose per frame, ``look_ahead`` frames after the speech it belongs to; ours.
+
+The equations are those of `cospeech.models.chain_of_generation`, of layers that see no more than what was: causal convolutions,
+LSTMs one way, channel attention pooled over the last 34 frames (N of the paper). Every pose is delayed, so that all layers see
+``look_ahead`` frames of what follows it. In pieces of any size it makes what it makes of the whole (`step`).
+
+It learns from the recordings, and from what a trained Chain of Generation, its teacher, makes of the same speech in the same
+style with the same noise (Hinton et al. 2015: distillation), ℓ_teacher being the L1 distance to it. Of its teacher it has the
+classifier and the table of words, which rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..nn.cascade import Layers
+from ..nn.channel_attention import PastAttention
+from ..nn.objective import Batch, Objective
+from ..nn.recurrent import Forwards
+from ..nn.temporal import CausalConv, Memory
+from .chain_of_generation import Chain, ChainConfig, ChainOfGeneration, Turn
+
+__all__ = ["ChainLive", "ChainLiveConfig"]
+
+
+@dataclass(frozen=True)
+class ChainLiveConfig(ChainConfig):
+    """As its teacher, and what makes it live; all of this is ours."""
+
+    seeds: int = 0
+    """It begins with nothing."""
+    look_ahead: int = 6
+    """Frames between speech and pose: 0.4 s at 15 a second."""
+    pooled: int = 34
+    """Frames that channel attention pools."""
+    taught: float = 500.0
+    """Weight of the distance to what the teacher makes."""
+
+
+class ChainLive(Chain):
+    """The causal one.
+
+    Args:
+        config: sizes and weights.
+        pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
+        teacher: a trained one; without it all is learnt of the recordings, the classifier first.
+    """
+
+    Config = ChainLiveConfig
+
+    def __init__(
+        self, config: ChainLiveConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
+        teacher: ChainOfGeneration | None = None,
+    ) -> None:  # fmt: skip
+        if config.look_ahead < 1 or config.pooled < 2:
+            raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooled} pooled", "1 and 2 at least")
+        layers = Layers(
+            conv=CausalConv,
+            attention=lambda channels: PastAttention(channels, config.reduction, config.pooled),
+            recurrent=lambda inputs: Forwards(inputs, config.hidden, config.layers, config.dropout),
+            hidden=config.hidden,
+        )
+        super().__init__(
+            config, layers, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, delay=config.look_ahead
+        )
+        self.teacher = teacher
+        if teacher is not None:
+            if (teacher.pose, teacher.audio, teacher.styles, teacher.modes) != (pose, self.audio, self.styles, self.modes):
+                raise InputError("a teacher of other sizes", "the same poses, speech, speakers, word_width and noise")
+            self.classifier, self.word = teacher.classifier, teacher.word
+
+    def train(self, mode: bool = True) -> ChainLive:
+        """As any module, but its teacher is played as it is."""
+        super().train(mode)
+        if self.teacher is not None:
+            self.teacher.eval()
+        return self
+
+    def objectives(self) -> dict[str, Objective]:
+        """As of the chain; with a teacher there is no first stage, and what is its own rests."""
+        parts = super().objectives()
+        if self.teacher is None:
+            return parts
+        theirs = {id(p) for p in self.teacher.parameters()}
+        return {
+            name: Objective([p for p in part.parameters if id(p) not in theirs], part.loss)
+            for name, part in parts.items()
+            if name != "classifier"
+        }
+
+    def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
+        """Those of the chain, and the distance to its teacher."""
+        found = super().terms(batch, turn)
+        if self.teacher is not None:
+            now, heard = slice(self.delay, None), batch[self.ear.array][:, : self.config.frames]
+            rows = torch.cat([heard, turn.words[..., : self.config.frames].mT], 2)
+            with torch.no_grad():
+                shown = self.teacher.make(rows, turn.style[..., now].mT, turn.noise[..., now].mT)
+            found |= self.distances("teacher_", turn.made.pose, shown.mT, self.config.taught)
+        return found
+
+    @torch.no_grad()
+    def step(self, rows: Tensor, style: Tensor, nudge: Tensor, states: Sequence[Tensor] = ()) -> tuple[Tensor, list[Tensor]]:
+        """The next piece, of any number of frames.
+
+        Args:
+            rows: (B, T, A + W), as of `make`.
+            style: (B, T, S + 8).
+            nudge: (B, T, Z).
+            states: after the piece before; none: it begins.
+
+        Returns:
+            (B, T, D) poses of the frames that lie ``look_ahead`` before these; and the states.
+        """
+        memory = Memory(states)
+        heard, words = rows.mT.split((self.ear.inputs, self.word.width), 1)
+        seeds = rows.new_zeros(len(rows), self.pose + 1, rows.shape[1])
+        made, _ = self.run(heard, words, style.mT, nudge.mT, seeds, memory)
+        return made.pose.mT, memory.left

@@ -1,0 +1,429 @@
+"""Chain of Generation: Xu et al. 2024, "Chain of Generation: Multi-Modal Gesture Synthesis via Cascaded Conditional Control".
+
+From speech first a face, then with it the body, then with both the hands; whose style and which mood is heard in the speech too,
+so that nothing but speech and words is needed to play it. What is known besides is used.
+
+    speech ──► ear ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
+        │              ├─────────────────────────────────────┤
+        │    words ──► TCN ──► T̂ ────────────────────────────┴─► CW-Attn ─► AdaLN ─► body ──► B
+        └──► classifier ──► E, I ──► HyNet ──► S ─────────────────────────────┴───► hands ──► H      (nn/cascade.py)
+
+    ℓ = λ_Rhy ℓ_Rhy + λ_Mse ℓ_Mse + λ_Rec (ℓ_B + α ℓ_H)     (9), λ = 1, 1000, 500
+
+ℓ_Rhy of F̂ and Â (6, nn/contrast.py), ℓ_Mse = (F − F̂*)² of the recorded face (7), ℓ_B and ℓ_H the L1 distances of body and hands
+(8). In a first stage of ``classifier_steps`` the classifier alone is trained (10, models/speech_classifier.py); then it is
+frozen, and what it says is what the style is made of. Both decoders get the seed poses, the first four frames, with a flag.
+
+Followed, changed, not said: docs/models/chain_of_generation.md. Ours, off by default: clips without words or seeds, with the
+style of their labels or with their recorded face, so that all of these may be missing or given when it plays; smooth noise, by
+which takes differ; and a discriminator (nn/pose_judge.py), as a distance to one recording is least for the mean of all poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError, nearest
+from ..nn.cascade import EMOTIONS, FACE, Cascade, Given, Layers, Made, Widths
+from ..nn.channel_attention import ChannelAttention
+from ..nn.contrast import RhythmIdentity
+from ..nn.gumbel import smooth_gumbel
+from ..nn.judging import JUDGINGS
+from ..nn.objective import Batch, Objective
+from ..nn.patch import PATCH_FRAMES
+from ..nn.pose_judge import PoseJudge
+from ..nn.recurrent import BothWays
+from ..nn.speech_ears import EARS
+from ..nn.temporal import Memory, SameConv
+from ..nn.windowed import Windowed
+from ..nn.words import word_embedding
+from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
+
+__all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
+
+INPUTS = ("text", "face", "emotion", "speaker", "seed")
+"""What may be missing, or be given, beside the speech."""
+
+
+@dataclass(frozen=True)
+class ChainConfig:
+    """Sizes and weights; the defaults are the paper's, or, where it is silent, those of CaMN's code, which it builds on."""
+
+    frames: int = 34
+    """N; section 4.1."""
+    seeds: int = 4
+    """Frames at the beginning that are given as seed poses; section 4.1. 0: there is no such input. Ours."""
+    latent: int = 128
+    """Of audio, text, face features and style; section 4.1."""
+    hidden: int = 256
+    """Of each LSTM, and of B̂; not stated, CaMN's code 256."""
+    layers: int = 4
+    """Of each LSTM; not stated, CaMN's code 4."""
+    dropout: float = 0.3
+    """Between layers of LSTMs and in the text network; not stated, CaMN's code 0.3."""
+    reduction: int = 8
+    """By how much channel attention narrows; not stated, ours."""
+    ear: str = "own"
+    """What makes Â of speech, one of nn/speech_ears.py; the paper's is wav2vec2."""
+    word_width: int = 300
+    """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
+    text_channels: int = 256
+    """Of the text network; not stated, CaMN's code 256."""
+    classifier_steps: int = 2000
+    """Of the first stage; not stated, ours."""
+    classifier_channels: int = 128
+    """Not stated, ours."""
+    reconstruction: float = 500.0
+    """λ_Rec; section 3.4."""
+    hands: float = 1.0
+    """α, weight of hands beside the body; not stated, ours."""
+    face: float = 1000.0
+    """λ_Mse; section 3.4."""
+    rhythm: float = 1.0
+    """λ_Rhy; section 3.4."""
+    temperature: float = 0.1
+    """τ of equation 6; section 4.1."""
+    wordless: float = 0.0
+    """Share of training clips whose words are not known. Ours."""
+    unseeded: float = 0.0
+    """Share of training clips without seed poses. Ours."""
+    labelled: float = 0.0
+    """Share of training clips whose style is of their labels, not of what the classifier says. Ours."""
+    faced: float = 0.0
+    """Share of training clips of which TFFDec sees the recorded face. Ours."""
+    recast: float = 0.0
+    """Share of training clips that are played in an emotion drawn at random; no recording knows them, D does. Ours."""
+    noise: int = 0
+    """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. Ours."""
+    persistence: float = 15.0
+    """Frames over which the noise correlates. Ours."""
+    adversarial: float = 0.0
+    """Weight of what a discriminator says (nn/pose_judge.py), by least squares; 0: there is none. Ours."""
+    judge_channels: int = 48
+    """Of its first convolution. Ours."""
+
+
+class Turn(NamedTuple):
+    """Of a batch in a step: what is made of it, and for whom it is judged."""
+
+    made: Made
+    """Of the clip's own frames."""
+    heard: Tensor
+    """Â of all that was heard."""
+    features: Tensor
+    """F̂ of the same."""
+    emotion: Tensor
+    """(B,) which the poses are to show, −1: not known."""
+    kept: Tensor
+    """(B, 1, 1) whether the recording is what they should be."""
+    style: Tensor
+    """(B, S + 8, T)."""
+    words: Tensor
+    """(B, W, T)."""
+    noise: Tensor
+    """(B, Z, T)."""
+
+
+class Chain(Windowed):
+    """Equations 1 to 10, for layers of whichever kind.
+
+    Args:
+        config: sizes and weights.
+        layers: what the cascade is built of.
+        pose: D, numbers of a pose, standardised.
+        audio: A, numbers of a frame of speech, standardised.
+        speakers: S.
+        hands: columns of a pose that are hands.
+        text: width of the store's word vectors; 0: it has ids of subwords.
+        delay: frames that a pose comes after its speech.
+
+    Raises:
+        InputError: sizes that do not fit each other.
+    """
+
+    arrays: tuple[str, ...] = ("pose", "audio", "text", "face", "emotion")
+    """And ``speaker`` (B,), which every batch has."""
+    spare = ("text", "face", "emotion")
+    """What a clip may lack: then NaN, −1, or no word."""
+
+    def __init__(
+        self, config: ChainConfig, layers: Layers, *, pose: int, audio: int, speakers: int, hands: Collection[int],
+        text: int, delay: int = 0,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        sizes = (config.latent, config.hidden, config.layers, config.word_width, config.text_channels, pose, audio, speakers)
+        if min(*sizes, config.reduction, config.classifier_channels, config.judge_channels) < 1 or config.noise < 0:
+            raise InputError(f"a chain of {config}"[:200], "sizes are positive")
+        if config.frames < max(1, config.seeds + 1, PATCH_FRAMES * (config.adversarial > 0)) or config.seeds < 0:
+            raise InputError(
+                f"clips of {config.frames} frames"[:200], f"more than the seeds, {PATCH_FRAMES} at least to be judged"
+            )
+        if config.ear not in EARS:
+            raise InputError(f"no ear is called {config.ear!r}"[:200], nearest(config.ear, EARS))
+        self.config, self.pose, self.delay = config, pose, delay
+        self.ear = EARS[config.ear](audio, config.latent, layers.conv)
+        self.arrays = tuple(self.ear.array if name == "audio" else name for name in self.arrays)
+        self.word = word_embedding(text, config.word_width)
+        self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, config.noise
+        self.multiple = self.shortest = 1
+        self.classifier = SpeechClassifier(
+            SpeechClassifierConfig(config.frames, config.classifier_channels), audio=self.ear.inputs, speakers=speakers
+        )
+        extra = (pose + 1) * (config.seeds > 0) + config.noise
+        widths = Widths(self.word.width, config.text_channels, config.latent, speakers, extra)
+        self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)
+        self.rhythm = RhythmIdentity(config.latent, config.temperature)
+        heard, judges = self.ear.inputs, config.adversarial > 0
+        self.judge = PoseJudge(pose, heard, config.judge_channels, speakers, EMOTIONS) if judges else None
+        self._left: tuple[Batch, Turn] | None = None
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window: a clip, and what is heard after it."""
+        return self.config.frames + self.delay
+
+    # the parts ------------------------------------------------------------------------------------------------------
+
+    def words(self, text: Tensor) -> Tensor:
+        """(B, T, GRAMS) ids, or (B, T, ·) vectors → (B, T, W), zeros where there is no word."""
+        found: Tensor = self.word(text)
+        return found
+
+    def classify(self, audio: Tensor) -> Tensor:
+        """(B, T, A) → (B, T, S + 8) logits of speakers and emotions per frame; their mean over time is a clip's."""
+        logits: Tensor = self.classifier(audio)
+        return logits
+
+    def recognised(self, audio: Tensor) -> Tensor:
+        """(B, T, A) → (B, S + 8) weights of a clip's speaker and emotion; nothing flows back."""
+        training = self.classifier.training
+        self.classifier.eval()
+        weights = self.classifier.weights(audio)
+        self.classifier.train(training)
+        return weights
+
+    def run(
+        self, heard: Tensor, words: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, memory: Memory,
+        face: Tensor | None = None,
+    ) -> tuple[Made, Tensor]:  # fmt: skip
+        """All frames of a piece, or of a clip with its delay: what the cascade makes, and Â.
+
+        Args:
+            heard: (B, A, T).
+            words: (B, W, T).
+            style: (B, S + 8, T).
+            noise: (B, Z, T).
+            seeds: (B, D + 1, T) poses and their flag, delayed, see `seeded`.
+            memory: blank, or of the piece before.
+            face: (B, 52, T) recorded, NaN where FaceDec's own is to stand, of the frames that FaceDec makes.
+        """
+        ear = self.ear(heard, memory)
+        extra = torch.cat([seeds, noise] if self.config.seeds else [noise], 1)
+        given = Given(ear, words, style, extra)
+        seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
+        return self.cascade(given, memory, seen), ear
+
+    def seeded(self, pose: Tensor, known: Tensor) -> Tensor:
+        """(B, D, T) poses, (B, 1, 1) whether they are known → (B, D + 1, T): the first four and a flag, delayed; else zeros."""
+        first = (torch.arange(pose.shape[-1], device=pose.device) < self.config.seeds) & known
+        both = torch.where(first, torch.cat([pose, torch.ones_like(pose[:, :1])], 1), 0.0)
+        return F.pad(both, (self.delay, 0))[..., : pose.shape[-1]]
+
+    def _cut(self, made: Made) -> Made:
+        """Of the frames that all of their speech was heard of."""
+        return Made(*(x[..., self.delay :] for x in made))
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """The classifier; then, while it rests, D, where there is one, and all others."""
+        first = self.config.classifier_steps
+        parts = {"classifier": Objective(self.classifier.parameters(), self.classifier_loss, stop=first)}
+        if self.judge is not None:
+            parts["judge"] = Objective(self.judge.parameters(), self.judge_loss, start=first)
+        others = [p for name, p in self.named_parameters() if name.partition(".")[0] not in ("classifier", "judge")]
+        return parts | {"gestures": Objective(others, self.gesture_loss, start=first)}
+
+    def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Equation 10."""
+        return self.classifier.losses(batch[self.ear.array], batch["speaker"], batch["emotion"])
+
+    def _styled(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, S + 8, T) weights, (B,) emotion that is to be seen, (B, 1, 1) whether the recording shows it."""
+        speakers, rows, label = self.styles - EMOTIONS, len(batch), batch["emotion"]
+        heard = self.recognised(batch[self.ear.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
+        told = F.one_hot(batch["speaker"], speakers).unsqueeze(1).expand(-1, label.shape[1], -1)
+        felt = torch.where((label < 0).unsqueeze(2), heard[..., speakers:], F.one_hot(label.clamp_min(0), EMOTIONS).float())
+        coins, drawn = batch.chance.uniform(rows, 3, 1, 1), batch.chance.uniform(rows)
+        coins = coins if self.training else torch.ones_like(coins)
+        who = torch.where(coins[:, 0] < self.config.labelled, told.float(), heard[..., :speakers])
+        how = torch.where(coins[:, 1] < self.config.labelled, felt, heard[..., speakers:])
+        recast, other = coins[:, 2] < self.config.recast, (drawn * EMOTIONS).long()
+        how = torch.where(recast, F.one_hot(other, EMOTIONS).float().unsqueeze(1), how)
+        shown = torch.where(recast.flatten(), other, label[:, label.shape[1] // 2])
+        return torch.cat([who, how], 2).mT, shown, ~recast
+
+    def _turn(self, batch: Batch) -> Turn:
+        """What both turns of a step need; D's leaves it to that of the others, as it moves nothing of it."""
+        if self._left is not None and self._left[0] is batch:
+            return self._left[1]
+        style, shown, kept = self._styled(batch)
+        rows, frames = len(batch), style.shape[-1]
+        noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
+        coins = batch.chance.uniform(rows, 3, 1, 1)
+        coins = coins if self.training else torch.ones_like(coins)
+        words = self.words(batch["text"]).mT * (coins[:, 0] >= self.config.wordless)
+        seeds = self.seeded(batch["pose"].mT, coins[:, 1] >= self.config.unseeded)
+        face = F.pad(batch["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
+        face = torch.where(coins[:, 2] < self.config.faced, face, torch.nan)
+        made, ear = self.run(batch[self.ear.array].mT, words, style, noise, seeds, Memory(), face)
+        return Turn(self._cut(made), ear, made.features, shown, kept, style, words, noise)
+
+    def _score(self, pose: Tensor, batch: Batch, emotion: Tensor, shift: int = 0) -> Tensor:
+        """D's scores of (B, D, T) poses of these emotions; ``shift``: to the speech of so many rows before."""
+        assert self.judge is not None
+        heard = batch[self.ear.array].roll(shift, 0)[:, : self.config.frames].mT
+        scores: Tensor = self.judge(pose, heard, batch["speaker"], emotion)
+        return scores
+
+    def judge_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Least squares, for D: recordings are true; what was made, and recordings to the speech of others, false."""
+        self._left = None
+        turn = self._turn(batch)
+        self._left = (batch, turn) if torch.is_grad_enabled() else None
+        pose, emotion = batch["pose"][:, : self.config.frames].mT, batch["emotion"][:, self.config.frames // 2]
+        judging = JUDGINGS["squares"]
+        terms = {"true": judging.true(self._score(pose, batch, emotion))}
+        terms["false"] = judging.false(self._score(turn.made.pose.detach(), batch, turn.emotion))
+        if len(batch) > 1:
+            terms["strange"] = judging.false(self._score(pose, batch, emotion, shift=1))
+        return terms
+
+    def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The terms of equation 9, weighted, and D's."""
+        turn, self._left = self._turn(batch), None
+        return self.terms(batch, turn)
+
+    def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
+        """Of what was made."""
+        c, frames = self.config, self.config.frames
+        pose, face = batch["pose"][:, :frames].mT, batch["face"][:, :frames].mT
+        wanted = torch.where(turn.kept, pose, turn.made.pose)  # of no distance where nobody knows what would have been done
+        terms = self.distances("", turn.made.pose, wanted, c.reconstruction)  # equation 8
+        known = ~face.isnan()
+        terms["face"] = c.face * (torch.where(known, turn.made.face - face.nan_to_num(), 0.0)).square().mean()  # equation 7
+        terms["rhythm"] = c.rhythm * self.rhythm(turn.features, turn.heard)  # equation 6
+        if self.judge is not None:
+            scores = self._score(turn.made.pose, batch, turn.emotion)
+            terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(scores)
+        return terms
+
+    def distances(self, name: str, made: Tensor, pose: Tensor, weight: float) -> dict[str, Tensor]:
+        """Equation 8: L1 of body and hands between (B, D, T) poses."""
+        body, hands = ((made[:, columns] - pose[:, columns]).abs().mean() for columns in self.cascade.columns)
+        return {f"{name}body": weight * body, f"{name}hands": weight * self.config.hands * hands}
+
+    # generation -----------------------------------------------------------------------------------------------------
+
+    def _whole(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> Made:
+        """(B, ·, T) of all frames; what follows the last is as it is."""
+        given = [torch.cat([x, x[..., -1:].expand(-1, -1, self.delay)], -1) for x in (rows, style, noise)]
+        heard, words = given[0].split((self.ear.inputs, self.word.width), 1)
+        if face is not None:
+            face = F.pad(face, (self.delay, 0), value=torch.nan)
+        return self._cut(self.run(heard, words, given[1], given[2], F.pad(seeds, (0, self.delay)), Memory(), face)[0])
+
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """Poses of speech and words, without seeds.
+
+        Args:
+            audio: (B, T, A + W) speech, then words (`words`).
+            style: (B, T, S + 8) weights of speakers, then of emotions; each sums to 1.
+            nudge: (B, T, Z) noise.
+
+        Returns:
+            (B, T, D).
+        """
+        rows, frames = audio.shape[:2]
+        return self._whole(audio.mT, style.mT, nudge.mT, audio.new_zeros(rows, self.pose + 1, frames)).pose.mT
+
+    @torch.no_grad()
+    def play(
+        self,
+        arrays: Mapping[str, Tensor],
+        lacks: Collection[str] = (),
+        noise: Tensor | None = None,
+        given: Collection[str] = (),
+    ) -> dict[str, Tensor]:
+        """Clips as a batch has them: as published, from speech, words and seed poses.
+
+        Args:
+            arrays: ``audio`` (B, T, A), ``text``, ``pose`` (its first frames), and what is given.
+            lacks: of `INPUTS`, what is missing though it is there.
+            noise: (B, T, Z).
+            given: of face, emotion and speaker, what is not to be made of the speech; where it is not known, it is.
+
+        Returns:
+            ``pose`` (B, T, D), standardised, and ``face`` (B, T, 52), 0 … 1.
+
+        Raises:
+            InputError: another name.
+        """
+        for name in (*lacks, *given):
+            if name not in INPUTS:
+                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        wanted, heard = {*given} - {*lacks}, arrays[self.ear.array]
+        rows, frames, speakers = *heard.shape[:2], self.styles - EMOTIONS
+        words = heard.new_zeros(rows, frames, self.word.width) if "text" in lacks else self.words(arrays["text"])
+        who, how = self.recognised(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
+        if "speaker" in wanted:
+            who = F.one_hot(arrays["speaker"], speakers)[:, None].expand(-1, frames, -1).to(who)
+        if "emotion" in wanted:
+            label = arrays["emotion"].unsqueeze(2)
+            how = torch.where(label < 0, how, F.one_hot(label.squeeze(2).clamp_min(0), EMOTIONS).to(how))
+        seeds = heard.new_zeros(rows, self.pose + 1, frames)
+        if "seed" not in lacks and self.config.seeds:
+            seeds = self.seeded(arrays["pose"].mT, seeds.new_ones(1, 1, 1, dtype=torch.bool))
+        face = arrays["face"].mT if "face" in wanted else None
+        noise = heard.new_zeros(rows, frames, self.modes) if noise is None else noise
+        made = self._whole(torch.cat([heard, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)
+        seen = made.face if face is None else torch.where(face.isnan(), made.face, face)
+        return {"pose": made.pose.mT, "face": seen.mT.clamp(0, 1)}
+
+    @torch.no_grad()
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """(S, n, T, D) poses of the speakers → (S, S + 8): each, in a neutral mood."""
+        speakers = self.styles - EMOTIONS
+        return torch.cat([torch.eye(speakers), F.one_hot(torch.zeros(speakers, dtype=torch.long), EMOTIONS)], 1).to(stretches)
+
+
+class ChainOfGeneration(Chain):
+    """The paper's: it sees all of a clip, both ways.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose; 141 as published.
+        audio: A, numbers of a frame of speech.
+        speakers: S; 4 as published.
+        hands: columns of a pose that are hands.
+        text: width of the store's word vectors, 300 as published; 0: it has ids of subwords.
+    """
+
+    Config = ChainConfig
+
+    def __init__(
+        self, config: ChainConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0
+    ) -> None:
+        layers = Layers(
+            conv=SameConv,
+            attention=lambda channels: ChannelAttention(channels, config.reduction),
+            recurrent=lambda inputs: BothWays(inputs, config.hidden, config.layers, config.dropout),
+            hidden=config.hidden,
+        )
+        super().__init__(config, layers, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)

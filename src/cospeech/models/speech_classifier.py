@@ -1,0 +1,119 @@
+"""Speech classifier: who speaks, and in which mood (Xu et al. 2024, section 3.3 and appendix A.4).
+
+    speech (B, T, A) ─► 3 temporal convolutions ─► linear ─► logits of S speakers
+                                              └──► linear ─► logits of 8 emotions
+
+trained by L_cls = H(P_emo, Q_emo) + H(P_id, Q_id) (10), of a clip: the mean of its frames' logits. A clip whose emotion is not
+known teaches nothing of emotions. It is the first stage of a Chain of Generation, and can be trained by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..nn.cascade import EMOTIONS
+from ..nn.objective import Batch, Objective
+from ..nn.temporal import SLOPE, Memory, SameConv
+
+__all__ = ["SpeechClassifier", "SpeechClassifierConfig"]
+
+_LAYERS = 3  # appendix A.4
+
+
+@dataclass(frozen=True)
+class SpeechClassifierConfig:
+    """Sizes; the paper gives the number of layers alone."""
+
+    frames: int = 34
+    """T of a training window; section 4.1."""
+    channels: int = 128
+    """Of each convolution; the paper's latent size."""
+    kernel: int = 3
+    """Frames that a convolution sees; ours."""
+    dropout: float = 0.0
+    """Behind each convolution; ours."""
+
+
+class SpeechClassifier(nn.Module):
+    """Who speaks, and how; speech is standardised vectors.
+
+    Args:
+        config: sizes.
+        audio: A, numbers of a frame of speech.
+        speakers: S.
+
+    Raises:
+        InputError: sizes that are none, or an even kernel.
+    """
+
+    arrays = ("audio", "emotion")
+    """And ``speaker`` (B,), which every batch has."""
+    spare = ("emotion",)
+    """What a clip may lack."""
+    Config = SpeechClassifierConfig
+
+    def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int) -> None:
+        super().__init__()
+        if min(config.frames, config.channels, config.kernel, audio, speakers) < 1 or config.kernel % 2 == 0:
+            raise InputError(f"a classifier of {speakers} speakers by {config}"[:200], "sizes are positive, the kernel is odd")
+        self.config, self.audio, self.speakers = config, audio, speakers
+        widths = (audio, *[config.channels] * _LAYERS)
+        self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        self.dropout = nn.Dropout(config.dropout)
+        self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    @property
+    def reach(self) -> int:
+        """Frames to either side that a frame's logits depend on."""
+        return _LAYERS * (self.config.kernel // 2)
+
+    def forward(self, audio: Tensor) -> Tensor:
+        """(B, T, A) → (B, T, S + 8) logits of the speakers, then of the emotions."""
+        x = audio.mT
+        for conv in self.convs:
+            x = self.dropout(F.leaky_relu(conv(x, Memory()), SLOPE))
+        return torch.cat([head(x.mT) for head in self.heads], -1)
+
+    @torch.no_grad()
+    def weights(self, audio: Tensor) -> Tensor:
+        """(B, T, A) of a clip → (B, S + 8) probabilities of the speakers, then of the emotions; each sums to 1."""
+        logits = self(audio).mean(1).split((self.speakers, EMOTIONS), 1)
+        return torch.cat([torch.softmax(each, 1) for each in logits], 1)
+
+    def objectives(self) -> dict[str, Objective]:
+        """One."""
+        return {"classifier": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Equation 10."""
+        return self.losses(batch["audio"], batch["speaker"], batch["emotion"])
+
+    def losses(self, audio: Tensor, speaker: Tensor, emotion: Tensor) -> dict[str, Tensor]:
+        """Equation 10 of (B, T, A) speech, (B,) speakers and (B, T) emotions, −1: not known; a clip's is that of its middle."""
+        who, how = self(audio).mean(1).split((self.speakers, EMOTIONS), 1)
+        felt = F.cross_entropy(how, emotion[:, emotion.shape[1] // 2], ignore_index=-1, reduction="sum") / len(audio)
+        return {"emotion": felt, "speaker": F.cross_entropy(who, speaker)}
+
+    def validate(self, batch: Batch) -> dict[str, Tensor]:
+        """The loss, and the shares of clips that are taken for another speaker's or another mood's (of those that are known)."""
+        audio, speaker, emotion = batch["audio"], batch["speaker"], batch["emotion"][:, self.window // 2]
+        terms = self.losses(audio, speaker, batch["emotion"])
+        who, how = (w.argmax(1) for w in self.weights(audio).split((self.speakers, EMOTIONS), 1))
+        known = emotion >= 0
+        wrong = ((how != emotion) & known).sum() / known.sum().clamp_min(1)
+        return {
+            "loss": terms["emotion"] + terms["speaker"],
+            **terms,
+            "wrong_emotion": wrong,
+            "wrong_speaker": (who != speaker).float().mean(),
+        }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -209,8 +210,8 @@ class Letters:
 
     width = 26
 
-    def vector(self, word: str) -> np.ndarray:
-        return np.array([word.count(chr(97 + k)) for k in range(26)], np.float32)
+    def table(self, words: Sequence[str]) -> np.ndarray:
+        return np.array([[1 + word.count(chr(97 + k)) for k in range(26)] for word in words], np.float32)
 
 
 def test_a_store_with_vectors(store):
@@ -219,7 +220,7 @@ def test_a_store_with_vectors(store):
     assert more.arrays["text"].shape == (95, 26)
     rows = more.clip("a")
     for number, row in zip(rows["word"], rows["text"], strict=True):
-        np.testing.assert_array_equal(row, Letters().vector(store.words[number].lower()) if number else np.zeros(26))
+        np.testing.assert_array_equal(row, Letters().table([store.words[number].lower()])[0] if number else np.zeros(26))
     assert Windows(more, 12, ("text",)).at(4, 0, 0)["text"].shape == (4, 12, 26)
 
 

@@ -4,27 +4,18 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 
 from ..errors import InputError
+from ..features.word_vectors import WordVectors
 from ..features.words import plain_word, subword_rows
 from ..rotations import Array
 from .lookup import Lookup
 from .store import Store
 
-__all__ = ["Vectors", "with_subwords", "with_vectors"]
-
-
-class Vectors(Protocol):
-    """Words → vectors (`cospeech.features.word_vectors`)."""
-
-    @property
-    def width(self) -> int: ...
-    def vector(self, word: str) -> Array:
-        """(width,) float32; zeros of a word that has none."""
-        ...
+__all__ = ["with_subwords", "with_vectors"]
 
 
 def with_subwords(store: Store) -> Store:
@@ -36,17 +27,14 @@ def with_subwords(store: Store) -> Store:
     return _with_text(store, subword_rows(["", *store.words[1:]]))
 
 
-def with_vectors(store: Store, vectors: Vectors) -> Store:
+def with_vectors(store: Store, vectors: WordVectors) -> Store:
     """The same store with the array ``text`` (N, width) float32 of the words' vectors; zeros in silence. Its files stay.
 
     Raises:
-        InputError: the store has no words.
+        InputError: the store has no words, or the vectors cannot be read.
     """
-    table = np.zeros((max(1, len(store.words)), vectors.width), np.float32)
-    for row, word in enumerate(store.words[1:], 1):
-        if plain := plain_word(word):
-            table[row] = vectors.vector(plain)
-    return _with_text(store, table)
+    plain = [plain_word(word) for word in store.words]
+    return _with_text(store, vectors.table(plain) * np.array([[word != ""] for word in plain], np.float32))
 
 
 def _with_text(store: Store, table: Array) -> Store:

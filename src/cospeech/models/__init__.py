@@ -28,6 +28,8 @@ MODELS: dict[str, str] = {
     "munit": "cospeech.models.munit:Munit",
     "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
     "speech-to-face": "cospeech.models.speech_to_face:SpeechToFace",
+    "camn": "cospeech.models.camn:Camn",
+    "multi-context": "cospeech.models.multi_context:MultiContext",
 }
 """Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
 
@@ -43,6 +45,8 @@ NETWORKS: dict[str, str] = {
     "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
     "chain-of-generation-live": "cospeech.models.chain_live:ChainLive",
     "speech-classifier": "cospeech.models.speech_classifier:SpeechClassifier",
+    "camn": "cospeech.models.camn:Camn",
+    "multi-context": "cospeech.models.multi_context:MultiContext",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
     "speaker-classifier": "cospeech.models.speaker_classifier:SpeakerClassifier",

@@ -1,0 +1,227 @@
+"""CaMN: Liu et al. 2022, "BEAT: A Large-Scale Semantic and Emotional Multi-Modal Dataset for Conversational Gestures
+Synthesis".
+
+A cascade over six inputs: each is encoded together with those before it, then the body is made, then the hands, of the body.
+
+    speaker ─► embedding ─────────────────────────────► zˢ (8)   ─┐
+    emotion ─► embedding ─► conv 9 × 4 ───────────────► zᵉ (8)   ─┤
+    words ───► 300 ─► 8 causal convolutions, skips ───► zᵗ (128) ─┼──────────────────────────────┐
+    speech ──► blocks of convolutions ─► MLP(·, zᵉ, zˢ, zᵗ) ────► zᵃ (128) ─┤                    │
+    face ────► 4 blocks of convolutions ─► MLP(·, zᵃ, zᵉ, zˢ, zᵗ) ────────► zᶠ (32) ─┤          │
+    first 4 poses, flag (D + 1) ──────────────────────────────────────────────────────┼─► h     │
+                                                                                      ▼
+          body  b̂ = MLP(Σ directions of LSTM × 4 (h))          hands  ĝ = MLP(Σ directions of LSTM × 4 (h, b̂))
+
+    L = λ E Huber((λ_s + 1) y, (λ_s + 1) ŷ),   λ_s how much of a frame is meant, ŷ = [b̂, ĝ], Huber(d) = d² / 2β, or |d| − β / 2
+
+Followed, changed, not said in the paper: docs/models/camn.md, by number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..nn.basic_block import BasicBlock, basic_blocks
+from ..nn.cascade import EMOTIONS, FACE
+from ..nn.modalities import SEEDS, Given, ManyInputs
+from ..nn.norm import BatchNorm1d
+from ..nn.objective import Batch, Objective
+from ..nn.recurrent import BothWays
+from ..nn.temporal import Memory, TextTcn
+from ..nn.words import word_embedding
+
+__all__ = ["Camn", "CamnConfig", "EmotionEncoder", "SpeakerEncoder", "face_encoder", "huber", "speech_encoder"]
+
+SLOPE = 0.1  # of LeakyReLU in MLPs and after the speaker; not stated, authors' code
+EMOTION_SLOPE = 0.3  # of the emotion's convolutions; not stated, authors' code
+HEARD = 7  # ours: with four convolutions in a row each frame hears 25, as each of theirs hears 27,035 samples, 25.3 frames
+
+
+@dataclass(frozen=True)
+class CamnConfig:
+    """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    frames: int = 34
+    """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""
+    hidden: int = 256
+    """Of each direction of the LSTMs, and of the convolutions of words; MLPs have half of it. Authors' code 256."""
+    layers: int = 4
+    """Of each LSTM; authors' code 4."""
+    dropout: float = 0.3
+    """Between layers of LSTMs and in the convolutions of words; authors' code 0.3."""
+    audio: int = 128
+    """Width of zᵃ; section 4."""
+    text: int = 128
+    """Width of zᵗ; section 4."""
+    face: int = 32
+    """Width of zᶠ; section 4."""
+    emotion: int = 8
+    """Width of zᵉ; section 4."""
+    speaker: int = 8
+    """Width of zˢ; section 4."""
+    word_width: int = 300
+    """Of a word where the network learns it; authors' code 300."""
+    reconstruction: float = 500.0
+    """λ; authors' code 500."""
+    beta: float = 0.1
+    """β of Huber's loss, in deviations; authors' code 0.1."""
+    semantic: bool = True
+    """Whether frames count by what they mean; without, stores need no such array. Section 4."""
+    unseeded: float = 0.0
+    """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
+
+    def __post_init__(self) -> None:
+        low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
+        low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "unseeded": 0}
+        for name, least in low.items():
+            if not getattr(self, name) >= least:
+                raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
+        if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0):
+            raise InputError(
+                f"a CaMN with dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}", "shares; beta > 0"
+            )
+
+
+# encoders ------------------------------------------------------------------------------------------------------------
+
+
+class SpeakerEncoder(nn.Module):
+    """(B, T, S) weights of the speakers → (B, width, T): a mixture of embeddings, a linear layer, leaky ReLU."""
+
+    def __init__(self, speakers: int, width: int) -> None:
+        super().__init__()
+        self.embedding = nn.Embedding(speakers, width)
+        self.linear = nn.Linear(width, width)
+
+    def forward(self, weights: Tensor) -> Tensor:
+        return F.leaky_relu(self.linear(weights @ self.embedding.weight), SLOPE).mT
+
+
+class EmotionEncoder(nn.Module):
+    """(B, T, 8) weights of the emotions → (B, width, T): a mixture of embeddings, a linear layer, four convolutions."""
+
+    WIDTHS = (8, 16, 16)  # not stated; authors' code
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.embedding = nn.Embedding(EMOTIONS, width)
+        self.linear = nn.Linear(width, width)
+        self.tail = nn.Sequential(*(
+            nn.Sequential(nn.Conv1d(a, b, 9, padding=4), BatchNorm1d(b), nn.LeakyReLU(EMOTION_SLOPE))
+            for a, b in pairwise((width, *self.WIDTHS, width))
+        ))  # fmt: skip
+
+    def forward(self, weights: Tensor) -> Tensor:
+        encoded: Tensor = self.tail(self.linear(weights @ self.embedding.weight).mT)
+        return encoded
+
+
+def speech_encoder(audio: int, width: int) -> nn.Sequential:
+    """(B, A, T) → (B, width, T): two blocks at the rate of the poses, in the place of six on the waveform."""
+    return basic_blocks((audio, max(1, width // 2), width), HEARD)
+
+
+def face_encoder(width: int) -> nn.Sequential:
+    """(B, 52, T) → (B, width, T): four blocks, the first with kernel 7; authors' code."""
+    half = width // 2
+    first, second = BasicBlock(FACE, half, 7), BasicBlock(half, half, 3)
+    return nn.Sequential(first, second, BasicBlock(half, half, 3, short=True), BasicBlock(half, width, 3))
+
+
+def _mlp(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    """Of every frame, (B, inputs, T) → (B, outputs, T)."""
+    return nn.Sequential(nn.Conv1d(inputs, hidden, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(hidden, outputs, 1))
+
+
+def huber(y: Tensor, made: Tensor, beta: float) -> Tensor:
+    """The mean of d² / 2β where |d| < β, of |d| − β / 2 where not."""
+    return F.smooth_l1_loss(made, y, beta=beta)
+
+
+# the model -----------------------------------------------------------------------------------------------------------
+
+
+class Camn(ManyInputs):
+    """CaMN (Liu et al. 2022). Poses and audio are standardised vectors.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose.
+        audio: A, numbers of a frame of speech.
+        speakers: S.
+        hands: columns of the pose that are hands.
+        text: width of the store's word vectors; 0: it has ids of subwords.
+
+    Raises:
+        InputError: no pose, no speech, no speaker; hands that are none or all of the pose.
+    """
+
+    arrays: tuple[str, ...] = ("pose", "audio", "text", "face", "emotion", "semantic")
+    """And ``speaker`` (B,), which every batch has."""
+    Config = CamnConfig
+    order: Tensor
+
+    def __init__(
+        self, config: CamnConfig, *, pose: int, audio: int, speakers: int, hands: Sequence[int], text: int = 0
+    ) -> None:
+        super().__init__()
+        body = [column for column in range(pose) if column not in {*hands}]
+        if min(pose, audio, speakers) < 1 or not 0 < len(body) < pose:
+            problem = (
+                f"a CaMN of {speakers} speakers from {audio} numbers of speech to {pose}, of which {len(hands)} are of hands"
+            )
+            raise InputError(problem, "all are positive, and some of a pose are of hands and others are not")
+        self.config = config
+        if not config.semantic:
+            self.arrays = tuple(name for name in self.arrays if name != "semantic")
+        self._measures(pose, audio, speakers, word_embedding(text, config.word_width))
+        order = torch.tensor([*body, *hands])
+        self.register_buffer("order", order.argsort(), persistent=False)
+        self.speaker, self.emotion = SpeakerEncoder(speakers, config.speaker), EmotionEncoder(config.emotion)
+        self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
+        self.speech, self.face = speech_encoder(audio, config.audio), face_encoder(config.face)
+        half, labels = config.hidden // 2, config.speaker + config.emotion + config.text
+        self.speech_fusion = nn.Sequential(_mlp(config.audio + labels, half, config.audio), nn.LeakyReLU(SLOPE))
+        self.face_fusion = nn.Sequential(_mlp(config.face + config.audio + labels, half, config.face), nn.LeakyReLU(SLOPE))
+        heard = pose + 1 + labels + config.audio + config.face
+        self.body = BothWays(heard, config.hidden, config.layers, config.dropout)
+        self.body_out = _mlp(config.hidden, half, len(body))
+        self.hands = BothWays(heard + len(body), config.hidden, config.layers, config.dropout)
+        self.hands_out = _mlp(config.hidden, half, len(hands))
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    def forward(self, given: Given, noise: Tensor | None = None) -> Tensor:
+        """Body and hands: inputs of T frames → (B, T, D). There is no noise."""
+        speaker, emotion = self.speaker(given.speaker), self.emotion(given.emotion)
+        text = self.text(given.words.mT, Memory())
+        speech = self.speech_fusion(torch.cat([self.speech(given.audio.mT), emotion, speaker, text], 1))
+        face = self.face_fusion(torch.cat([self.face(given.face.mT), speech, emotion, speaker, text], 1))
+        heard = torch.cat([given.seed.mT, speaker, emotion, text, speech, face], 1)
+        body = self.body_out(self.body(heard, Memory()))
+        hands = self.hands_out(self.hands(torch.cat([heard, body], 1), Memory()))
+        return torch.cat([body, hands], 1)[:, self.order].mT
+
+    # what is optimised -----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """One."""
+        return {"gestures": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """L of the module's docstring."""
+        made, pose = self(self.trained_on(batch, self.config.unseeded)), batch["pose"]
+        if self.config.semantic:
+            meant = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
+            made, pose = made * meant, pose * meant
+        return {"huber": self.config.reconstruction * huber(pose, made, self.config.beta)}

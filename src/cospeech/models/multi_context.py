@@ -1,0 +1,255 @@
+"""Multi-context: Yoon et al. 2020, "Speech Gesture Generation from the Trimodal Context of Text, Audio, and Speaker Identity",
+in the form in which BEAT (Liu et al. 2022) compares with it: all inputs side by side, one recurrent network over them.
+
+    words ───► 8 causal convolutions, skips ─► (128) ──┐
+    speech ──► blocks of convolutions ───────► (128) ──┤
+    speaker ─► embedding ─► μ, σ ─► z = μ + σ ε (8) ───┼─► GRU × 4, both directions, summed ─► MLP ─► ŷ (B, T, D)
+    first 4 poses, flag ─────────────────────(D + 1) ──┤                                            │
+    emotion, face where wanted (CaMN's encoders) ──────┘           real or made? ◄─ GRU × 4 ◄─ conv 3 × 3
+
+    G   λ E Huber(y, ŷ) − λ_G E log D(ŷ) − λ_d E min(1000, Σ Huber(ŷ', ŷ) / |z' − z|₁) + λ_k KL(N(μ, σ) ‖ N(0, 1))
+    D   − E log D(y) − E log(1 − D(ŷ)),       ŷ' of another speaker's z'
+
+With emotion and face it is the "concatenation model", of which Xu et al. 2024 show how it fares where inputs are missing.
+Followed, changed, not said in the papers: docs/models/multi_context.md, by number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..nn.modalities import SEEDS, Given, ManyInputs, weights_of
+from ..nn.norm import BatchNorm1d
+from ..nn.objective import Batch, Objective
+from ..nn.temporal import Memory, TextTcn
+from ..nn.words import word_embedding
+from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
+
+__all__ = ["MultiContext", "MultiContextConfig"]
+
+CUT = 1000.0  # that diversity is not worth more than, per window; authors' code
+NEAR = 1e-5  # added to |z' − z|₁; authors' code
+JUDGED = (16, 8, 8)  # channels of the discriminator's convolutions; authors' code
+JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT = 64, 4, 0.3  # of its GRU; authors' code
+
+
+@dataclass(frozen=True)
+class MultiContextConfig:
+    """Sizes and weights; the defaults are those of BEAT's code."""
+
+    frames: int = 34
+    """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""
+    hidden: int = 256
+    """Of each direction of the GRU, and of the convolutions of words; BEAT's code 256, Yoon et al. 300."""
+    layers: int = 4
+    """Of the GRU; Yoon et al. 4."""
+    dropout: float = 0.3
+    """Between layers of the GRU and in the convolutions of words; authors' code 0.3."""
+    audio: int = 128
+    """Of speech; BEAT's code 128, Yoon et al. 32."""
+    text: int = 128
+    """Of words; BEAT's code 128, Yoon et al. 32."""
+    speaker: int = 8
+    """Of z; BEAT's code 8, Yoon et al. 16."""
+    emotion: int = 0
+    """Of the emotion, as CaMN encodes it (there 8); 0: it is not heard, as published."""
+    face: int = 0
+    """Of the face, as CaMN encodes it (there 32); 0: it is not seen, as published."""
+    word_width: int = 300
+    """Of a word where the network learns it; authors' code 300."""
+    slope: float = 1.0
+    """Of LeakyReLU after the speaker and in the MLP; authors' ``LeakyReLU(True)`` is a slope of 1, which is none at all."""
+    reconstruction: float = 500.0
+    """λ; both 500."""
+    beta: float = 0.1
+    """β of Huber's loss, in deviations; authors' code 0.1."""
+    adversarial: float = 0.5
+    """λ_G; BEAT's code 0.5, Yoon et al. 5. 0: no discriminator."""
+    adversarial_from: int = 2640
+    """Step of the discriminator's first turn; both from epoch 10 on, which has 264 steps of BEAT's four speakers."""
+    diversity: float = 0.01
+    """λ_d; BEAT's code 0.01, Yoon et al. 0.05."""
+    divergence: float = 0.1
+    """λ_k; both 0.1."""
+    unseeded: float = 0.0
+    """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
+
+    def __post_init__(self) -> None:
+        low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
+        low |= {"word_width": 1, "dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0}
+        for name, least in (low | {"diversity": 0, "divergence": 0, "unseeded": 0}).items():
+            if not getattr(self, name) >= least:
+                raise InputError(f"{name} of a multi-context network is {getattr(self, name)}", f"{least} at least")
+        if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0 and self.face != 1):
+            problem = f"dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}, face {self.face}"
+            raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")
+
+
+# parts ---------------------------------------------------------------------------------------------------------------
+
+
+class _Speaker(nn.Module):
+    """(B, T, S) weights of the speakers → μ and log σ² of z, (B, width, T) each."""
+
+    def __init__(self, speakers: int, width: int, slope: float) -> None:
+        super().__init__()
+        self.embedding = nn.Embedding(speakers, width)
+        self.encoder = nn.Sequential(nn.Linear(width, width), nn.LeakyReLU(slope))
+        self.mean, self.variance = nn.Linear(width, width), nn.Linear(width, width)
+
+    def forward(self, weights: Tensor) -> tuple[Tensor, Tensor]:
+        encoded = self.encoder(weights @ self.embedding.weight)
+        return self.mean(encoded).mT, self.variance(encoded).mT
+
+
+class _BothWays(nn.Module):
+    """(B, inputs, T) → (B, hidden, T): a GRU both ways, the outputs of its last layer summed."""
+
+    def __init__(self, inputs: int, hidden: int, layers: int, dropout: float) -> None:
+        super().__init__()
+        self.gru = nn.GRU(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
+
+    def forward(self, x: Tensor) -> Tensor:
+        ahead, back = self.gru(x.mT)[0].chunk(2, -1)
+        summed: Tensor = (ahead + back).mT
+        return summed
+
+
+class _Discriminator(nn.Module):
+    """(B, T, D) windows of the configuration's length → (B,) logits that one is of people."""
+
+    def __init__(self, pose: int, frames: int, slope: float) -> None:
+        super().__init__()
+        first, second, third = JUDGED
+        self.convolutions = nn.Sequential(
+            nn.Conv1d(pose, first, 3), BatchNorm1d(first), nn.LeakyReLU(slope),
+            nn.Conv1d(first, second, 3), BatchNorm1d(second), nn.LeakyReLU(slope),
+            nn.Conv1d(second, third, 3),
+        )  # fmt: skip
+        self.both_ways = _BothWays(third, JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT)
+        self.of_frames, self.of_all = nn.Conv1d(JUDGE_HIDDEN, 1, 1), nn.Linear(frames - 6, 1)
+
+    def forward(self, poses: Tensor) -> Tensor:
+        scores: Tensor = self.of_all(self.of_frames(self.both_ways(self.convolutions(poses.mT))).squeeze(1)).squeeze(1)
+        return scores
+
+
+class _Made(NamedTuple):
+    """Poses, and of what z they are."""
+
+    pose: Tensor
+    """(B, T, D)."""
+    z: Tensor
+    mean: Tensor
+    variance: Tensor
+    """log σ²; (B, width, T) each."""
+
+
+# the model -----------------------------------------------------------------------------------------------------------
+
+
+class MultiContext(ManyInputs):
+    """Multi-context (Yoon et al. 2020, in BEAT's form). Poses and audio are standardised vectors.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose.
+        audio: A, numbers of a frame of speech.
+        speakers: S.
+        text: width of the store's word vectors; 0: it has ids of subwords.
+
+    Raises:
+        InputError: no pose, no speech, no speaker.
+    """
+
+    arrays: tuple[str, ...] = ("pose", "audio", "text")
+    """And ``speaker`` (B,), which every batch has; ``emotion`` and ``face`` where the configuration has them."""
+    Config = MultiContextConfig
+
+    def __init__(self, config: MultiContextConfig, *, pose: int, audio: int, speakers: int, text: int = 0) -> None:
+        super().__init__()
+        if min(pose, audio, speakers) < 1:
+            problem = f"a multi-context network of {speakers} speakers from {audio} numbers of speech to {pose} of a pose"
+            raise InputError(problem, "all are positive")
+        self.config = config
+        self.arrays += tuple(name for name in ("emotion", "face") if getattr(config, name))
+        self._measures(pose, audio, speakers, word_embedding(text, config.word_width), config.speaker)
+        self.speaker = _Speaker(speakers, config.speaker, config.slope)
+        self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
+        self.speech = speech_encoder(audio, config.audio)
+        self.emotion = EmotionEncoder(config.emotion) if config.emotion else None
+        self.face = face_encoder(config.face) if config.face else None
+        heard = pose + 1 + config.audio + config.text + config.speaker + config.emotion + config.face
+        self.both_ways = _BothWays(heard, config.hidden, config.layers, config.dropout)
+        half = config.hidden // 2
+        self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
+        self.discriminator = _Discriminator(pose, config.frames, config.slope) if config.adversarial else None
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    def forward(self, given: Given, noise: Tensor) -> Tensor:
+        """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""
+        return self._made(given, noise).pose
+
+    def _made(self, given: Given, noise: Tensor) -> _Made:
+        """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
+        mean, variance = self.speaker(given.speaker)
+        z = mean + torch.exp(variance / 2) * noise.mT
+        parts = [given.seed.mT, self.speech(given.audio.mT), self.text(given.words.mT, Memory()), z]
+        parts += [] if self.emotion is None else [self.emotion(given.emotion)]
+        parts += [] if self.face is None else [self.face(given.face.mT)]
+        return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
+
+    def _trained(self, batch: Batch, given: Given) -> _Made:
+        """With ε drawn, one for a window."""
+        return self._made(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+
+    # what is optimised -----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """Discriminator, from the step on at which it begins, and generator; or the generator alone."""
+        maker = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
+        generator = {"generator": Objective(maker, self.generated)}
+        if self.discriminator is None:
+            return generator
+        judge = Objective(self.discriminator.parameters(), self.judged, start=self.config.adversarial_from)
+        return {"discriminator": judge, **generator}
+
+    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Of D; moves the discriminator alone."""
+        assert self.discriminator is not None
+        with torch.no_grad():
+            made = self._trained(batch, self.trained_on(batch, self.config.unseeded)).pose
+        true, false = self.discriminator(batch["pose"]), self.discriminator(made)
+        return {"true": F.softplus(-true).mean(), "false": F.softplus(false).mean()}
+
+    def generated(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Of G, weighted; moves all but the discriminator."""
+        given = self.trained_on(batch, self.config.unseeded)
+        made = self._trained(batch, given)
+        terms = {"huber": self.config.reconstruction * huber(batch["pose"], made.pose, self.config.beta)}
+        if self.discriminator is not None and step >= self.config.adversarial_from:
+            terms["adversarial"] = self.config.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
+        if self.config.diversity:
+            terms["diversity"] = -self.config.diversity * self._diversity(batch, given, made)
+        if self.config.divergence:
+            spread = made.variance.exp() + made.mean.square() - made.variance - 1
+            terms["divergence"] = self.config.divergence * spread.mean() / 2
+        return terms
+
+    def _diversity(self, batch: Batch, given: Given, made: _Made) -> Tensor:
+        """How differently another speaker, drawn of all, would move, for so much difference of z."""
+        drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
+        weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)
+        other = self._trained(batch, given._replace(speaker=weights))
+        moved = F.smooth_l1_loss(other.pose, made.pose, beta=self.config.beta, reduction="none").sum((1, 2))
+        return (moved / ((other.z - made.z).detach().abs().mean((1, 2)) + NEAR)).clamp_max(CUT).mean()

@@ -103,19 +103,15 @@ class Material:
         self.z = rng.normal(size=(takes, frames, s.pose)).astype(np.float32)
 
 
-def stepping(engine: FlowEngine, takes: int) -> Callable[[], None]:
+def stepping(engine: FlowEngine, takes: int) -> Callable[[], object]:
     """One run of ``FRAMES`` frames, speech included."""
     made = Material(engine.sizes, takes, FRAMES)
     performance = engine.begin(made.history)
     windows = engine.windows(made.audio)
-    return lambda: _drop(performance.frames(windows, made.z))
+    return lambda: performance.frames(windows, made.z)
 
 
-def _drop(_: object) -> None:
-    """Nothing: runs are only timed."""
-
-
-def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -> Callable[[], None] | None:
+def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -> Callable[[], object] | None:
     """The same network in PyTorch, frame by frame; None without PyTorch."""
     try:
         import torch
@@ -135,15 +131,22 @@ def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -
             step.mix.inverse = _kept(torch.linalg.inv(step.mix.weight().detach()).T.contiguous())
     made = Material(s, 1, FRAMES)
     z, history, audio = (torch.from_numpy(v) for v in (made.z, made.history, made.audio[None]))
-    return lambda: _drop(model.sample(z, history, audio))
+    return lambda: model.sample(z, history, audio)
 
 
 def _kept(inverse: Any) -> Callable[[Any], Any]:
     return lambda z: z @ inverse
 
 
-def medians(runs: dict[str, Callable[[], None]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Milliseconds of processor time a frame, runs taking turns; prints them beside the time on the clock."""
+def medians(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, frames: int = FRAMES) -> dict[str, float]:
+    """Milliseconds of processor time a frame, runs taking turns; prints them with quickest and slowest, and beside the time on
+    the clock.
+
+    Args:
+        runs: name → what is timed.
+        rounds: turns of each.
+        frames: of a run; 1: what is told is a whole run's time.
+    """
     taken: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
     for turn in range(rounds + 1):
         for name, run in runs.items():
@@ -151,10 +154,13 @@ def medians(runs: dict[str, Callable[[], None]], rounds: int = ROUNDS) -> dict[s
             run()
             if turn:  # the first one warms up
                 taken[name].append((time.process_time() - work, time.perf_counter() - clock))
-    found = {name: np.median(values, 0) / FRAMES * 1e3 for name, values in taken.items()}
-    for name, (work, clock) in found.items():
-        print(f"        {name}: {work:.3g} ms a frame ({clock:.3g} on the clock)")
-    return {name: float(work) for name, (work, _) in found.items()}
+    found = {}
+    for name, values in taken.items():
+        ms = np.array(values) * 1e3 / frames
+        (found[name], clock), least, most = np.median(ms, 0).tolist(), ms[:, 0].min(), ms[:, 0].max()
+        each = " a frame" if frames > 1 else ""
+        print(f"        {name}: {found[name]:.4g} ms{each} ({least:.4g} … {most:.4g}; {clock:.4g} on the clock)")
+    return found
 
 
 def errors(engines: dict[bool, FlowEngine], frames: int = 30) -> tuple[float, float]:

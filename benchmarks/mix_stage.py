@@ -22,7 +22,7 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from flow import processor, verdict
+from flow import medians, processor, verdict
 
 from cospeech.models.lowering import lower
 from cospeech.models.mix_stage import MixStage, MixStageConfig
@@ -41,22 +41,6 @@ BOUND = 8.0  # deviations; poses of the training data lie within
 def paper_size() -> MixStage:
     torch.manual_seed(0)
     return MixStage(MixStageConfig(), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
-
-
-def medians(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Milliseconds of processor time, runs taking turns; prints them beside the time on the clock, with the quickest."""
-    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
-    for turn in range(rounds + 1):
-        for name, run in runs.items():
-            work, clock = time.process_time(), time.perf_counter()
-            run()
-            if turn:  # the first one warms up
-                taken[name].append((time.process_time() - work, time.perf_counter() - clock))
-    for name, values in taken.items():
-        work, clock = 1e3 * np.median(values, 0)
-        least = 1e3 * min(values)[0]
-        print(f"        {name}: {work:.4g} ms ({least:.4g} … {1e3 * max(values)[0]:.4g}; {clock:.4g} on the clock)")
-    return {name: float(1e3 * np.median(values, 0)[0]) for name, values in taken.items()}
 
 
 def system_of(engine: WindowEngine) -> WindowSystem:
@@ -152,7 +136,7 @@ def main() -> None:
           f"a frame hears {low.sizes.reach} frames to either side")  # fmt: skip
     runs = {"10 s offline": playing(engine, FRAMES, 1), "8 takes": playing(engine, FRAMES, 8)}
     runs |= {"a window of 64 frames": playing(engine, 64, 1), "10 s by PyTorch eager": eager(net)}
-    ms = medians(runs, 15)
+    ms = medians(runs, 15, 1)
     verdict("real-time factor, 10 s offline, float32", ms["10 s offline"] / 1e3 / SECONDS, 0.006, "")
     verdict("faster than PyTorch eager", ms["10 s by PyTorch eager"] / ms["10 s offline"], 1, "×", at_least=True)
     print(f"        8 takes cost {ms['8 takes'] / ms['10 s offline']:.2f} times one")
@@ -162,7 +146,7 @@ def main() -> None:
     verdict("live, 99th percentile of a window, of the time that its frames last", 100 * late / (1e3 * hop / FPS), 100, " %")
     print(f"training step; {load()}")
     runs = {"float32": training(torch.float32), "float64": training(torch.float64)}
-    ms = medians(runs | {"bfloat16, mixed": training(torch.float32, mixed=True)}, 5)
+    ms = medians(runs | {"bfloat16, mixed": training(torch.float32, mixed=True)}, 5, 1)
     verdict("float32 faster than float64", ms["float64"] / ms["float32"], 3, "×", at_least=True)
     verdict("bfloat16 faster than float64", ms["float64"] / ms["bfloat16, mixed"], 3, "×", at_least=True)
 

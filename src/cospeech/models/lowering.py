@@ -29,8 +29,10 @@ from ..runtime.window_engine import WindowSizes
 from .mix_stage import MixGan, MixStage
 from .munit import Munit
 from .speech2gesture import Speech2Gesture
+from .speech_to_face import SLOPE as FACE_SLOPE
+from .speech_to_face import SpeechToFace
 
-__all__ = ["Lowered", "lower"]
+__all__ = ["Lowered", "folded", "lower"]
 
 
 class Lowered(NamedTuple):
@@ -109,6 +111,18 @@ def _(net: Munit, b: ConvGraph) -> Signal:
     return _grown(b, x, decoder.grow)
 
 
+@_make.register
+def _(net: SpeechToFace, b: ConvGraph) -> Signal:
+    weight, bias = _array(net.first.weight)[:, :, None], _array(net.first.bias)
+    heard = b.conv(b.rows("rows", net.audio), weight[:, : net.audio], bias)
+    x = b.leaky(b.add(heard, b.conv(b.rows("style", net.styles), weight[:, net.audio :], None)), FACE_SLOPE)
+    for block in net.blocks:
+        y = _over_time(b, x, block.over_time, _array(block.over_time.weight), _array(block.over_time.bias), block.pads)
+        x = b.add(x, _conv(b, b.leaky(y, FACE_SLOPE), block.mixed))
+    alive = _array(net.alive)
+    return b.conv(x, _array(net.out.weight)[:, :, None] * alive[:, None, None, None], _array(net.out.bias) * alive)
+
+
 @singledispatch
 def _recognise(net: nn.Module, b: ConvGraph, poses: Signal) -> None:
     """The output ``style`` of ``poses``."""
@@ -146,7 +160,7 @@ def _array(x: Tensor) -> Array:
     return x.detach().double().numpy()
 
 
-def _folded(conv: Any, norm: Any) -> tuple[Array, Array]:
+def folded(conv: Any, norm: Any) -> tuple[Array, Array]:
     """Weight and bias of a convolution with the batch norm after it."""
     gain = _array(norm.weight) / np.sqrt(_array(norm.running_var) + norm.eps)
     weight = _array(conv.weight)
@@ -157,16 +171,19 @@ def _folded(conv: Any, norm: Any) -> tuple[Array, Array]:
 def _block(b: ConvGraph, x: Signal, block: Any) -> Signal:
     """`cospeech.nn.unet1d.conv_block`."""
     conv, norm, relu = block
-    weight, bias = _folded(conv, norm)
+    weight, bias = folded(conv, norm)
     return b.leaky(_over_time(b, x, conv, weight, bias), relu.negative_slope)
 
 
-def _over_time(b: ConvGraph, x: Signal, conv: Any, weight: Array, bias: Array | None) -> Signal:
-    """A convolution over frames with these weights in place of its own."""
+def _over_time(
+    b: ConvGraph, x: Signal, conv: Any, weight: Array, bias: Array | None, around: tuple[int, int] | None = None
+) -> Signal:
+    """A convolution over frames with these weights in place of its own; ``around``: zeros before and after, where uneven."""
     pad, reflected = int(conv.padding[0]), conv.padding_mode == "reflect"
     x = b.reflected(x, pad) if reflected and pad else x
-    pads = (0, 0, 0, 0) if reflected else (0, pad, 0, pad)
-    return b.conv(x, weight[:, :, None], bias, stride=(1, conv.stride[0]), pads=pads, groups=conv.groups)
+    before, after = around or ((0, 0) if reflected else (pad, pad))
+    return b.conv(x, weight[:, :, None], bias, stride=(1, conv.stride[0]), pads=(0, before, 0, after), groups=conv.groups,
+                  dilation=conv.dilation[0])  # fmt: skip
 
 
 def _conv(b: ConvGraph, x: Signal, conv: Any) -> Signal:
@@ -179,7 +196,7 @@ def _audio_content(b: ConvGraph, net: AudioContent, bands: int) -> Signal:
     x = b.more_bands(b.picture("rows", bands), BANDS)
     blocks: list[Any] = [*net.blocks]
     for number, block in enumerate(blocks):
-        weight, bias = _folded(block.conv, block.norm)
+        weight, bias = folded(block.conv, block.norm)
         frames, high = block.conv.padding
         pads = (high, frames, high, frames)
         if number == len(blocks) - 1:
@@ -209,7 +226,7 @@ def _of_z(b: ConvGraph, content: Signal, style: _Style | None, block: Any) -> Si
     if style is None:
         return _block(b, content, block)
     conv, norm, relu = block
-    weight, bias = _folded(conv, norm)
+    weight, bias = folded(conv, norm)
     heard = _over_time(b, content, conv, weight[:, : content.channels], bias)
     own = np.einsum("oek,se->osk", weight[:, content.channels :], _array(style.matrix))
     return b.leaky(b.add(heard, _over_time(b, style.weights, conv, own, None)), relu.negative_slope)

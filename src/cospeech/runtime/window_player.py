@@ -1,9 +1,4 @@
-"""A network that turns windows of speech into windows of poses, played over speech of any length that comes in pieces.
-
-Windows slide over the rows of the speech, with silence before and after. Each makes the next ``hop`` frames, hears ``ahead``
-frames after them, and as many before as it has left; of what it makes of the frames ahead the next window takes ``fade`` frames
-over step by step. Windows lie where the frame's index puts them: pieces of any size give the same bits.
-"""
+"""A network that turns windows of speech into windows of poses, played over speech of any length that comes in pieces."""
 
 from __future__ import annotations
 
@@ -19,44 +14,14 @@ from .fading import Fading
 from .manner import Blend, weighted
 from .nudge import SmoothGumbel
 from .sampling import MOST_LAG
+from .sliding import Setting, Sliding
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
 from .window_style import plays_mixtures
 
-__all__ = ["LIVE", "Setting", "WindowPlayer", "live", "looking", "whole"]
+__all__ = ["LIVE", "WindowPlayer", "live", "looking", "whole"]
 
 BLOCK = 256  # ours: frames that are made at once where nobody waits
-
-
-@dataclass(frozen=True)
-class Setting:
-    """How windows lie, in frames.
-
-    Raises:
-        InputError: windows that do not hold what they shall.
-    """
-
-    window: int
-    hop: int
-    """New frames of each."""
-    ahead: int
-    """Heard after the new ones."""
-    fade: int
-    """Of the new ones, blended with what the window before made of them."""
-
-    def __post_init__(self) -> None:
-        if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.hop + self.ahead <= self.window):
-            raise InputError(f"{self}", "0 < hop, fade ≤ ahead and hop, hop + ahead ≤ window")
-
-    @property
-    def past(self) -> int:
-        """Frames heard before the new ones."""
-        return self.window - self.hop - self.ahead
-
-    @property
-    def waits(self) -> int:
-        """Frames of speech, from its own on, that a frame waits for at most."""
-        return self.hop + self.ahead
 
 
 LIVE = Setting(window=64, hop=4, ahead=8, fade=4)
@@ -157,10 +122,7 @@ class WindowPlayer:
         self._noise = [SmoothGumbel(sizes.modes, system.fps, seed=seed) for seed in seeds]
         self._moved = self._temperature * _asides(system, seeds)
         self._styles = Fading(self._style(blend), system.fps)
-        self._rows = np.repeat(quiet, setting.past, 0)
-        self._nudge = np.repeat(self._drawn(1), setting.past + 1, 1)  # before the speech it stands still
-        self._before = np.zeros((self.takes, 0, sizes.pose), np.float32)  # what the last window made of the frames ahead
-        self._made, self._heard = 0, 0
+        self._windows = Sliding(setting, quiet, self._drawn, self._window)
 
     @property
     def latency(self) -> float:
@@ -169,15 +131,11 @@ class WindowPlayer:
 
     def push(self, rows: Array) -> Array:
         """See `Player`."""
-        self._heard += len(rows)
-        return self._slid(rows)
+        return self._joined(self._windows.push(rows))
 
     def finish(self, quiet: Array) -> Array:
         """See `Player`."""
-        missing = self._heard - self._made
-        windows = -(-missing // self.setting.hop)
-        until = self.setting.window + (windows - 1) * self.setting.hop if windows else 0
-        return self._slid(np.repeat(quiet, max(0, until - len(self._rows)), 0))[:, :missing]
+        return self._joined(self._windows.finish(quiet))
 
     def units(self, poses: Array, at: Array) -> Array:
         """See `Player`."""
@@ -197,35 +155,18 @@ class WindowPlayer:
         """(N, frames, modes) the next noise."""
         return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
-    def _slid(self, rows: Array) -> Array:
-        """(N, k, D) of the windows that these rows fill."""
-        self._styles.forget(self._made - self.setting.past - MOST_LAG)
-        self._rows = np.concatenate([self._rows, rows])
-        made = [np.zeros((self.takes, 0, self.width), np.float32)]
-        while len(self._rows) >= self.setting.window:
-            made.append(self._next())
-            self._rows = self._rows[self.setting.hop :]
-        self._rows = self._rows.copy()
-        return np.concatenate(made, 1)
+    def _joined(self, made: list[Array]) -> Array:
+        """(N, k, D) of the windows that were made."""
+        self._styles.forget(self._windows.made - self.setting.past - MOST_LAG)
+        return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
 
-    def _next(self) -> Array:
-        """(N, hop, D) of the next window."""
+    def _window(self, rows: Array, first: int, nudge: Array) -> Array:
+        """(N, window, D) where ``first`` is the first new frame."""
         window, hop, past = self.setting.window, self.setting.hop, self.setting.past
-        missing = window - self._nudge.shape[1]
-        self._nudge = np.concatenate([self._nudge, self._drawn(missing)], 1)
-        at = np.arange(window) + (self._made - past) if self._by_frame else np.array([self._made + hop // 2])
+        at = np.arange(window) + (first - past) if self._by_frame else np.array([first + hop // 2])
         codes = self._styles.mixed(lambda style: style.codes, at)
         codes = np.broadcast_to(codes, (self.takes, window, codes.shape[2]))
-        poses = self._system.engine.make(self._rows[:window], codes, self._nudge)
-        fresh = poses[:, past : past + hop]
-        if self._made and self.setting.fade:
-            fade = self.setting.fade
-            share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]
-            fresh = np.concatenate([self._before + share * (fresh[:, :fade] - self._before), fresh[:, fade:]], 1)
-        self._before = poses[:, past + hop : past + hop + self.setting.fade]
-        self._nudge = self._nudge[:, hop:]
-        self._made += hop
-        return fresh
+        return self._system.engine.make(rows, codes, nudge)
 
 
 def _asides(system: WindowSystem, seeds: Sequence[int]) -> Array:

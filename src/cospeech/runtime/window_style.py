@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..errors import InputError
@@ -11,7 +13,7 @@ from .manner import Blend, Manner, seen, stretches, weighted
 from .window_bundle import WindowSystem
 from .window_engine import STYLE_FRAMES
 
-__all__ = ["example_window", "mixture", "named_window", "plays_mixtures"]
+__all__ = ["example_window", "mixture", "named_window", "plays_mixtures", "shown_shares"]
 
 LEAST_SHOWN = 0.005  # ours: shares of a mixture below are not reported
 DIGITS = 3
@@ -69,8 +71,13 @@ def mixture(system: WindowSystem, blend: Blend) -> dict[str, float] | None:
     if by_name or not plays_mixtures(system):
         return None
     shares = weighted((share, manner.code) for share, manner in blend)
-    order = sorted(zip(shares.tolist(), system.styles, strict=True), key=lambda part: (-part[0], part[1]))
-    return {name: round(share, DIGITS) for share, name in order if share >= LEAST_SHOWN}
+    return shown_shares(dict(zip(system.styles, shares.tolist(), strict=True)))
+
+
+def shown_shares(shares: Mapping[str, float]) -> dict[str, float]:
+    """As reports have them: the heaviest first, rounded, without those next to nothing."""
+    order = sorted(shares.items(), key=lambda part: (-part[1], part[0]))
+    return {name: round(share, DIGITS) for name, share in order if share >= LEAST_SHOWN}
 
 
 def _shares(code: Array) -> Array:

@@ -1,0 +1,179 @@
+"""A Chain of Generation, played over speech that comes in pieces: frame by frame, or in windows that hear more of what follows.
+
+The style of a frame is two distributions: over the speakers, by what the user asked for and, as far as he left it open, by the
+voice; and over the emotions, by the voice or as given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..rotations import Array
+from .chain_bundle import ChainSystem
+from .ear import Ear
+from .fading import Fading
+from .manner import Blend, weighted
+from .nudge import SmoothGumbel
+from .sampling import MOST_LAG
+from .sliding import Setting, Sliding
+
+__all__ = ["ChainPlayer", "LivePlayer", "SectionPlayer", "sections"]
+
+KEPT = 10.0  # s; ours: of the voice's course, more than the face lags behind
+
+
+def sections(window: int) -> Setting:
+    """Windows as in training, half of each new, a quarter heard before and a quarter after; ours."""
+    ahead = max(1, window // 4)
+    return Setting(window=window, hop=max(1, window // 2), ahead=ahead, fade=min(ahead, max(1, window // 2)) // 2)
+
+
+class ChainPlayer:
+    """What both ways of playing have in common; see `cospeech.runtime.performance.Player`.
+
+    A take's seed draws smooth noise, where the network was trained with noise; takes of another one are alike.
+
+    Args:
+        system: the bundle, opened.
+        blend: the style to begin with; shares of nobody are the voice's.
+        seeds: of the takes.
+        quiet: (1, A + W) row of silence, which is before the speech.
+        ear: hears who speaks and how.
+        temperature: scale of the noise.
+        intensity: how far poses stray from the style's mean one.
+    """
+
+    def __init__(
+        self,
+        system: ChainSystem,
+        blend: Blend,
+        seeds: Sequence[int],
+        quiet: Array,
+        ear: Ear,
+        *,
+        temperature: float = 1.0,
+        intensity: float = 1.0,
+    ) -> None:
+        sizes = system.engine.sizes
+        self.takes, self.width = len(seeds), sizes.pose
+        self._system, self._ear, self._quiet = system, ear, quiet
+        self._temperature, self._intensity = np.float32(temperature), np.float32(intensity)
+        self._noise = [SmoothGumbel(sizes.noise, system.fps, seed=seed) for seed in seeds]
+        self._asked = Fading(_speakers(blend), system.fps)
+        self._made = 0
+
+    def restyle(self, blend: Blend, frame: int) -> None:
+        """See `Player`."""
+        self._asked.change(_speakers(blend), frame)
+
+    def units(self, poses: Array, at: Array) -> Array:
+        """See `Player`."""
+        s, calibration = self._system.statistics, self._calibration
+        shares = self._style(at, np.inf)[:, : self._system.engine.sizes.speakers].astype(np.float32)
+        centre, made, gain = shares @ s.centres, shares @ calibration[0], shares @ calibration[1]
+        return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
+
+    @property
+    def _calibration(self) -> tuple[Array, Array]:
+        """(S, D) mean of what the network makes in each speaker's style, and (S, D) by what it is multiplied."""
+        raise NotImplementedError
+
+    def _style(self, frames: Array, until: float) -> Array:
+        """(n, S + 8) of these frames, by what the voice has said until a frame."""
+        speakers = self._system.engine.sizes.speakers
+        heard = self._ear.shares(np.minimum(frames, until))
+        asked = np.broadcast_to(self._asked.mixed(lambda shares: shares, frames)[0], (len(frames), speakers))
+        left = np.maximum(1 - asked.sum(1, keepdims=True), 0)
+        return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
+
+    def _drawn(self, frames: int) -> Array:
+        """(N, frames, Z) the next noise."""
+        return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
+
+    def _forget(self) -> None:
+        self._asked.forget(self._made - MOST_LAG)
+        self._ear.forget(self._made - round(KEPT * self._system.fps))
+
+
+class LivePlayer(ChainPlayer):
+    """Frame by frame: every row of speech makes the pose of the frame that lies ``look_ahead`` before it certain."""
+
+    def __init__(self, *given: Any, **options: float) -> None:
+        super().__init__(*given, **options)
+        self._live = self._system.engine.live(self.takes)
+        self._heard = 0
+
+    @property
+    def latency(self) -> float:
+        """See `Player`."""
+        return (self._system.engine.sizes.look_ahead + 1) / self._system.fps
+
+    @property
+    def _calibration(self) -> tuple[Array, Array]:
+        return self._system.statistics.live_made, self._system.statistics.live_gains
+
+    def push(self, rows: Array) -> Array:
+        """See `Player`."""
+        audio, made = self._system.engine.sizes.audio, [np.zeros((self.takes, 0, self.width), np.float32)]
+        for row in rows:
+            self._ear.push(row[None, :audio])
+            now = np.array([self._heard])
+            style = self._style(now, self._ear.frames - 1)[0]
+            poses = self._live.frame(row, np.broadcast_to(style, (self.takes, len(style))), self._drawn(1)[:, 0])
+            self._heard += 1
+            if self._heard > self._system.engine.sizes.look_ahead:
+                made.append(poses[:, None])
+                self._made += 1
+        self._forget()
+        return np.concatenate(made, 1)
+
+    def finish(self, quiet: Array) -> Array:
+        """See `Player`."""
+        return self.push(np.repeat(quiet, min(self._heard, self._system.engine.sizes.look_ahead), 0))
+
+
+class SectionPlayer(ChainPlayer):
+    """In windows (`sections`), each of which hears both ways, faded from one to the next."""
+
+    def __init__(self, *given: Any, **options: float) -> None:
+        super().__init__(*given, **options)
+        self.setting = sections(self._system.engine.sizes.window)
+        self._windows = Sliding(self.setting, self._quiet, self._drawn, self._window)
+
+    @property
+    def latency(self) -> float:
+        """See `Player`."""
+        return self.setting.waits / self._system.fps
+
+    @property
+    def _calibration(self) -> tuple[Array, Array]:
+        return self._system.statistics.made, self._system.statistics.gains
+
+    def push(self, rows: Array) -> Array:
+        """See `Player`."""
+        self._ear.push(rows[:, : self._system.engine.sizes.audio])
+        return self._joined(self._windows.push(rows))
+
+    def finish(self, quiet: Array) -> Array:
+        """See `Player`."""
+        self._ear.push(np.repeat(quiet, self.setting.window, 0)[:, : self._system.engine.sizes.audio])
+        return self._joined(self._windows.finish(quiet))
+
+    def _joined(self, made: list[Array]) -> Array:
+        self._made = self._windows.made
+        self._forget()
+        return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
+
+    def _window(self, rows: Array, first: int, nudge: Array) -> Array:
+        """(N, window, D) where ``first`` is the first new frame."""
+        at, sizes = np.arange(self.setting.window) + (first - self.setting.past), self._system.engine.sizes
+        style = self._style(np.maximum(at, 0), max(0, at[-1] - sizes.reach))
+        return self._system.engine.windows.make(rows, np.broadcast_to(style, (self.takes, *style.shape)), nudge)
+
+
+def _speakers(blend: Blend) -> Array:
+    """(1, 1, S) shares of the speakers that were asked for."""
+    return weighted((share, manner.code) for share, manner in blend)[None, None]

@@ -1,0 +1,38 @@
+"""Styles of chains: their speakers, mixtures of them, and whoever speaks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion import Motion
+from .chain_bundle import VOICE, ChainSystem
+from .manner import Blend, Manner, weighted
+from .window_style import shown_shares
+
+__all__ = ["example_chain", "mixture_chain", "named_chain"]
+
+
+def named_chain(system: ChainSystem, name: str) -> Manner:
+    """One of a system's speakers; `VOICE` is nobody, whose share the voice decides."""
+    sizes = system.engine.sizes
+    code = np.zeros(sizes.speakers, np.float32)
+    if name != VOICE:
+        code[system.speakers.index(name)] = 1
+    return Manner(code, np.zeros(sizes.pose, np.float32), np.zeros((0, 0, sizes.pose), np.float32))
+
+
+def example_chain(system: ChainSystem, motion: Motion, name: str = "the example") -> Manner:
+    """Raises:
+    InputError: a chain does not see styles in motion.
+    """
+    raise InputError(f"this system cannot see a style in {name}", f"it has {', '.join(system.styles)}, and their mixtures")
+
+
+def mixture_chain(system: ChainSystem, blend: Blend) -> dict[str, float] | None:
+    """Speaker → weight, the heaviest first, of a mixture; None for one speaker, and where the voice decides alone."""
+    if len(blend) == 1:
+        return None
+    shares = weighted((share, manner.code) for share, manner in blend)
+    names = {**dict(zip(system.speakers, shares.tolist(), strict=True)), VOICE: 1 - float(shares.sum())}
+    return shown_shares(names)

@@ -35,7 +35,7 @@ LAYERS = [
     {"tables"},
     {"generate"},
     {"convert", "demo", "catalogue"},
-    {"bench", "cli_corpora", "cli_evaluate", "cli_train"},
+    {"bench", "cli_corpora", "cli_evaluate", "cli_options", "cli_train"},
     {"studio", "cli"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

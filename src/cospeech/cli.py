@@ -11,12 +11,44 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from typer import Argument, Option
 
 from . import __version__, cli_corpora, cli_evaluate, cli_train
+from .cli_options import (
+    Audio,
+    Avatar,
+    Debug,
+    Drawn,
+    Emotion,
+    FaceGain,
+    Folder,
+    Fps,
+    Intensity,
+    Json,
+    Map,
+    Model,
+    Motion,
+    NewFps,
+    Output,
+    Parts,
+    Quiet,
+    ReportFile,
+    Retarget,
+    Seed,
+    Skeleton,
+    Speaker,
+    Style,
+    Takes,
+    Temperature,
+    Transcribe,
+    Transcript,
+    View,
+    number,
+    option,
+)  # fmt: skip
 from .errors import CospeechError, InputError, InternalError
 from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
@@ -38,98 +70,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-
-
-def _option(*flags: str, help: str, metavar: str | None = None, parser: Callable[[str], Any] | None = None) -> Any:
-    return Option(*flags, help=help, metavar=metavar, parser=parser)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a number") from None
-
-
-def _whole(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a whole number") from None
-
-
-Audio = Annotated[
-    Path, Argument(metavar="SPEECH", help="Sound file: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video.")
-]
-Motion = Annotated[Path, Argument(metavar="MOTION", help="Motion file to read: .bvh .glb .vrma .csv .json .npz.")]
-Output = Annotated[
-    list[Path] | None,
-    _option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        help="File to write, the suffix picks the format; may be given several times. "
-        "Without it: SPEECH's name with .bvh and with .glb, in this folder.",
-    ),
-]
-Model = Annotated[str, _option("--model", metavar="MODEL", help="Of `cospeech list models`; or a NAME.cospeech, or a run.")]
-Style = Annotated[
-    str | None,
-    _option(
-        "--style",
-        metavar="STYLE",
-        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. Trained models follow a motion, too: clip.bvh.",
-    ),
-]
-Emotion = Annotated[
-    str,
-    _option(
-        "--emotion",
-        metavar="NAME",
-        help="auto (heard from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
-        "or a .csv of how it changes.",
-    ),
-]
-Speaker = Annotated[
-    str | None, _option("--speaker", metavar="NAME", help="A speaker by name; for `rules` the same as a style.")
-]
-Transcript = Annotated[
-    Path | None,
-    _option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
-]
-Transcribe = Annotated[
-    bool, _option("--transcribe", help="Hear the words with faster-whisper (cospeech[asr]) instead of reading them.")
-]
-Seed = Annotated[
-    int,
-    _option(
-        "--seed", metavar="NUMBER", parser=_whole, help="Another seed, another performance; the same seed, the same bytes."
-    ),
-]
-Takes = Annotated[
-    int, _option("--takes", metavar="NUMBER", parser=_whole, help="Write so many takes: talk.1.bvh, talk.2.bvh …")
-]
-Temperature = Annotated[
-    float, _option("--temperature", metavar="NUMBER", parser=_number, help="How far choices stray from the likeliest, 0 … 2.")
-]
-Intensity = Annotated[float, _option("--intensity", metavar="NUMBER", parser=_number, help="Size of the motion, 0 … 2.")]
-Parts = Annotated[str, _option("--parts", metavar="LIST", help="What moves.")]
-Skeleton = Annotated[str, _option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]
-Retarget = Annotated[str | None, _option("--skeleton", metavar="NAME", help="Retarget; see `cospeech list skeletons`.")]
-Map = Annotated[
-    Path | None,
-    _option("--map", metavar="FILE", help="TOML: which joint of MOTION is which of ours, where that is not recognised."),
-]
-Fps = Annotated[float, _option("--fps", metavar="NUMBER", parser=_number, help="Frames per second, 1 … 240.")]
-NewFps = Annotated[float | None, _option("--fps", metavar="NUMBER", parser=_number, help="Resample to this rate.")]
-Avatar = Annotated[Path | None, _option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")]
-View = Annotated[str | None, _option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
-Drawn = Annotated[Path | None, _option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
-ReportFile = Annotated[Path | None, _option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
-Folder = Annotated[Path, _option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
-Json = Annotated[bool, _option("--json", help="As JSON, for programs.")]
-Debug = Annotated[bool, _option("--debug", help="Show the traceback of an error.")]
-Quiet = Annotated[bool, _option("--quiet", "-q", help="No progress bar, no list of files.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -157,6 +97,7 @@ def generate(
     temperature: Temperature = 1.0,
     intensity: Intensity = 1.0,
     parts: Parts = ALL_PARTS,
+    face_gain: FaceGain = "1",
     skeleton: Skeleton = "humanoid",
     fps: Fps = 30.0,
     avatar: Avatar = None,
@@ -170,6 +111,7 @@ def generate(
     cospeech generate talk.wav -o talk.bvh -o talk.glb
     cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
     cospeech generate talk.wav -o talk.bvh --model mine.cospeech --style clip.bvh
+    cospeech generate talk.wav -o talk.glb --emotion moods.csv --face-gain 1.2,jawOpen:0.9
     """
     from .generate import generate_files
 
@@ -178,8 +120,8 @@ def generate(
         result = generate_files(
             audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
-            parts=[p.strip() for p in parts.split(",") if p.strip()], skeleton=skeleton, fps=fps, avatar=avatar, report=report,
-            progress=progress,
+            parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, skeleton=skeleton, fps=fps,
+            avatar=avatar, report=report, progress=progress,
         )  # fmt: skip
     if not quiet:
         _show_outputs(result)
@@ -272,7 +214,7 @@ def demo(
 @app.command()
 def bench(
     seconds: Annotated[
-        float, _option("--seconds", metavar="NUMBER", parser=_number, help="Length of the speech that is timed.")
+        float, option("--seconds", metavar="NUMBER", parser=number, help="Length of the speech that is timed.")
     ] = 60.0,
     as_json: Json = False,
     debug: Debug = False,

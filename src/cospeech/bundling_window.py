@@ -19,7 +19,7 @@ from .runtime.nudge import SECONDS
 from .runtime.window_bundle import WindowStatistics, half, unpacked, write_window
 from .runtime.window_engine import WindowEngine
 
-__all__ = ["bundle_window"]
+__all__ = ["bundle_window", "calibration"]
 
 DIGITS = 6  # of the measured error
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
@@ -69,8 +69,9 @@ def _statistics(
 ) -> WindowStatistics:
     """What the runtime has to know, with what stands for each speaker."""
     codes = model.speaker_styles(examples["stretches"])
-    made, gains = _calibrated(model, codes, examples, persistence)
-    own = {"centres": examples["pose_centre"], "codes": codes, "made": made, "gains": gains}
+    centres = examples["pose_centre"]
+    made, gains = (centres, torch.ones_like(centres)) if model.literal else _calibrated(model, codes, examples, persistence)
+    own = {"centres": centres, "codes": codes, "made": made, "gains": gains}
     known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(WindowStatistics)}
     return WindowStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
 
@@ -89,8 +90,14 @@ def _calibrated(
         noise = smooth_gumbel(Chance(0, 0), len(speech), model.modes, frames, persistence).mT
     made = [model.make(speech, code.expand(len(speech), frames, -1), noise) for code in codes]
     own = examples["stretches"].unfold(2, frames, frames).movedim(-1, -2).flatten(1, 2)
-    wanted, moved = (torch.stack([poses.var(1).mean(0).sqrt() for poses in each]) for each in (own, made))
-    return torch.stack([poses.mean((0, 1)) for poses in made]), (wanted / moved.clamp_min(1e-6)).clamp(*GAINS)
+    return calibration(torch.stack(made), own)
+
+
+def calibration(made: torch.Tensor, own: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """(S, n, T, D) windows that a network makes in each style, (S, m, T, D) the speakers' own → (S, D) mean of the former; and
+    (S, D) the deviation within a window of the latter, in that of the former."""
+    wanted, moved = (windows.var(2).mean(1).sqrt() for windows in (own, made))
+    return made.mean((1, 2)), (wanted / moved.clamp_min(1e-6)).clamp(*GAINS)
 
 
 def _rounding(low: Lowered, small: dict[str, Array], measured: WindowStatistics, examples: dict[str, torch.Tensor]) -> float:

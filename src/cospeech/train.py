@@ -69,6 +69,8 @@ class _Run:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
         self.model = build_model(work.facts, work.needs).to(team.device)
+        if hasattr(self.model, "told"):
+            self.model.told(work.statistics)
         self.parts = [Part(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))

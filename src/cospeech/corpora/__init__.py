@@ -28,6 +28,7 @@ CORPORA: dict[str, Corpus] = {
     "beat": Corpus("cospeech.corpora.beat", "BEAT: BVH, face JSON, WAV, TextGrid, semantics, emotion", True),
     "beat2": Corpus("cospeech.corpora.beat2", "BEAT2: SMPL-X npz, WAV, TextGrid, semantics", False),
     "zeroeggs": Corpus("cospeech.corpora.zeroeggs", "ZeroEGGS: BVH and WAV in 19 styles", False),
+    "faces": Corpus("cospeech.corpora.faces", "tracked faces of talking people: GRID by MediaPipe, FACEGOOD", False),
     "folder": Corpus("cospeech.corpora.folder", "any folder of sound files, with motion and words beside them", False),
 }
 """Name → module; `cospeech list corpora`, ``prepare`` and the tests iterate over it."""

@@ -90,6 +90,7 @@ def _mels(count: int) -> tuple[str, ...]:
 
 REDUCTIONS: dict[str, Reduction] = {
     "mel64": Reduction("log of 64 mel powers (Speech2Gesture, Mix-StAGE)", _mels(64), partial(_log_powers, count=64)),
+    "mel40": Reduction("log of 40 mel powers (speech to face)", _mels(40), partial(_log_powers, count=40)),
     "mel29-linear": Reduction(
         "29 mel powers, not their logarithm: what the stylised flow's code feeds in the end",
         _mels(29),

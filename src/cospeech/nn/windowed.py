@@ -31,6 +31,8 @@ class Windowed(nn.Module):
     """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
     modes: int
     """Sub-generators whose logits can be nudged; 0: none."""
+    literal: bool = False
+    """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 
     def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.

@@ -21,6 +21,7 @@ POSES: dict[str, str] = {
     "expmap-upper": "cospeech.poses.expmap:UPPER",
     "expmap-full": "cospeech.poses.expmap:FULL",
     "expmap-humanoid": "cospeech.poses.humanoid:HUMANOID",
+    "face": "cospeech.poses.face:FACE",
     "euler": "cospeech.poses.euler:EULER",
     "rot6d": "cospeech.poses.rot6d:ROT6D",
     "rot6d-smplx": "cospeech.poses.rot6d:SMPLX",

@@ -39,7 +39,7 @@ __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
 DEFAULT_POSES = {
     "ted": "direction-vectors", "trinity": "expmap-upper", "pats": "keypoints2d", "beat": "euler", "beat2": "rot6d-smplx",
-    "zeroeggs": "rot6d-humanoid", "folder": "rot6d-humanoid",
+    "zeroeggs": "rot6d-humanoid", "faces": "face", "folder": "rot6d-humanoid",
 }  # fmt: skip
 """Corpus → the pose representation of its papers; six numbers per joint where there is no custom."""
 

@@ -106,6 +106,7 @@ class ConvGraph(GraphBuilder):
         stride: tuple[int, int] = (1, 1),
         pads: tuple[int, int, int, int] = (0, 0, 0, 0),
         groups: int = 1,
+        dilation: int = 1,
     ) -> Signal:
         """A convolution.
 
@@ -116,14 +117,16 @@ class ConvGraph(GraphBuilder):
             stride: over bands and frames.
             pads: zeros before the first band and the first frame, after the last band and the last frame.
             groups: of channels.
+            dilation: positions from one tap over frames to the next.
         """
         given = [self.held(weight)] + ([] if bias is None else [self.held(bias)])
-        name = self.node("Conv", x.name, *given, strides=list(stride), pads=list(pads), group=groups)
+        name = self.node("Conv", x.name, *given, strides=list(stride), pads=list(pads), group=groups,
+                         dilations=[1, dilation])  # fmt: skip
         high_kernel, wide_kernel = weight.shape[2:]
         bands = (x.bands + pads[0] + pads[2] - high_kernel) // stride[0] + 1
         step = x.step * stride[1]
         first = np.arange(max(1, self._period // step)) * stride[1] - pads[1]
-        return Signal(name, len(weight), bands, step, *x.heard(first[:, None] + np.arange(wide_kernel), step))
+        return Signal(name, len(weight), bands, step, *x.heard(first[:, None] + dilation * np.arange(wide_kernel), step))
 
     def leaky(self, x: Signal, slope: float) -> Signal:
         """Leaky ReLU; with slope 0 the plain one."""

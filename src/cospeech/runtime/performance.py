@@ -15,18 +15,21 @@ from typing import Protocol
 import numpy as np
 
 from ..corpora.clip import Points
+from ..emotions import Moods
 from ..errors import InputError
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
 from ..rotations import Array, quat_identity
 from ..rules import Session as RuleSession
+from ..rules.expressions import IS_MOUTH
 from ..rules.session import check_speech
 from ..skeleton import humanoid
 from ..speech import Speech, count_frames
 from .listener import Listener
 from .manifest import System
 from .manner import Blend
+from .reader import Reader
 from .sampling import Sampled
 
 __all__ = ["PIECE", "Performance", "Player", "Wish"]
@@ -51,6 +54,16 @@ class Player(Protocol):
     @property
     def latency(self) -> float:
         """Seconds of speech, from a frame's own time on, that the network waits for at most."""
+        ...
+
+    @property
+    def moods(self) -> Moods | None:
+        """The emotions that the network plays, as far as speech was pushed; None for one that knows none."""
+        ...
+
+    @property
+    def speaker(self) -> dict[str, float] | None:
+        """See `Performance.speaker`."""
         ...
 
     def push(self, rows: Array) -> Array:
@@ -102,7 +115,7 @@ class Performance:
     def __init__(
         self,
         system: System,
-        listener: Listener,
+        listener: Listener | Reader,
         player: Player,
         faces: Sequence[RuleSession],
         *,
@@ -131,7 +144,7 @@ class Performance:
     @property
     def speaker(self) -> dict[str, float] | None:
         """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
-        return None
+        return self._player.speaker
 
     @property
     def latency(self) -> float:
@@ -178,10 +191,10 @@ class Performance:
         """As `push`, of every take."""
         check_speech(chunk)
         for piece in chunk.chunks(PIECE) if chunk.duration > PIECE else [chunk]:
-            for face, kept in zip(self._faces, self._heads, strict=True):
-                kept += face.push(piece)
             self._duration += piece.duration
             self._keep(self._player.push(self._listener.push(piece)))
+            for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
+                kept += face.push(piece)
             yield from self._ready()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -189,11 +202,11 @@ class Performance:
         total = count_frames(self._duration, self._fps)
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
-        for face, kept in zip(self._faces, self._heads, strict=True):
-            kept += face.finish()
         rest = self._player.push(self._listener.finish())
         rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
         self._keep(rest, total, self._listener.frames - 1)
+        for face, kept in zip(self._faces, self._heads, strict=True):
+            kept += face.finish()
         yield from self._ready()
 
     def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
@@ -251,8 +264,9 @@ def _cut(pieces: list[Motion], count: int) -> Motion:
 
 
 def _faced(body: Motion, head: Motion) -> Motion:
-    """Face and eyes of the one on the other."""
+    """Face and eyes of the one on the other, which keeps the mouth that its own system made."""
     eyes = [humanoid().index[name] for name in _EYES]
     rotations = body.rotations.copy()
     rotations[:, eyes] = head.rotations[:, eyes]
-    return replace(body, rotations=rotations, face=head.face)
+    face = head.face if body.face is None or head.face is None else np.where(IS_MOUTH, body.face, head.face)
+    return replace(body, rotations=rotations, face=face)

@@ -1,0 +1,248 @@
+"""Speech to face: mouth, jaw and head from the sound alone, as a tracker sees them on people who talk.
+
+    (B, T, A) log mel │ whose face ─► conv 1 ─►[conv k, dilated ─► LeakyReLU ─► conv 1, added] × n ─► conv 1 ─► (B, T, D) ŷ
+
+Convolutions are lopsided: a frame hears ``ahead`` frames that come after it and more that went before, so that a stream plays
+what the whole would give. The family is that of the face decoders of gesture systems: temporal convolutions on features
+of speech, no adversary. Which face it is, with its tracker's units, is a style: one of the speakers of the data.
+
+What is optimised, in the units of weights and radians, y the tracked face with left and right made even:
+
+    min  E w |ŷ₊ − y|₁ + λ E w |Δŷ₊ − Δy|₁          Δ from one frame to the next; ŷ₊: weights below 0 count as 0
+
+Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
+vocal tract, in noise, and with pauses of silence in which the face rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import log
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..errors import InputError
+from ..features.mel import FLOOR
+from ..nn.objective import Batch, Chance, Objective
+from ..nn.windowed import Windowed
+from ..poses.face import FACE, MIRROR
+from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+
+__all__ = ["SpeechToFace", "SpeechToFaceConfig"]
+
+SLOPE = 0.1  # of LeakyReLU; ours
+BELOW = 0.02  # ours: what of a weight below 0 counts, so that it is not lost
+CALM = log(FLOOR)  # log power of a band in silence
+RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
+
+
+@dataclass(frozen=True)
+class SpeechToFaceConfig:
+    """Sizes and losses; all ours."""
+
+    frames: int = 96
+    """T of a training window."""
+    channels: int = 128
+    kernel: int = 5
+    dilations: tuple[int, ...] = (1, 2, 4)
+    """Of each block."""
+    ahead: tuple[int, ...] = (2, 1, 1)
+    """Taps of each block's kernel that lie after the frame; times their dilations 8 frames, 133 ms at 60 a second."""
+    velocity: float = 2.0
+    """λ."""
+    jaw: float = 2.0
+    """w of jawOpen; of the other numbers 1."""
+    gain: float = 3.0
+    """Speech is up to so much louder or softer, in natural log of power: 13 dB."""
+    tilt: float = 1.0
+    """Its spectrum is tilted by up to so much at either end."""
+    tract: float = 0.15
+    """Its mel axis is stretched by up to this share."""
+    noise: float = 0.5
+    """Share of windows with noise, 17 to 60 dB below their loudest band."""
+    pauses: float = 0.2
+    """Share of windows with a pause of silence, of which a fifth are silent throughout."""
+
+    def __post_init__(self) -> None:
+        low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain": 0, "tilt": 0}
+        for name, least in (low | {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1}).items():
+            if not getattr(self, name) >= least:
+                raise InputError(f"{name} of a SpeechToFace is {getattr(self, name)}", f"{least} at least")
+        if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
+            raise InputError(f"dilations {self.dilations}, ahead {self.ahead}", "as many of both, dilations positive")
+        if min(self.ahead) < 0 or max(self.ahead) >= self.kernel:
+            raise InputError(f"ahead {self.ahead} of a kernel of {self.kernel}", "0 … kernel − 1")
+
+    @property
+    def future(self) -> int:
+        """Frames after its own that a frame hears."""
+        return sum(d * a for d, a in zip(self.dilations, self.ahead, strict=False))
+
+    @property
+    def past(self) -> int:
+        """Frames before its own that a frame hears."""
+        return (self.kernel - 1) * sum(self.dilations) - self.future
+
+
+class Block(nn.Module):
+    """A dilated, lopsided convolution over frames and a mixing of channels, added to what comes in."""
+
+    def __init__(self, config: SpeechToFaceConfig, dilation: int, ahead: int) -> None:
+        super().__init__()
+        self.pads = ((config.kernel - 1 - ahead) * dilation, ahead * dilation)
+        self.over_time = nn.Conv1d(config.channels, config.channels, config.kernel, dilation=dilation)
+        self.mixed = nn.Conv1d(config.channels, config.channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, channels, T) → the same shape."""
+        out: Tensor = x + self.mixed(F.leaky_relu(self.over_time(F.pad(x, self.pads)), SLOPE))
+        return out
+
+
+class SpeechToFace(Windowed):
+    """Face from speech, in the manner of one of the speakers of the data, or between them.
+
+    Poses and audio are standardised vectors; what by, `told` says before training begins.
+
+    Args:
+        config: sizes.
+        pose: D, numbers of a pose; of the representation "face" left and right are made even.
+        audio: A, log mel powers.
+        speakers: S.
+    """
+
+    arrays = ("pose", "audio")
+    Config = SpeechToFaceConfig
+    literal = True
+    pose_mean: Tensor
+    pose_std: Tensor
+    audio_mean: Tensor
+    audio_std: Tensor
+    alive: Tensor
+
+    def __init__(self, config: SpeechToFaceConfig, *, pose: int, audio: int, speakers: int) -> None:
+        super().__init__()
+        if min(pose, audio, speakers) < 1:
+            raise InputError(
+                f"a SpeechToFace from {audio} numbers of speech to {pose}, {speakers} speakers", "all are positive"
+            )
+        self.config, self.pose, self.audio, self.styles, self.modes = config, pose, audio, speakers, 0
+        self.multiple = self.shortest = 1
+        self.first = nn.Conv1d(audio + speakers, config.channels, 1)
+        pairs = zip(config.dilations, config.ahead, strict=True)
+        self.blocks = nn.ModuleList(Block(config, dilation, ahead) for dilation, ahead in pairs)
+        self.out = nn.Conv1d(config.channels, pose, 1)
+        for name, width, value in (("pose", pose, 0.0), ("audio", audio, 0.0)):
+            self.register_buffer(f"{name}_mean", torch.full((width,), value))
+            self.register_buffer(f"{name}_std", torch.ones(width))
+        self.register_buffer("alive", torch.ones(pose))
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    def told(self, statistics: Mapping[str, Tensor]) -> None:
+        """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""
+        for name in ("pose_mean", "pose_std", "audio_mean", "audio_std"):
+            getattr(self, name).copy_(statistics[name])
+        self.alive.copy_((self.pose_mean != 0).float())
+
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """(S, n, T, D) → (S, S): each speaker is themself."""
+        return torch.eye(self.styles, device=stretches.device)
+
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """(B, T, A), (B, T, S) speakers' weights → (B, T, D)."""
+        x = F.leaky_relu(self.first(torch.cat([audio, style], 2).mT), SLOPE)
+        for block in self.blocks:
+            x = block(x)
+        made: Tensor = self.out(x).mT * self.alive
+        return made
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """One."""
+        return {"face": Objective([*self.parameters()], self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Distance of weights and of their velocity; of the frames that hear nothing from beyond the window."""
+        audio, face = self._changed(batch["audio"], self._evened(batch["pose"] * self.pose_std + self.pose_mean), batch.chance)
+        style = F.one_hot(batch["speaker"], self.styles).to(audio)[:, None].expand(-1, audio.shape[1], -1)
+        made = self.make(audio, style, audio.new_zeros(*audio.shape[:2], 0)) * self.pose_std + self.pose_mean
+        rows = slice(self.config.past, audio.shape[1] - self.config.future)
+        made, face = self._counted(made[:, rows]), face[:, rows]
+        shares = self._shares(made)
+        return {
+            "distance": ((made - face).abs() * shares).mean(),
+            "velocity": self.config.velocity * ((made.diff(dim=1) - face.diff(dim=1)).abs() * shares).mean(),
+        }
+
+    @property
+    def _weights(self) -> int:
+        """How many of the numbers are weights of a face, the first ones."""
+        return len(ARKIT) if self.pose == FACE.dimensions else 0
+
+    def _counted(self, made: Tensor) -> Tensor:
+        """ŷ₊: weights below 0 as what they will be shown as."""
+        weights, turn = made[..., : self._weights], made[..., self._weights :]
+        return torch.cat([torch.where(weights < 0, BELOW * weights, weights), turn], -1)
+
+    def _shares(self, like: Tensor) -> Tensor:
+        """(D,) w."""
+        shares = like.new_ones(self.pose)
+        if self._weights:
+            shares[ARKIT_INDEX["jawOpen"]] = self.config.jaw
+        return shares
+
+    def _evened(self, face: Tensor) -> Tensor:
+        """Weights with left and right the mean of both; the turn of the head as it is."""
+        other = face[..., MIRROR] if self._weights else face
+        even = (face + other) / 2
+        return torch.cat([even[..., : self._weights], face[..., self._weights :]], -1)
+
+    # how speech is changed ------------------------------------------------------------------------------------------
+
+    def _changed(self, audio: Tensor, face: Tensor, chance: Chance) -> tuple[Tensor, Tensor]:
+        """Another voice in another place, (B, T, A) standardised; and the face, which rests in the pauses that are put in."""
+        rows, bands = len(audio), self.audio
+        axis = torch.linspace(-1, 1, bands, device=audio.device)
+        mel = _stretched(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
+        mel = mel + (self.config.gain * _even(chance, rows) + self.config.tilt * _even(chance, rows) * axis)[:, None]
+        below = 4 + 10 * chance.uniform(rows, 1)  # natural log of power under the loudest band
+        level = mel.amax((1, 2))[:, None] - below + self.config.tilt * _even(chance, rows) * axis
+        level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, CALM)
+        hiss = level[:, None] + (0.5 + chance.uniform(rows, *audio.shape[1:])).log()
+        still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
+        mel = torch.where(still[..., None] > 0, CALM, torch.logaddexp(mel, hiss).clamp_min(CALM))
+        rest = F.avg_pool1d(still[:, None], RAMP, 1, RAMP // 2, count_include_pad=False)[:, 0, :, None]
+        return (mel - self.audio_mean) / self.audio_std, face * (1 - rest)
+
+
+def _even(chance: Chance, rows: int) -> Tensor:
+    """(rows, 1) of −1 … 1."""
+    return 2 * chance.uniform(rows, 1) - 1
+
+
+def _stretched(mel: Tensor, factors: Tensor) -> Tensor:
+    """(B, T, A) with the axis of bands stretched by factors (B, 1): linear between bands, the ends held."""
+    last = mel.shape[2] - 1
+    at = (torch.arange(last + 1, device=mel.device) * factors).clamp(0, last)
+    low = at.long()
+    high = (low + 1).clamp_max(last)
+    a, b = (torch.gather(mel, 2, index[:, None].expand_as(mel)) for index in (low, high))
+    return a + (at - low)[:, None] * (b - a)
+
+
+def _pauses(chance: Chance, rows: int, frames: int, share: float) -> Tensor:
+    """(rows, frames) 1 where a pause is put in, else 0."""
+    which, length, start = (chance.uniform(rows, 1) for _ in range(3))
+    size = frames * (0.2 + 0.5 * length)
+    first = start * (frames - size)
+    at = torch.arange(frames, device=which.device)
+    within = (at >= first) & (at < first + size)
+    return ((which < 0.2 * share) | ((which < share) & within)).float()

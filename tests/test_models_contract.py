@@ -16,7 +16,10 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from safetensors.torch import load_file, save_file  # noqa: E402
 
 from cospeech.errors import InputError  # noqa: E402
+from cospeech.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.models import MODELS, NETWORKS  # noqa: E402
+from cospeech.models.chain_of_generation import Chain  # noqa: E402
+from cospeech.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.nn.windowed import Windowed  # noqa: E402
 
@@ -24,6 +27,11 @@ torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
 _FLOW = {"steps": 2, "hidden": 8, "history": 4, "look_ahead": 2, "frames": 4}
 _MIX = {"modes": 4, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
+_MANY = {"frames": 12, "hidden": 8, "layers": 2, "audio": 6, "text": 4, "speaker": 3, "word_width": 5}
+_CHAIN = {"frames": 10, "latent": 8, "hidden": 8, "layers": 2, "reduction": 4, "word_width": 5, "text_channels": 6}
+_CHAIN |= {"classifier_channels": 6}
+_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "judge_channels": 4, "reconstruction": 5.0, "face": 5.0}
+_PLAYED |= {"wordless": 0.5, "unseeded": 0.5, "labelled": 0.5, "faced": 0.5, "recast": 0.3}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
@@ -48,6 +56,16 @@ TINY = {
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 1},
     "speaker-classifier": {"channels": 4},
     "speaker-classifier+plain": {"channels": 4, "plain": True},
+    "chain-of-generation": _CHAIN,
+    "chain-of-generation+played": _CHAIN | _PLAYED,
+    "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooled": 5},
+    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooled": 5},
+    "speech-classifier": {"frames": 10, "channels": 6},
+    "camn": _MANY,
+    "camn+alone": _MANY | {"semantic": False, "unseeded": 0.5},
+    "multi-context": _MANY,
+    "multi-context+all": _MANY | {"emotion": 2, "face": 4, "adversarial_from": 0, "slope": 0.2},
+    "multi-context+regression": _MANY | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "unseeded": 0.5},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
 }
 
@@ -61,9 +79,10 @@ REGISTERED = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(
 NAMES = [*REGISTERED, *(name for name in TINY if "+" in name)]
 
 
-def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int]:
+def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int | list[int]]:
     """Those that a network is built by."""
     known = {"pose": pose, "audio": audio, "speakers": 1 if kind.__name__ == "CMixGan" else ROWS}
+    known |= {"hands": [1, pose - 1], "text": 0}
     return {key: size for key, size in known.items() if key in signature(kind.__init__).parameters}
 
 
@@ -82,10 +101,19 @@ def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **ch
 def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
     """Walks, not noise: something that can be learnt."""
     draw = torch.Generator().manual_seed(seed)
-    widths = {"pose": net.pose, "audio": AUDIO, "control": 3, "cluster": 1}
+    widths = {"pose": getattr(net, "pose", 0), "audio": AUDIO, "control": 3}
     arrays = {
-        name: torch.randn(rows, net.window, widths[name], generator=draw).cumsum(1) / net.window**0.5 for name in net.arrays
+        name: torch.randn(rows, net.window, widths.get(name, 1), generator=draw).cumsum(1) / net.window**0.5
+        for name in net.arrays
     }
+    shape = (rows, net.window)
+    labels = {
+        "text": lambda: torch.randint(BUCKETS + 1, (*shape, GRAMS), generator=draw),
+        "face": lambda: torch.rand(*shape, 52, generator=draw),
+        "emotion": lambda: torch.randint(-1, 8, (rows, 1), generator=draw).repeat(1, net.window),
+        "semantic": lambda: torch.rand(*shape, generator=draw),
+    }
+    arrays |= {name: make() for name, make in labels.items() if name in net.arrays}
     if "cluster" in arrays:
         arrays["cluster"] = torch.randint(net.config.modes, (rows, net.window), generator=draw)
     arrays["speaker"] = torch.arange(rows) % ROWS
@@ -231,8 +259,8 @@ def windowed() -> list[str]:
     return [name for name in NAMES if issubclass(network_class(name), Windowed)]
 
 
-def speech(rows: int, frames: int, seed: int = 3):
-    return torch.randn(rows, frames, AUDIO, generator=torch.Generator().manual_seed(seed)).cumsum(1) / 8
+def speech(net, rows: int, frames: int, seed: int = 3):
+    return torch.randn(rows, frames, net.audio, generator=torch.Generator().manual_seed(seed)).cumsum(1) / 8
 
 
 def styles(net, *shape: int, seed: int = 4):
@@ -252,10 +280,16 @@ def trained_windowed(name: str, **options):
 
 
 def test_the_networks_that_make_windows_are_these():
-    assert {name.partition("+")[0] for name in windowed()} == {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage"}
+    known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
+    known |= {"chain-of-generation", "chain-of-generation-live"}
+    assert {name.partition("+")[0] for name in windowed()} == known
     for name in windowed():
         net = network(name)
         assert net.window % net.multiple == net.shortest % net.multiple == 0 or name == "speech2gesture"
+        if isinstance(net, ManyInputs | Chain):
+            noise = {"camn": lambda c: 0, "multi-context": lambda c: c.speaker}.get(name.partition("+")[0], lambda c: c.noise)
+            assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
+            continue
         assert (net.styles > 0) is (hasattr(net, "style_of"))
         assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
 
@@ -264,7 +298,7 @@ def test_the_networks_that_make_windows_are_these():
 def test_of_whole_multiples_what_is_generated_is_what_is_made(name):
     net = trained_windowed(name)
     for frames in (net.shortest, 3 * net.shortest, net.shortest + net.multiple):
-        audio, style = speech(ROWS, frames), styles(net, ROWS, 1)
+        audio, style = speech(net, ROWS, frames), styles(net, ROWS, 1)
         with torch.no_grad():
             made = net.make(audio, style.expand(-1, frames, -1), torch.zeros(ROWS, frames, net.modes))
         assert made.shape == (ROWS, frames, POSE)
@@ -275,8 +309,8 @@ def test_of_whole_multiples_what_is_generated_is_what_is_made(name):
 @pytest.mark.parametrize("name", windowed())
 def test_speech_of_any_length_is_filled_up_with_its_last_frame(name):
     net = trained_windowed(name)
-    for frames in (1, 2, net.shortest - 1, net.shortest + 1, 2 * net.multiple + 3, 131):
-        audio, style = speech(ROWS, frames), styles(net, ROWS, frames)
+    for frames in (1, 2, max(1, net.shortest - 1), net.shortest + 1, 2 * net.multiple + 3, 131):
+        audio, style = speech(net, ROWS, frames), styles(net, ROWS, frames)
         whole = max(net.shortest, -(-frames // net.multiple) * net.multiple)
         held = [torch.cat([x, x[:, -1:].repeat(1, whole - frames, 1)], 1) for x in (audio, style)]
         made = net.generate(audio, style)
@@ -288,7 +322,7 @@ def test_speech_of_any_length_is_filled_up_with_its_last_frame(name):
 @pytest.mark.parametrize("name", windowed())
 def test_rows_of_speech_are_made_apart(name):
     net = trained_windowed(name)
-    audio, style = speech(ROWS, 70), styles(net, ROWS, 1)
+    audio, style = speech(net, ROWS, 70), styles(net, ROWS, 1)
     made = net.generate(audio, style)
     alone = torch.cat([net.generate(audio[k : k + 1], style[k : k + 1]) for k in range(ROWS)])
     assert torch.allclose(made, alone, atol=1e-5)
@@ -299,10 +333,10 @@ def test_rows_of_speech_are_made_apart(name):
     assert changed[[0, 2]].max() < 1e-6
 
 
-@pytest.mark.parametrize("name", [name for name in windowed() if hasattr(network_class(name), "style_of")])
+@pytest.mark.parametrize("name", [name for name in windowed() if name not in ("cmix-gan", "speech2gesture")])
 def test_styles_and_mixtures_of_them_differ(name):
     net = trained_windowed(name)
-    audio, (one, other) = speech(1, 64), torch.eye(net.styles)[:2]
+    audio, (one, other) = speech(net, 1, 64), torch.eye(net.styles)[:2]
     first, second, half = (net.generate(audio, style.view(1, 1, -1)) for style in (one, other, (one + other) / 2))
     gap = (first - second).abs().mean()
     assert gap > 1e-3
@@ -321,17 +355,20 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
     if hasattr(net, "style_of"):
         assert net.style_of(stretches[:, 0, :64]).shape == (speakers, net.styles)
         assert len({tuple(row.tolist()) for row in found}) == speakers
-    assert net.generate(speech(speakers, 40), found.unsqueeze(1)).isfinite().all()
+    assert net.generate(speech(net, speakers, 40), found.unsqueeze(1)).isfinite().all()
 
 
 @pytest.mark.parametrize("name", windowed())
 def test_nudges_move_the_modes_and_only_them(name):
     net = trained_windowed(name)
-    audio, style = speech(1, 64), styles(net, 1, 64)
+    audio, style = speech(net, 1, 64), styles(net, 1, 64)
     with torch.no_grad():
         made = net.make(audio, style, torch.zeros(1, 64, net.modes))
         if not net.modes:
             assert made.shape == (1, 64, POSE)
+            return
+        if isinstance(net, ManyInputs | Chain):  # noise that it gets beside its inputs
+            assert (net.make(audio, style, torch.ones(1, 64, net.modes)) - made).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))
         assert torch.allclose(even, made, atol=1e-5)  # a softmax does not feel what all have
@@ -347,7 +384,7 @@ def test_nudges_move_the_modes_and_only_them(name):
 @pytest.mark.parametrize("name", windowed())
 def test_speech_and_styles_of_other_shapes_are_told(name):
     net = network(name).eval()
-    audio, style = speech(2, 40), styles(net, 2, 1)
+    audio, style = speech(net, 2, 40), styles(net, 2, 1)
     wrong = [(audio[:, :0], style), (audio[..., :-1], style), (audio, style[:1]), (audio, torch.zeros(2, 1, net.styles + 1))]
     for heard, told in [*wrong, (audio, style.expand(-1, 2, -1)), (audio, style[:, 0])]:
         with pytest.raises(InputError, match="speech of shape"):

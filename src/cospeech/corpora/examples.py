@@ -31,7 +31,8 @@ def examples_of(
     Returns:
         ``pose_low``, ``pose_high`` (D,), ``audio_low``, ``audio_high`` (A,), ``stretches`` (speakers, 8, `STRETCH`, D) of
         poses and ``speech`` (speakers, 8, `STRETCH`, A) of the speech to them, ``texts`` and ``emotions`` likewise where the
-        store has `SAID` arrays, ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread`` (speakers, D): the mean deviation within their clips, both of neutral
+        store has `SAID` arrays, ``pose_centre`` (speakers, D): the mean pose of each; with ``moments`` also ``pose_spread``
+        (speakers, D): the mean deviation within their clips, both of neutral
         clips where there are some, and all poses but the centre by their clips' moments. float32. Shorter clips are held
         at their ends, a speaker without training clips has the stretches of the others.
     """

@@ -52,6 +52,7 @@ class ChainLive(Chain):
     """
 
     Config = ChainLiveConfig
+    config: ChainLiveConfig
 
     def __init__(
         self, config: ChainLiveConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,

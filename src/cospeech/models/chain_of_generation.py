@@ -1,7 +1,7 @@
 """Chain of Generation: Xu et al. 2024, "Chain of Generation: Multi-Modal Gesture Synthesis via Cascaded Conditional Control".
 
-From speech first a face, then with it the body, then with both the hands; whose style and which mood is heard in the speech too,
-so that nothing but speech and words is needed to play it. What is known besides is used.
+From speech first a face, then with it the body, then with both the hands; whose style and which mood is heard in the speech
+too, so that nothing but speech and words is needed to play it. What is known besides is used.
 
     speech ──► ear ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
         │              ├─────────────────────────────────────┤
@@ -23,14 +23,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
-from ..nn.cascade import EMOTIONS, FACE, Cascade, Given, Layers, Made, Widths
+from ..nn.cascade import EMOTIONS, Cascade, Given, Layers, Made, Widths
 from ..nn.channel_attention import ChannelAttention
 from ..nn.contrast import RhythmIdentity
 from ..nn.gumbel import smooth_gumbel

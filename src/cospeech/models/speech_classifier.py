@@ -10,6 +10,7 @@ known teaches nothing of emotions. It is the first stage of a Chain of Generatio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -63,7 +64,7 @@ class SpeechClassifier(nn.Module):
             raise InputError(f"a classifier of {speakers} speakers by {config}"[:200], "sizes are positive, the kernel is odd")
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
-        self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 
@@ -105,7 +106,7 @@ class SpeechClassifier(nn.Module):
         return {"emotion": felt, "speaker": F.cross_entropy(who, speaker)}
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
-        """The loss, and the shares of clips that are taken for another speaker's or another mood's (of those that are known)."""
+        """The loss, and the shares of clips that are taken for another speaker's, or of known mood for another mood's."""
         audio, speaker, emotion = batch["audio"], batch["speaker"], batch["emotion"][:, self.window // 2]
         terms = self.losses(audio, speaker, batch["emotion"])
         who, how = (w.argmax(1) for w in self.weights(audio).split((self.speakers, EMOTIONS), 1))

@@ -1,5 +1,5 @@
-"""The style injector (Xu et al. 2024, section 3.3, equation 5): a hypernetwork makes a style of who speaks and how he feels, and
-GestureAdaLN scales and shifts features by it:
+"""The style injector (Xu et al. 2024, section 3.3, equation 5): a hypernetwork makes a style of who speaks and how it is felt,
+and GestureAdaLN scales and shifts features by it:
 
     S = HyNet(E, I),   X̂ = f(S) · X + g(S)
 

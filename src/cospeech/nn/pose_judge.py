@@ -3,8 +3,8 @@
 The published one sees velocity alone, so that it knows neither where somebody's hands are nor how large all movement of a
 batch is, which its batch norms take out; nor does it know in whose style the poses should be, or to what speech. This one sees
 poses, velocity, acceleration and the speech, has no norm, and judges by a projection (Miyato and Koyama 2018):
-score = f(h) + e(speaker) · h / √C, and likewise of an emotion, where it is told of one. What people did to another speech is to be told from what they did to this one, as Reed et
-al. 2016 have pictures told from those of another caption.
+score = f(h) + e(speaker) · h / √C, and likewise of an emotion, where it is told of one. What people did to another speech is to
+be told from what they did to this one, as Reed et al. 2016 have pictures told from those of another caption.
 """
 
 from __future__ import annotations

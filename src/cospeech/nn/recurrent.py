@@ -1,4 +1,4 @@
-"""Stacked LSTMs as CaMN has them (Liu et al. 2022, authors' code): where there are two directions, they are summed at the end."""
+"""Stacked LSTMs as CaMN has them (Liu et al. 2022, authors' code): two directions, if there are two, are summed at the end."""
 
 from __future__ import annotations
 

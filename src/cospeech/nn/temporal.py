@@ -1,7 +1,7 @@
-"""Convolutions over time, (B, C, T) throughout: same-padded ones, that see both ways, and causal ones, that play as speech comes.
+"""Convolutions over time, (B, C, T) throughout: same-padded ones, that see both ways, and causal ones, that play live.
 
-All take a `Memory`: what a causal layer keeps from one call to the next, so that a signal gives the same in pieces of any size as
-in one. Same-padded layers have nothing to keep. Whole signals begin with a blank one.
+All take a `Memory`: what a causal layer keeps from one call to the next, so that a signal gives the same in pieces of any size
+as in one. Same-padded layers have nothing to keep. Whole signals begin with a blank one.
 """
 
 from __future__ import annotations

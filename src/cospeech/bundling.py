@@ -6,16 +6,18 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from .bundling_chain import bundle_chain
 from .bundling_flow import bundle_flow
 from .bundling_window import bundle_window
 from .checkpoint import load_run, read_facts, read_tensors
 from .errors import InputError, nearest
+from .runtime.chain_bundle import VOICE
 
 __all__ = ["EXAMPLES", "bundle_run"]
 
 EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.corpora.examples.examples_of` took from the store."""
-_WRITERS = {"export": bundle_flow, "make": bundle_window}
+_WRITERS = {"export": bundle_flow, "words": bundle_chain, "make": bundle_window}
 """What a network offers, and what then makes its bundle."""
 
 
@@ -38,7 +40,8 @@ def bundle_run(
         small: keep weights in fewer bits: the large products of flows in 8, all weights of networks by windows in 16.
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
-        style: name of the speaker whose style is played where nobody says; the first one, where not given.
+        style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
+            of a network that hears none the first.
 
     Raises:
         InputError: not a run, or of a system that has no bundles.
@@ -62,9 +65,10 @@ def bundle_run(
     store = facts["store"]
     if style is not None and style not in store["speakers"]:
         raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
+    styles = [*store["speakers"], *([VOICE] if hasattr(model, "classify") else [])]
     known = {
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
-        "styles": list(store["speakers"]), "style": style or store["speakers"][0],
+        "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]),
     }  # fmt: skip
     write(
         target, model, statistics, examples, small=small, facts=known, pose=store["pose"], fps=float(store["fps"]),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..emotions import Moods
 from ..rotations import Array
 from .chain_bundle import ChainSystem
 from .ear import Ear
@@ -64,6 +65,18 @@ class ChainPlayer:
         self._noise = [SmoothGumbel(sizes.noise, system.fps, seed=seed) for seed in seeds]
         self._asked = Fading(_speakers(blend), system.fps)
         self._made = 0
+
+    @property
+    def moods(self) -> Moods | None:
+        """See `Player`; nobody hears them where there is no classifier, and none was given."""
+        return self._ear if self._ear.knows else None
+
+    @property
+    def speaker(self) -> dict[str, float] | None:
+        """See `Player`."""
+        if not self._system.engine.judges:
+            return None
+        return {name: float(p) for name, p in zip(self._system.speakers, self._ear.speaker, strict=True)}
 
     def restyle(self, blend: Blend, frame: int) -> None:
         """See `Player`."""

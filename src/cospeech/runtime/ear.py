@@ -85,6 +85,11 @@ class Ear:
             self._first += gone
 
     @property
+    def knows(self) -> bool:
+        """Whether emotions are given, or heard."""
+        return self._given is not None or self._engine.judges
+
+    @property
     def speaker(self) -> Array:
         """(S,) probabilities, after all that was heard."""
         return self._course[-1][: self._engine.sizes.speakers]

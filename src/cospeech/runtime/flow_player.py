@@ -70,6 +70,10 @@ class FlowPlayer:
         intensity: how far poses stray from the mean one.
     """
 
+    moods = None
+    speaker = None
+    """It hears neither."""
+
     def __init__(self, system: FlowSystem, casting: Casting, blend: Blend, quiet: Array, *, intensity: float = 1.0) -> None:
         self._system, self._casting, self._intensity = system, casting, np.float32(intensity)
         sources = casting(blend)

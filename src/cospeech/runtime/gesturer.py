@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..corpora.clip import Points
-from ..emotions import EmotionTrack
+from ..emotions import EmotionTrack, emotion_track
 from ..errors import InputError
 from ..motion import Motion
 from ..poses import find_pose
@@ -24,6 +24,7 @@ from .listener import Listener
 from .manifest import System
 from .performance import PIECE, Performance, Player, Wish
 from .players import Players, Terms, players_of
+from .reader import Reader
 from .sampling import Sampled
 from .style import Transfer
 from .systems import open_system
@@ -83,15 +84,17 @@ class BundleGesturer:
         seeds = [int(seed) + take for take in range(takes)]
         self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
         wish = self._understood(style)
+        given = emotion_track(emotion)
+        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, given))
+        options["emotion"] = player.moods or emotion
         faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
-        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead))
         return Performance(
             self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
         )
 
-    def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener, Player]:
+    def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener | Reader, Player]:
         """Who hears, and who plays."""
-        listener = Listener(self.system, wish.controls)
+        listener = self._players.listen(wish.controls)
         return listener, self._players.play(wish.blend, listener.quiet, terms)
 
     def _understood(self, style: object) -> Wish:
@@ -108,7 +111,8 @@ class BundleGesturer:
             style: a speaker of the training data by name (`styles` lists them); an example: a motion file, or a `Motion`; a
                 mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
-            emotion: of the face: one of `cospeech.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
+            emotion: of the face, and of body and hands where a system knows emotions: one of `cospeech.emotions.EMOTIONS`, an
+                `EmotionTrack`, or "auto": from the voice.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
             temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice

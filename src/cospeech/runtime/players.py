@@ -8,14 +8,21 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..emotions import Moods
 from ..errors import InputError
 from ..poses.controls import QUANTILES
 from ..rotations import Array
+from .chain_bundle import ChainSystem
+from .chain_player import ChainPlayer, LivePlayer, SectionPlayer
+from .chain_style import example_chain, mixture_chain, named_chain
+from .ear import Ear
 from .flow_bundle import FlowSystem
 from .flow_player import FlowPlayer, Source
+from .listener import Listener
 from .manifest import System
 from .manner import Blend
 from .performance import Player
+from .reader import Reader
 from .style import Styles, Transfer, best_transfer
 from .window_bundle import WindowSystem
 from .window_player import WindowPlayer, looking
@@ -33,6 +40,8 @@ class Terms:
     temperature: float
     intensity: float
     look_ahead: float | None
+    emotion: Moods | None = None
+    """That is given; None: it is heard."""
 
 
 class Players(Protocol):
@@ -57,6 +66,10 @@ class Players(Protocol):
         """See `cospeech.runtime.performance.Performance.style_mixture`."""
         ...
 
+    def listen(self, controls: Array) -> Listener | Reader:
+        """Who hears the speech, with (C,) style controls to begin with."""
+        ...
+
     def play(self, blend: Blend, quiet: Array, terms: Terms) -> Player:
         """A player that begins with this style; ``quiet`` (1, A) is the row of silence, which is before the speech."""
         ...
@@ -78,6 +91,10 @@ class FlowPlayers:
     def mixture(self, blend: Blend) -> dict[str, float] | None:
         """None: a flow mixes no speakers."""
         return None
+
+    def listen(self, controls: Array) -> Listener:
+        """See `Players`."""
+        return Listener(self._system, controls)
 
     def play(self, blend: Blend, quiet: Array, terms: Terms) -> FlowPlayer:
         """See `Players`.
@@ -110,6 +127,10 @@ class WindowPlayers:
         """Of the speakers' weights, where the network knows styles by them."""
         return mixture(self._system, blend)
 
+    def listen(self, controls: Array) -> Listener:
+        """See `Players`."""
+        return Listener(self._system, controls)
+
     def play(self, blend: Blend, quiet: Array, terms: Terms) -> WindowPlayer:
         """See `Players`."""
         setting = looking(self._system.engine.sizes, self._system.fps, terms.look_ahead)
@@ -118,7 +139,43 @@ class WindowPlayers:
         )
 
 
-_WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Players]] = {WindowSystem: WindowPlayers}
+class ChainPlayers:
+    """Of chains.
+
+    Args:
+        system: the bundle, opened.
+    """
+
+    def __init__(self, system: ChainSystem) -> None:
+        self._system = system
+        self.styles = Styles(system, named_chain, example_chain)
+        self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
+
+    def mixture(self, blend: Blend) -> dict[str, float] | None:
+        """See `cospeech.runtime.chain_style.mixture_chain`."""
+        return mixture_chain(self._system, blend)
+
+    def listen(self, controls: Array) -> Reader:
+        """See `Players`."""
+        return Reader(self._system)
+
+    def play(self, blend: Blend, quiet: Array, terms: Terms) -> ChainPlayer:
+        """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
+
+        Raises:
+            InputError: no number of seconds from 0 on.
+        """
+        seconds, engine = terms.look_ahead, self._system.engine
+        if seconds is not None and (isinstance(seconds, bool) or not seconds >= 0):
+            raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
+        ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], terms.emotion)
+        live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
+        return (LivePlayer if live else SectionPlayer)(
+            self._system, blend, terms.seeds, quiet, ear, temperature=terms.temperature, intensity=terms.intensity
+        )
+
+
+_WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Players]] = {WindowSystem: WindowPlayers, ChainSystem: ChainPlayers}
 
 
 def players_of(system: System, transfer: Transfer | None = None) -> Players:

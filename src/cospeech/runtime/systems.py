@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..errors import InputError
-from . import flow_bundle, window_bundle
+from . import chain_bundle, flow_bundle, window_bundle
 from .bundle import Bundle
+from .chain_bundle import open_chain
 from .flow_bundle import open_flow
 from .manifest import System
 from .window_bundle import open_window
@@ -16,6 +17,7 @@ __all__ = ["open_system"]
 _KINDS: dict[str, Callable[[Bundle], System]] = {
     flow_bundle.KIND: open_flow,
     window_bundle.KIND: open_window,
+    chain_bundle.KIND: open_chain,
 }
 
 

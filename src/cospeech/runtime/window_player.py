@@ -104,6 +104,10 @@ class WindowPlayer:
         intensity: how far poses stray from the style's mean one.
     """
 
+    moods = None
+    speaker = None
+    """It hears neither."""
+
     def __init__(
         self,
         system: WindowSystem,

@@ -1,0 +1,142 @@
+"""A run of a network of many inputs, a Chain of Generation or one like it, as a bundle."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .bundling_window import calibration
+from .emotions import EMOTIONS
+from .errors import InputError
+from .models.chain_graph import LoweredChain, lower_chain
+from .models.chain_live import ChainLive
+from .nn.gumbel import smooth_gumbel
+from .nn.objective import Chance
+from .rotations import Array
+from .runtime.chain_bundle import ChainStatistics, write_chain
+from .runtime.chain_engine import ChainEngine
+from .runtime.manifest import pose_bounds
+from .runtime.nudge import SECONDS
+from .runtime.window_bundle import half, unpacked
+
+__all__ = ["bundle_chain"]
+
+DIGITS = 6  # of the measured error
+PROBE = 64  # frames by which it is measured; ours
+
+
+def bundle_chain(
+    path: str | PathLike[str],
+    model: Any,
+    statistics: dict[str, Tensor],
+    examples: dict[str, Tensor],
+    *,
+    small: bool,
+    facts: dict[str, Any],
+    card: str,
+    **options: Any,
+) -> None:
+    """Write the bundle of a network of many inputs; of a streaming one with its teacher, which plays whole files.
+
+    Args:
+        path: file to write.
+        model: `cospeech.models.chain_of_generation.Chain` or `cospeech.nn.modalities.ManyInputs`.
+        statistics, examples: of the run folder.
+        small: keep weights in float16; the manifest and the card then say by how much that moves its poses (``rounding``).
+        facts: for the manifest.
+        card: Markdown.
+        options: of `write_chain`.
+
+    Raises:
+        InputError: it hears what the runtime cannot work out, is played alone without its teacher, or is from before runs
+            kept what was said.
+    """
+    whole = model
+    if isinstance(model, ChainLive):
+        if model.teacher is None:
+            raise InputError(f"a run of {facts['model']!r} without a teacher", "train it with [needs] teacher = …")
+        whole = model.teacher
+    if getattr(getattr(whole, "ear", None), "array", "audio") != "audio":
+        raise InputError(f"a run of {facts['model']!r} that hears with {whole.config.ear}", "bundles play without PyTorch")
+    if "pose_spread" in examples or not {"speech", "texts"} <= set(examples):
+        raise InputError(f"a run of {facts['model']!r} by_clip, or of another version", "train it anew")
+    measured = _statistics(model, whole, statistics, examples, SECONDS * options["fps"])
+    low = lower_chain(model)
+    weights = low.weights
+    if small:
+        weights = half(weights)
+        facts = facts | {"rounding": _rounding(low, weights, measured, examples)}
+        card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"
+    write_chain(path, weights, low.graphs, low.sizes, measured, facts=facts, card=card, **options)
+
+
+def _statistics(
+    model: Any, whole: Any, statistics: dict[str, Tensor], examples: dict[str, Tensor], persistence: float
+) -> ChainStatistics:
+    """What the runtime has to know, with what stands for each speaker and for words."""
+    own: dict[str, Tensor] = {"centres": examples["pose_centre"], "words": _words(whole)}
+    own["made"], own["gains"] = _calibrated(whole, whole, examples, persistence, whole.window)
+    own["live_made"], own["live_gains"] = own["made"], own["gains"]
+    if model is not whole:
+        own["live_made"], own["live_gains"] = _calibrated(model, whole, examples, persistence, None)
+    known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(ChainStatistics)}
+    return ChainStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
+
+
+def _words(whole: Any) -> Tensor:
+    """(n, W) rows of the table of subwords."""
+    table = getattr(whole, "word", None) or whole.embedding
+    if not hasattr(table, "table"):
+        raise InputError(
+            "a run on word vectors of somebody else's", "bundles are of runs that learnt words; leave out data.words"
+        )
+    rows: Tensor = table.table.weight.detach().clone()
+    rows[0] = 0
+    return rows
+
+
+@torch.no_grad()
+def _calibrated(
+    model: Any, whole: Any, examples: dict[str, Tensor], persistence: float, window: int | None
+) -> tuple[Tensor, Tensor]:
+    """(S, D) mean of what a network makes in each style of everybody's speech, in everybody's moods; and (S, D) the speakers'
+    own deviation within a window, in that of what it makes. ``window``: in pieces of so many frames; None: as it comes."""
+    speakers = whole.styles - len(EMOTIONS)
+    speech, texts = (examples[name].flatten(0, 1) for name in ("speech", "texts"))
+    emotions = examples["emotions"].flatten(0, 1).long()[..., 0] if "emotions" in examples else torch.zeros_like(texts[..., 0])
+    frames = window or speech.shape[1]
+    rows = torch.cat([speech, whole.words(texts.long())], -1)
+    moods = torch.nn.functional.one_hot(emotions.long().clamp_min(0), len(EMOTIONS)).float()
+    rows, moods = (_cut(x, frames) for x in (rows, moods))
+    noise = rows.new_zeros(len(rows), frames, 0)
+    if whole.modes:
+        noise = smooth_gumbel(Chance(0, 0), len(rows), whole.modes, frames, persistence).mT
+    own = _cut(examples["stretches"].flatten(0, 1), frames).unflatten(0, (len(examples["stretches"]), -1))
+    who = torch.eye(speakers)
+    made = [model.make(rows, torch.cat([w.expand(len(rows), frames, -1), moods], -1), noise) for w in who]
+    return calibration(torch.stack(made), own)
+
+
+def _cut(x: Tensor, frames: int) -> Tensor:
+    """(n, T, C) → (n · (T // frames), frames, C)."""
+    return x.unfold(1, frames, frames).mT.flatten(0, 1)
+
+
+def _rounding(low: LoweredChain, small: dict[str, Array], measured: ChainStatistics, examples: dict[str, Tensor]) -> float:
+    """How much weights of half the size move poses of each speaker's speech: √mean square, in that of the poses."""
+    s, bounds = low.sizes, pose_bounds(measured)
+    engines = [ChainEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpacked(small))]
+    error, size = 0.0, 0.0
+    for who, speech in enumerate(examples["speech"].numpy()[:, 0]):
+        rows = np.pad(speech[:PROBE], ((0, 0), (0, s.words)))
+        style = np.zeros((1, len(rows), s.style), np.float32)
+        style[..., [who, s.speakers]] = 1
+        noise = np.zeros((1, len(rows), s.noise), np.float32)
+        exact, rounded = (engine.windows.make(rows, style, noise) for engine in engines)
+        error, size = error + float(np.square(rounded - exact).sum()), size + float(np.square(exact).sum())
+    return round((error / max(size, 1e-12)) ** 0.5, DIGITS)

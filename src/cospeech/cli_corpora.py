@@ -37,6 +37,9 @@ Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
 ]
 Scheduler = Annotated[str | None, Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster: tcp://head:8786.")]
+Encoder = Annotated[
+    str | None, Option("--wav2vec", metavar="NAME", help="Keep what a wav2vec 2.0 hears too: its folder, or name on the hub.")
+]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace a store that is there.")]
 Layout = Annotated[str, Option("--layout", metavar="NAME", help="ted, trinity, pats or beat.")]
 Speech = Annotated[Path | None, Option("--speech", metavar="FOLDER", help="Recordings to gesture to, with words beside them.")]
@@ -76,6 +79,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
+        wav2vec: Encoder = None,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
         debug: Debug = False,
@@ -90,7 +94,8 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                twins=twin or (), jobs=jobs, backend=backend, scheduler=scheduler, overwrite=overwrite, progress=tell,
+                twins=twin or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec, overwrite=overwrite,
+                progress=tell,
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")

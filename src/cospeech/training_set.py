@@ -19,10 +19,9 @@ from .corpora.examples import examples_of
 from .corpora.feed import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
 from .corpora.store import Store
 from .corpora.subset import of_speakers
-from .corpora.texts import with_subwords, with_vectors
+from .corpora.texts import with_text
 from .corpora.windows import Windows
 from .errors import InputError
-from .features.word_vectors import open_vectors
 from .poses.controls import control_quantiles, with_controls
 from .poses.joints import hand_columns
 from .poses.modes import with_modes
@@ -75,6 +74,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     if data.speakers:
         store = of_speakers(store, data.speakers)
     check_mirror(store, data.mirror)
+    _check_encoder(config, store)
     reduce = _reduction(data.audio, store)
     standards = {"pose": standard_pose(store)}
     if "audio" in store.arrays:
@@ -85,7 +85,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         standards["control"] = Standard(*store.statistics("control"))
     centres = None
     if "text" in kind.arrays:
-        store = with_subwords(store) if data.words is None else with_vectors(store, open_vectors(data.words))
+        store = with_text(store, data.words)
     if "cluster" in kind.arrays:
         store, centres = with_modes(store, config.modes)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
@@ -112,6 +112,18 @@ def _hands_and_text(kind: Any, store: Store, data: Data) -> dict[str, Any]:
     if "text" in takes:
         found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
     return found
+
+
+def _check_encoder(config: Any, store: Store) -> None:
+    """Whether a store was heard by the CNN of the wav2vec 2.0 whose transformer is trained.
+
+    Raises:
+        InputError: by that of another.
+    """
+    heard = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
+    if getattr(config, "ear", None) == "wav2vec" and heard and heard != {own := Path(config.encoder).name}:
+        hint = f"prepare it with --wav2vec {config.encoder}, or set model.encoder"
+        raise InputError(f"the store {str(store.folder)!r} was heard by {heard.pop()!r}, the recipe has {own!r}", hint)
 
 
 def _reduction(name: str | None, store: Store) -> Reduce | None:

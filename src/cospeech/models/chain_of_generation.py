@@ -70,7 +70,9 @@ class ChainConfig:
     reduction: int = 8
     """By how much channel attention narrows; not stated, ours."""
     ear: str = "own"
-    """What makes Â of speech, one of nn/speech_ears.py; the paper's is wav2vec2."""
+    """What makes Â of speech, one of nn/speech_ears.py; the paper's is wav2vec."""
+    encoder: str = "facebook/wav2vec2-base-960h"
+    """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
     """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
     text_channels: int = 256
@@ -167,7 +169,7 @@ class Chain(Windowed):
         if config.ear not in EARS:
             raise InputError(f"no ear is called {config.ear!r}"[:200], nearest(config.ear, EARS))
         self.config, self.pose, self.delay = config, pose, delay
-        self.ear = EARS[config.ear](audio, config.latent, layers.conv)
+        self.ear = EARS[config.ear](config, audio, layers.conv)
         self.arrays = tuple(self.ear.array if name == "audio" else name for name in self.arrays)
         self.word = word_embedding(text, config.word_width)
         self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, config.noise

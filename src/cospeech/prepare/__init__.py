@@ -32,7 +32,7 @@ from ..files import atomic, describe_os_error
 from ..poses import find_pose
 from ..skeletons.arkit import ARKIT
 from .filters import FILTERS
-from .pieces import Plan, audio_names, make_part, needed, read_part, split_of
+from .pieces import Plan, audio_names, make_part, needed, read_part, split_of, wav2vec_names
 from .twinning import Change, twin_maker
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
@@ -97,6 +97,7 @@ def prepare(
     jobs: int = 1,
     backend: str = "loky",
     scheduler: str | None = None,
+    wav2vec: str | None = None,
     overwrite: bool = False,
     progress: Callable[[float, float | None], None] | None = None,
 ) -> PrepareReport:
@@ -117,6 +118,7 @@ def prepare(
         jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
         backend: joblib's name: loky, threading, multiprocessing, dask, ray.
         scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
+        wav2vec: folder or name of a wav2vec 2.0, whose CNN's features are kept in the store too; needs PyTorch.
         overwrite: replace a store that is there already.
         progress: called with seconds of motion done, and None (how much there will be is not known).
 
@@ -138,12 +140,14 @@ def prepare(
         )
     if jobs == 0 or jobs < -1:
         raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
+    if wav2vec is not None:
+        wav2vec_names(wav2vec)  # so that it is told now, not once per clip
     target = Path(store)
     if (target / "index.json").exists() and not overwrite:
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
     twins_for = twin_maker(twins, lambda: read(raw), mirror)
-    plan = Plan(corpus, chosen.name, float(rate), filters)
+    plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*twins]}
     parts = _parts_folder(target, {"plan": asdict(plan)} | settings)
     dropped: list[dict[str, Any]] = []
@@ -309,6 +313,8 @@ def _assemble(
         first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
         raise InputError(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
+    if plan.wav2vec is not None:
+        names["wav2vec"] = wav2vec_names(plan.wav2vec)
     write_store(target, pieces, corpus=plan.corpus, pose=plan.pose, fps=plan.fps, names=names)
     splits: dict[str, float] = {}
     speakers: dict[str, float] = {}

@@ -34,6 +34,7 @@ __all__ = [
     "read_part",
     "resample_points",
     "split_of",
+    "wav2vec_names",
 ]
 
 _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
@@ -49,17 +50,37 @@ class Plan:
         pose: name of the representation.
         fps: frames per second of the store.
         filters: whether to filter.
+        wav2vec: folder or name of a wav2vec 2.0, whose CNN's features are kept too.
     """
 
     corpus: str
     pose: str
     fps: float
     filters: bool = True
+    wav2vec: str | None = None
 
 
 def audio_names(corpus: str) -> tuple[str, ...]:
     """Columns of ``audio`` in a store of that corpus: ours, or those of the spectra that come with it."""
     return _READY[corpus][1] if corpus in _READY else AUDIO_NAMES
+
+
+def wav2vec_names(name: str) -> tuple[str, ...]:
+    """Columns of ``wav2vec`` in a store: the model's name, and a number.
+
+    Raises:
+        InputError: PyTorch or transformers is missing, or the model cannot be loaded.
+    """
+    return tuple(f"{Path(name).name} {k}" for k in range(_encoder(name).width))
+
+
+def _encoder(name: str) -> Any:
+    """The CNN of a wav2vec 2.0, and with it PyTorch, which preparing does not need else."""
+    try:
+        from ..nn.speech_encoder import load_cnn
+    except ImportError:
+        raise InputError("wav2vec 2.0 needs PyTorch", "pip install 'cospeech[wav2vec]'") from None
+    return load_cnn(name)
 
 
 def needed(clip: Clip) -> dict[str, object]:
@@ -99,6 +120,8 @@ def encode(clip: Clip, plan: Plan) -> dict[str, Array]:
     audio = _audio(clip, frames, plan)
     if audio is not None:
         out["audio"] = audio
+    if plan.wav2vec is not None and speech is not None:
+        out["wav2vec"] = _encoder(plan.wav2vec).frame_features(speech, frames, plan.fps)
     if clip.semantics is not None:
         out["semantic"] = _scores(clip.semantics, frames, plan.fps)
     if clip.emotion is not None:
@@ -232,7 +255,7 @@ def read_part(path: Path, meta: dict[str, Any], fps: float) -> list[Piece]:
     """The pieces of a part, one per kept stretch; arrays are loaded when they are written."""
     pieces = []
     with np.load(path, allow_pickle=False) as part:
-        has = tuple(name for name in ("pose", "audio", "face", "semantic", "emotion", "word") if name in part.files)
+        has = tuple(name for name in ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec") if name in part.files)
     for first, end in meta["runs"]:
         whole = (first, end) == (0, meta["frames"])
         name = meta["name"] if whole else f"{meta['name']}@{first}"

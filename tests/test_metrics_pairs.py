@@ -176,7 +176,8 @@ def test_joints_that_stand_still_in_all_recordings_do_not_count(name):
     def sample(seed: int, still: int) -> Sample:
         angles = np.random.default_rng(seed).normal(size=(20, 4, 3)) * 3
         legs = np.broadcast_to(np.array([30.0, 0, 0]), (20, still, 3))
-        return Sample("a", FPS, rotations=euler_to_quat(np.radians(np.concatenate([legs, angles], 1)), "XYZ"), semantics=weights)
+        rotations = euler_to_quat(np.radians(np.concatenate([legs, angles], 1)), "XYZ")
+        return Sample("a", FPS, rotations=rotations, semantics=weights)
 
     bare = load_metric(name)([sample(1, 0)], [sample(0, 0)]).value
     assert load_metric(name)([sample(1, 7)], [sample(0, 7)]).value == pytest.approx(bare)

@@ -35,7 +35,7 @@ Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write t
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Table = Annotated[
     str | None,
-    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1 to flow-3, mix-1 to mix-6; docs/tables.md."),
+    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1, mix-1, cog-1 and so on; docs/tables.md."),
 ]
 Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="Of --table: one run of every row with each.")]
 Rows = Annotated[

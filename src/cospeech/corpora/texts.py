@@ -9,13 +9,18 @@ from typing import cast
 import numpy as np
 
 from ..errors import InputError
-from ..features.word_vectors import WordVectors
+from ..features.word_vectors import WordVectors, open_vectors
 from ..features.words import plain_word, subword_rows
 from ..rotations import Array
 from .lookup import Lookup
 from .store import Store
 
-__all__ = ["with_subwords", "with_vectors"]
+__all__ = ["with_subwords", "with_text", "with_vectors"]
+
+
+def with_text(store: Store, words: str | None) -> Store:
+    """The same store with the array ``text`` as a recipe has it: subwords, or vectors of the file that ``words`` names."""
+    return with_subwords(store) if words is None else with_vectors(store, open_vectors(words))
 
 
 def with_subwords(store: Store) -> Store:

@@ -83,7 +83,7 @@ def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random
         spread = quat_to_rotvec(quat_multiply(quat_conjugate(mean), rotations)).std(0) if size is None else size
         turns = rotvec_to_quat(rng.normal(size=(len(body), len(mean), 3)) * spread)
         root = roots.mean(0) + rng.normal(size=(len(body), 3)) * (roots.std(0) if size is None else size)
-        face = _noisy_face(clip, kin, size, rng)
+        face = _noisy_face(clip, kin, size, rng.spawn(1)[0])
         return replace(clip, motion=replace(body, rotations=quat_multiply(mean, turns), root=root, face=face))
     values = np.concatenate([c.points.values for c in kin])
     noise = rng.normal(size=body.values.shape) * (values.std(0) if size is None else size)

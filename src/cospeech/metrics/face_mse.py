@@ -1,7 +1,7 @@
 """Face MSE: the mean squared difference of ARKit weights to the recording (Chain of Generation, equation 7).
 
-Said of one recording: one speech may be spoken with many faces, and the mean face does well. Frames that were given are left out;
-channels that a corpus lacks are 0 on both sides (BEAT has no ``tongueOut``).
+Said of one recording: one speech may be spoken with many faces, and the mean face does well. Frames that were given are left
+out; channels that a corpus lacks are 0 on both sides (BEAT has no ``tongueOut``).
 """
 
 from __future__ import annotations

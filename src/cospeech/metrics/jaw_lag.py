@@ -38,7 +38,7 @@ def _moments(sample: Sample) -> Array | None:
     jaw = at_rate(sample.face[:, ARKIT_INDEX["jawOpen"]], sample.fps, count)
     jaw, loud = jaw - jaw.mean(), loud[:count] - loud[:count].mean()
     rows = []
-    for lag in LAGS:
+    for lag in map(int, LAGS):
         a = jaw[max(lag, 0) : count + min(lag, 0)]
         b = loud[max(-lag, 0) : count - max(lag, 0)]
         rows.append((a @ b, a @ a, b @ b))

@@ -2,9 +2,9 @@
 
 As coded: a joint is right where |Δx| + |Δy| + |Δz| of its Euler angles is below 4° (359° against 1° is wrong); the weight of a
 frame is its semantic score ÷ 0.165, the mean of BEAT, so that a perfect score is 1 only for clips with that mean; frames that
-were given count. `srgr` takes the angle of the rotation between the two, weights that sum to 1, and no given frames. Joints that
-stand still in all recordings (legs that a representation leaves out) are in neither: they would always be right. BEAT's code
-has only the 47 joints that move.
+were given count. `srgr` takes the angle of the rotation between the two, weights that sum to 1, and no given frames. Joints
+that stand still in all recordings (legs that a representation leaves out) are in neither: they would always be right. BEAT's
+code has only the 47 joints that move.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ For tables and figures, where hundreds of windows are wanted at once; what gener
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,10 +16,13 @@ from torch import Tensor, nn
 from ..errors import InputError
 from ..nn.windowed import Windowed
 from ..rotations import Array
+from .chain_of_generation import Chain
 
-__all__ = ["codes", "context_of", "perform", "play", "recognise", "styles_of", "threads"]
+__all__ = ["codes", "context_of", "perform", "play", "play_given", "recognise", "styles_of", "threads"]
 
 BATCH = 512  # windows at a time; ours
+LABELS = ("face", "emotion", "speaker")
+"""What a Chain of Generation makes of the speech itself unless it is given."""
 
 
 @contextmanager
@@ -48,6 +51,11 @@ def context_of(net: nn.Module) -> tuple[int, int]:
 
 def _tensor(x: Array, device: torch.device) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(x, np.float32)).to(device)
+
+
+def _numbers(x: Array, device: torch.device) -> Tensor:
+    """As `_tensor`; whole numbers as int64."""
+    return _tensor(x, device) if x.dtype.kind == "f" else torch.from_numpy(np.ascontiguousarray(x, np.int64)).to(device)
 
 
 def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
@@ -136,6 +144,34 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     if not np.isfinite(poses).all():
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
     return poses
+
+
+def play_given(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = ()) -> dict[str, Array]:
+    """Windows of all inputs that there are, but for what is lacking.
+
+    Args:
+        net: with ``play``: a Chain of Generation, which then makes it of the speech, or a network of many inputs.
+        arrays: of a batch: poses and audio standardised, numbers as int64, ``speaker`` (B,).
+        lacks: of text, face, emotion, speaker and seed.
+
+    Returns:
+        ``pose`` (B, T, D), standardised, and, where it makes one, ``face`` (B, T, 52).
+
+    Raises:
+        InputError: another network, or what comes out is not finite.
+    """
+    asked: Any = getattr(net, "play", None)
+    if asked is None:
+        raise InputError(f"{type(net).__name__} is not played with many inputs", "Chain of Generation, CaMN, multi-context are")
+    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, Chain) else {}
+    device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
+    for k in range(0, count, BATCH):
+        some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}
+        parts.append({name: made.cpu().numpy() for name, made in asked(some, lacks, **told).items()})
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not all(np.isfinite(made).all() for made in found.values()):
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return found
 
 
 def styles_of(net: nn.Module, stretches: Array) -> Array:

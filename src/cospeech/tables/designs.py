@@ -32,6 +32,7 @@ class Row:
         overrides: ``"model.modes=4"``, what is changed in the recipe.
         runs: speakers of each run that the row is made of; ``((),)``: one run of all.
         judged: speakers whose mean the figures are; (): all of its runs.
+        lacks: inputs that it is played without.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Row:
     overrides: tuple[str, ...] = ()
     runs: tuple[tuple[str, ...], ...] = ((),)
     judged: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from ..poses import find_pose
 from ..rotations import Array
 from .controls import far_rows
 
-__all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol"]
+__all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol", "restricted"]
 
 BEFORE, AFTER = 12, 20
 """Frames that every window has before and after what is made: as many as the longest history (stylised flow, TED) and
@@ -57,7 +57,7 @@ PROTOCOLS: dict[str, Protocol] = {
 }
 
 
-def _restricted(sample: Sample, joints: tuple[str, ...]) -> Sample:
+def restricted(sample: Sample, joints: tuple[str, ...]) -> Sample:
     """Without the joints that a representation does not move (legs, fingers), which would always be right."""
     keep = [0, *(sample.names.index(name) for name in joints if sample.names.index(name))]
     positions, rotations = sample.positions, sample.rotations
@@ -135,7 +135,7 @@ class Excerpts:
         hears = clip.speech is not None and int(condition) % self.protocol.apart == 0
         sample = sample_of(clip, condition=condition, seed_frames=self.protocol.given, track=hears)
         joints = getattr(self.pose, "joints", None)
-        sample = sample if joints is None else _restricted(sample, joints)
+        sample = sample if joints is None else restricted(sample, joints)
         return replace(sample, name=name or clip.name)
 
     def samples(self, made: Array, which: Array | None = None, take: int = 1) -> list[Sample]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from os import PathLike
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..corpora.store import Entry
+from ..corpora.store import Entry, Store
 from ..errors import InputError
 from ..evaluation import stored_clips
 from ..files import atomic
@@ -21,12 +21,12 @@ from ..render.strip import Sound
 from ..rotations import Array
 from ..skeletons.ted import JOINTS, PARENTS
 from ..speech import Word
-from .excerpts import AFTER, BEFORE, Excerpts
+from .excerpts import Excerpts
 from .scores import controls_of_latents, latents
 from .stages import Player
 from .tsne import tsne
 
-__all__ = ["draw_latents", "draw_poses", "write_picture"]
+__all__ = ["draw_latents", "draw_poses", "shown_of", "write_picture"]
 
 Pictures = NDArray[np.uint8]
 
@@ -35,13 +35,25 @@ SOUND_STEP = 0.02  # s, of the waveform
 _BARE = 0.08  # ours: how loud speech is drawn at its quietest where only its energy is known
 
 
-def _longest(excerpts: Excerpts) -> Entry:
-    """The test clip that is shown."""
-    clips = [clip for clip in excerpts.store.clips if clip.split == "test" and "audio" in clip.has]
-    return max(clips, key=lambda clip: clip.frames)
+class Place(Protocol):
+    """Where what is shown was recorded."""
+
+    store: Store
+    pose: Any
+
+    @property
+    def raw(self) -> Any:
+        """The corpus, for the sound; or None."""
+        ...
 
 
-def _words(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> list[Word]:
+def shown_of(entries: Sequence[Entry], fps: float, before: int, after: int) -> tuple[Entry, int]:
+    """The longest of some clips, and how many frames of it are shown, from the frame ``before`` on."""
+    entry = max(entries, key=lambda clip: clip.frames)
+    return entry, min(round(SECONDS * fps), entry.frames - before - after)
+
+
+def _words(excerpts: Place, entry: Entry, first: int, frames: int) -> list[Word]:
     """Words of the frames shown, from the store; seconds from the first."""
     store = excerpts.store
     if "word" not in entry.has:
@@ -52,7 +64,7 @@ def _words(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> list[Wo
     return [Word(store.words[k], a / store.fps, b / store.fps) for a, b, k in runs if k > 0]
 
 
-def _sound(excerpts: Excerpts, entry: Entry, first: int, frames: int) -> Sound:
+def _sound(excerpts: Place, entry: Entry, first: int, frames: int) -> Sound:
     """The waveform of the frames shown; where there is no sound, from the energy of the store's frames."""
     fps = excerpts.store.fps
     if excerpts.raw is None:
@@ -78,7 +90,7 @@ def _kept_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int
     return keep.index(above) if above >= 0 else -1
 
 
-def _sticks(excerpts: Excerpts, label: str, vectors: Array) -> Sticks:
+def _sticks(excerpts: Place, label: str, vectors: Array) -> Sticks:
     """Poses of the store as a row of figures."""
     body = excerpts.pose.decode(np.asarray(vectors, np.float64), excerpts.store.fps)
     if not isinstance(body, Motion):
@@ -93,28 +105,20 @@ def _sticks(excerpts: Excerpts, label: str, vectors: Array) -> Sticks:
     return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
 
 
-def draw_poses(players: Mapping[str, Player], excerpts: Excerpts, *, seed: int = 0) -> Pictures:
-    """The recording and what each system makes of its speech, from the first poses of the longest test clip on.
+def draw_poses(made: Mapping[str, Array], place: Place, entry: Entry, before: int) -> Pictures:
+    """The recording and what each system makes of its speech, above it.
 
     Args:
-        players: label of a row → a trained system.
-        excerpts: of the store.
-        seed: of the latents.
+        made: label of a row → (T, D) poses in the units of the store, all of the same frames.
+        place: the store.
+        entry: the clip that is shown.
+        before: frames of it before the first that is shown.
     """
-    from ..models.playing import perform
-
-    entry, store = _longest(excerpts), excerpts.store
-    frames = min(round(SECONDS * store.fps), entry.frames - BEFORE - AFTER)
-    first = entry.offset + BEFORE
-    pose, audio = store.arrays["pose"], store.arrays["audio"]
-    rows = [_sticks(excerpts, "recording", pose[first : first + frames])]
-    for label, player in players.items():
-        before, after = player.context
-        history = player.pose(np.asarray(pose[first - before : first])[None])
-        heard = player.audio(np.asarray(audio[first - before : first + frames + after])[None])
-        rows.append(_sticks(excerpts, label, player.unpose(perform(player.net, history, heard, seed=seed))[0]))
-    words, sound = _words(excerpts, entry, first, frames), _sound(excerpts, entry, first, frames)
-    return draw_sticks(rows, store.fps, cells=CELLS, sound=sound, words=words)
+    first, frames = entry.offset + before, min(map(len, made.values()))
+    rows = [_sticks(place, "recording", place.store.arrays["pose"][first : first + frames])]
+    rows += [_sticks(place, label, poses[:frames]) for label, poses in made.items()]
+    words, sound = _words(place, entry, first, frames), _sound(place, entry, first, frames)
+    return draw_sticks(rows, place.store.fps, cells=CELLS, sound=sound, words=words)
 
 
 def draw_latents(players: Mapping[str, Player], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:

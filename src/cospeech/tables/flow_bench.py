@@ -8,11 +8,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..metrics import Tools
 from .controls import faults_of
 from .designs import Cells, Design, Part, Pictures, Row
-from .excerpts import Excerpts
-from .figures import draw_latents, draw_poses
+from .excerpts import AFTER, BEFORE, Excerpts
+from .figures import draw_latents, draw_poses, shown_of
 from .scores import controls_of_latents, judge, judge_latents, kept, latents, score
 from .stages import Player, Stages
 
@@ -91,7 +93,18 @@ class Performances(_Flows):
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
         """Poses above speech, as figure 5."""
-        return draw_poses(self._players(table), self.excerpts, seed=table["seeds"][0])
+        from ..models.playing import perform
+
+        store, made = self.excerpts.store, {}
+        clips = [clip for clip in store.clips if clip.split == "test" and "audio" in clip.has]
+        entry, frames = shown_of(clips, store.fps, BEFORE, AFTER)
+        first = entry.offset + BEFORE
+        for label, player in self._players(table).items():
+            before, after = player.context
+            history = player.pose(np.asarray(store.arrays["pose"][first - before : first])[None])
+            heard = player.audio(np.asarray(store.arrays["audio"][first - before : first + frames + after])[None])
+            made[label] = player.unpose(perform(player.net, history, heard, seed=table["seeds"][0]))[0]
+        return draw_poses(made, self.excerpts, entry, BEFORE)
 
 
 class Latents(_Flows):

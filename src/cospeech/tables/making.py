@@ -12,6 +12,7 @@ from typing import Any
 from ..corpora.store import Store
 from ..errors import InputError, nearest
 from ..files import atomic
+from .cog import COG
 from .designs import Bench, Design, Part, Row
 from .figures import write_picture
 from .flow import FLOW
@@ -21,7 +22,7 @@ from .stages import Stages, make_folder
 
 __all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
 
-TABLES: dict[str, Design] = {**FLOW, **MIX}
+TABLES: dict[str, Design] = {**FLOW, **MIX, **COG}
 """Name after ``--table`` → the table."""
 
 Tell = Callable[[str], None]

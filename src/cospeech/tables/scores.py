@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from .excerpts import Excerpts
 from .stages import Player, make_folder
 from .tsne import tsne
 
-__all__ = ["cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
+__all__ = ["Judged", "cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
 
 SCORING = 1  # counts up when scores are worked out in another way, so that kept ones are not used
 TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
@@ -48,8 +48,27 @@ def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tool
     return {"value": score.value, "interval": score.interval, "note": score.note}
 
 
+class Judged(Protocol):
+    """Windows or clips that were recorded, and what is known of them."""
+
+    @property
+    def raw(self) -> Any:
+        """The corpus, for the sound; None: nothing is heard."""
+        ...
+
+    @property
+    def truth(self) -> Sequence[Sample]:
+        """The recordings, whose conditions are their numbers."""
+        ...
+
+    @property
+    def apart(self) -> Array:
+        """Numbers of those that do not overlap."""
+        ...
+
+
 def judge(
-    columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Excerpts, tools: Tools
+    columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Judged, tools: Tools
 ) -> Cells:
     """Scores of motion.
 
@@ -57,7 +76,7 @@ def judge(
         columns: metrics.
         samples: one of every window.
         takes: several of some windows, for metrics of variety.
-        excerpts: the windows.
+        excerpts: what was recorded.
         tools: the feature network.
     """
     apart = {str(k) for k in excerpts.apart}

@@ -35,6 +35,8 @@ _NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise
 _MIX = {"channels": 16, "patch_channels": 16}
 _BRIEF = {"steps": 400, "batch": 16, "lr": 2e-3, "validate_every": 0, "save_every": 400}
 # one rate for all systems of windows: at 1e-4, Speech2Gesture's and MUNIT's, so few steps teach nothing
+_CHAIN = {"hidden": 64, "layers": 2, "word_width": 32}
+_LSTM = {"steps": 600, "batch": 32, "lr": 1e-3, "validate_every": 0, "save_every": 600}
 SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "stylised-flow": {
         "model": {**_NARROW, "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5},
@@ -46,6 +48,13 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     **{name: {"model": _MIX, "train": _BRIEF} for name in ("mix-stage", "stage", "cmix-gan")},
     "mix_stage_pats_authors": {"model": {"curriculum": 7}, "train": {}},  # 1000 of 60,000 steps, as many of 400
     "speech2gesture": {"model": {"channels": 16, "judge": 16}, "train": _BRIEF},
+    "chain-of-generation": {
+        "model": {**_CHAIN, "latent": 64, "classifier_steps": 150, "classifier_channels": 64},
+        "train": _LSTM,
+    },
+    "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
+    "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
+    "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
     "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
     "speaker-classifier": {
         "model": {"channels": 16, "plain": True},

@@ -22,7 +22,7 @@ which takes differ; and a discriminator (nn/pose_judge.py), as a distance to one
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -30,7 +30,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
-from ..nn.cascade import EMOTIONS, Cascade, Given, Layers, Made, Widths
+from ..nn.cascade import EMOTIONS, Cascade, Given, Layers, Made, Through, Widths
 from ..nn.channel_attention import ChannelAttention
 from ..nn.contrast import RhythmIdentity
 from ..nn.gumbel import smooth_gumbel
@@ -109,6 +109,10 @@ class ChainConfig:
     """Weight of what a discriminator says (nn/pose_judge.py), by least squares; 0: there is none. Ours."""
     judge_channels: int = 48
     """Of its first convolution. Ours."""
+    attention: bool = True
+    """Whether CW-Attn is in it; table 2 has rows without."""
+    styled: bool = True
+    """Whether styles are injected; table 2 has rows without."""
 
 
 class Turn(NamedTuple):
@@ -168,6 +172,10 @@ class Chain(Windowed):
             )
         if config.ear not in EARS:
             raise InputError(f"no ear is called {config.ear!r}"[:200], nearest(config.ear, EARS))
+        if not config.attention:
+            layers = replace(layers, attention=lambda channels: Through())
+        if not config.styled:
+            layers = replace(layers, style=lambda channels, width: Through())
         self.config, self.pose, self.delay = config, pose, delay
         self.ear = EARS[config.ear](config, audio, layers.conv)
         self.arrays = tuple(self.ear.array if name == "audio" else name for name in self.arrays)

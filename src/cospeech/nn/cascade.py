@@ -22,7 +22,7 @@ from ..errors import InputError
 from .gesture_norm import GestureAdaLN, HyperNetwork
 from .temporal import SLOPE, Conv, ConvStack, Memory, TextTcn
 
-__all__ = ["EMOTIONS", "FACE", "Cascade", "Given", "Layers", "Made", "Widths"]
+__all__ = ["EMOTIONS", "FACE", "Cascade", "Given", "Layers", "Made", "Through", "Widths"]
 
 EMOTIONS, FACE = 8, 52
 """BEAT's emotions; weights of a face as a store has them (BEAT has 51 of them)."""
@@ -39,12 +39,14 @@ class Layers:
         attention: channels → channel attention.
         recurrent: inputs → an LSTM, ``hidden`` numbers out.
         hidden: of those.
+        style: (channels, width) → what a style does to features.
     """
 
     conv: Conv
     attention: Callable[[int], nn.Module]
     recurrent: Callable[[int], nn.Module]
     hidden: int
+    style: Callable[[int, int], nn.Module] = GestureAdaLN
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,13 @@ class Made(NamedTuple):
     """F̂."""
 
 
+class Through(nn.Module):
+    """Features as they are, whatever comes with them: in the place of attention or style, where the paper tries without."""
+
+    def forward(self, x: Tensor, other: Memory | Tensor) -> Tensor:
+        return x
+
+
 class _Decoder(nn.Module):
     """LSTM and MLP: features and what comes with them → B̂ (B, hidden, T), B (B, outputs, T)."""
 
@@ -131,7 +140,7 @@ class Cascade(nn.Module):
         self.face_features = ConvStack(layers.conv, (FACE, *[latent] * _FEATURE_LAYERS), _KERNEL)
         self.style = HyperNetwork(widths.speakers, EMOTIONS, latent, layers.conv)
         self.body_attention, self.hand_attention = layers.attention(3 * latent), layers.attention(both)
-        self.body_style, self.hand_style = GestureAdaLN(3 * latent, latent), GestureAdaLN(both, latent)
+        self.body_style, self.hand_style = layers.style(3 * latent, latent), layers.style(both, latent)
         self.body = _Decoder(layers, extra + 3 * latent, latent, len(body))
         self.hands = _Decoder(layers, extra + both, latent, len(hands))
         self.columns = (body, list(hands))

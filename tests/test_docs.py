@@ -86,6 +86,7 @@ def desk(tmp_path_factory):
     soundfile.write(place / "longer.wav", samples[: 6 * rate], rate)  # an example of style has 64 frames of a model
     run("generate longer.wav -o clip.bvh -o other.glb --style southpaw -q", place)
     run("convert talk.bvh from_anywhere.bvh --skeleton unreal -q", place)
+    (place / "moods.csv").write_text(fences(ROOT / "docs" / "styles.md", "csv")[0])
     odd_map = fences(ROOT / "docs" / "skeletons.md", "toml")[0]
     (place / "odd.toml").write_text(odd_map)
     theirs = tomllib.loads(odd_map)["bones"]

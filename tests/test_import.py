@@ -57,7 +57,8 @@ SESSION = (
     WITHOUT
     + """
 import cospeech
-session = cospeech.load("rules").session(fps=20)
+from cospeech.rules import RuleGesturer
+session = RuleGesturer().session(fps=20)
 speech = cospeech.Speech.load(sys.argv[1])
 frames = sum(len(motion) for chunk in speech.chunks(1.0) for motion in session.push(chunk))
 assert 0 < frames + sum(map(len, session.finish())) == speech.frames(20)
@@ -100,7 +101,7 @@ def test_onnxruntime_waits_for_a_bundle(made, line):
     without({"onnxruntime", "safetensors"}, COMMAND, *line.split(), folder=made)
 
 
-def test_rules_need_no_onnxruntime(tmp_path):
+def test_rules_by_themselves_need_no_onnxruntime(tmp_path):
     without({"onnxruntime", "safetensors"}, SESSION, EXAMPLE, folder=tmp_path)
 
 

@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 import pytest
 
+from cospeech import models
 from cospeech.demo import EXAMPLE
 from cospeech.errors import InputError
 from cospeech.features.reduce import hear as hear_columns
@@ -293,3 +294,54 @@ def test_gains_scale_the_final_face():
     assert not face(0.0)[:, IS_MOUTH].any()
     assert face(2.0).max() == 1
     assert list(ARKIT[k] for k in np.flatnonzero((face("mouthFunnel:0.9") != usual).any(0))) == ["mouthFunnel"]
+
+
+def test_every_system_speaks_with_the_mouth_that_ships(monkeypatch):
+    speech = Speech(np.resize(Speech.load(EXAMPLE).samples, 3 * RATE))
+    ruled = models.load("rules").generate(speech, seed=1, emotion="neutral")
+    assert np.abs(ruled.face - RuleGesturer().generate(speech, seed=1, emotion="neutral").face)[:, IS_MOUTH].max() > 0.05
+    for name in ("stylised-flow", "mix-stage"):
+        made = models.load(name).generate(speech, seed=1, emotion="neutral", fps=30.0)
+        assert np.array_equal(made.face, ruled.face)
+        gained = models.load(name).generate(speech, seed=1, emotion="neutral", face_gain="jawOpen:0,mouthClose:0")
+        assert not gained.face[:, ARKIT_INDEX["jawOpen"]].any()
+        with pytest.raises(InputError, match="jawOpen"):
+            models.load(name).session(face_gain="jawopen:1")
+
+    def missing():
+        raise InputError("no mouth", "none")
+
+    monkeypatch.setattr(mouths, "_shipped", missing)
+    for name in ("rules", "stylised-flow", "mix-stage"):
+        with pytest.raises(InputError, match="no mouth"):
+            models.load(name).generate(speech)
+        assert models.load(name).generate(speech, parts=("body",)).face is None
+
+
+def test_the_mouth_that_ships_opens_for_vowels_and_rests():
+    speech = Speech.load(EXAMPLE)
+    face = models.load("rules").generate(speech, emotion="neutral", fps=60.0).face
+    jaw = face[:, ARKIT_INDEX["jawOpen"]]
+    columns = np.array([np.square(speech.window(k / 60, (k + 1) / 60).samples).mean() for k in range(len(face) - 1)])
+    loud = np.log10(columns + 1e-8)
+    assert np.corrcoef(jaw[1:], loud)[0, 1] > 0.4
+    assert jaw.max() > 0.15
+    assert np.abs(np.diff(jaw)).max() * 60 < 12  # a weight per second: jaws are heavy
+    still = models.load("rules").generate(Speech(np.zeros(3 * RATE, np.float32)), emotion="neutral").face
+    assert still[:, ARKIT_INDEX["jawOpen"]].max() < 0.01
+
+
+def test_the_command_takes_gains(tmp_path):
+    from typer.testing import CliRunner
+
+    from cospeech.cli import app
+
+    def face(*line):
+        out = tmp_path / "a.npz"
+        done = CliRunner().invoke(app, ["generate", str(EXAMPLE), "-o", str(out), "-q", "--parts", "face", *line])
+        return done.exception if done.exit_code else Motion.load(out).face
+
+    usual, less = face(), face("--face-gain", "1,jawOpen:0.5")
+    jaw = ARKIT_INDEX["jawOpen"]
+    assert np.allclose(less[:, jaw], usual[:, jaw] / 2, atol=1e-6)
+    assert "jawOpen" in str(face("--face-gain", "jawOpn:1"))

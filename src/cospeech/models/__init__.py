@@ -100,7 +100,7 @@ class Performance(Protocol):
 
 
 class Gesturer(Protocol):
-    """What every model offers; all three with the keywords style, emotion, seed, intensity, temperature, fps, parts.
+    """What every model offers; all with the keywords style, emotion, seed, intensity, temperature, fps, parts, face_gain.
 
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
     """
@@ -153,8 +153,10 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
         raise InputError(f"no model is called {name[:120]!r}", nearest(name, MODELS))
     if name in NETWORKS or name not in MODELS:
         return _open(name)
+    from ..runtime.mouth import shipped_mouth
+
     module, _, attribute = MODELS[name].partition(":")
-    model: Gesturer = getattr(import_module(module), attribute)()
+    model: Gesturer = getattr(import_module(module), attribute)(mouth=shipped_mouth)
     return model
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from os import PathLike
 from typing import Any
@@ -16,12 +16,13 @@ from ..motion import Motion
 from ..poses import find_pose
 from ..poses.controls import control_row, read_controls
 from ..rotations import Array
-from ..rules import RuleGesturer
+from ..rules import MouthMaker, RuleGesturer
 from ..rules.session import check_speech
 from ..speech import Speech
 from .bundle import read_bundle
 from .listener import Listener
 from .manifest import System
+from .mouth import shipped_mouth
 from .performance import PIECE, Performance, Player, Wish
 from .players import Players, Terms, players_of
 from .reader import Reader
@@ -35,11 +36,12 @@ _PARTS = ("face", "body", "hands")
 
 
 class BundleGesturer:
-    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer.
+    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer with a learnt mouth.
 
     Args:
         system: an opened bundle; `BundleGesturer.open` takes a path.
         transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
+        mouth: makes what faces speak with; the one that ships where not given.
 
     Raises:
         InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
@@ -47,13 +49,13 @@ class BundleGesturer:
 
     takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
-    def __init__(self, system: System, transfer: Transfer | None = None) -> None:
+    def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = shipped_mouth) -> None:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self._players = players_of(system, transfer)
-        self._rules = RuleGesturer()
+        self._rules = RuleGesturer(mouth)
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> BundleGesturer:
@@ -74,6 +76,7 @@ class BundleGesturer:
         temperature: float = 1.0,
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
+        face_gain: float | str | Mapping[str, float] = 1.0,
         look_ahead: float | None = None,
         takes: int = 1,
     ) -> Performance:
@@ -81,13 +84,15 @@ class BundleGesturer:
         parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
         _check(seed, takes, intensity, temperature)
         options: dict[str, Any] = {"emotion": emotion, "fps": fps, "intensity": intensity, "temperature": temperature}
+        options["face_gain"] = face_gain
         seeds = [int(seed) + take for take in range(takes)]
-        self._rules.session(seed=seeds[0], parts=parts, **options)  # it checks them all
+        RuleGesturer().session(seed=seeds[0], parts=parts, **options)  # it checks them all
         wish = self._understood(style)
         given = emotion_track(emotion)
         listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, given))
         options["emotion"] = player.moods or emotion
-        faces = [self._rules.session(seed=k, parts=("face",), **options) for k in seeds]
+        shown = ("face",) if "face" in parts else ("hands",)  # without a face, moods alone are listened to
+        faces = [self._rules.session(seed=k, parts=shown, **options) for k in seeds]
         return Performance(
             self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
         )
@@ -119,6 +124,7 @@ class BundleGesturer:
                 among its modes, 0 (the network's own motion) … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
+            face_gain: see `cospeech.rules.RuleGesturer.generate`.
             look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
                 the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
 

@@ -35,6 +35,7 @@ from ..nn.channel_attention import ChannelAttention
 from ..nn.contrast import RhythmIdentity
 from ..nn.gumbel import smooth_gumbel
 from ..nn.judging import JUDGINGS
+from ..nn.modalities import INPUTS
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PATCH_FRAMES
 from ..nn.pose_judge import PoseJudge
@@ -46,9 +47,6 @@ from ..nn.words import word_embedding
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
-
-INPUTS = ("text", "face", "emotion", "speaker", "seed")
-"""What may be missing, or be given, beside the speech."""
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def bundle_run(
     statistics, _ = read_tensors(folder / "statistics.safetensors")
     examples, _ = read_tensors(folder / EXAMPLES)
     audio = facts["recipe"]["data"].get("audio")
-    if audio is None:
+    if audio is None and "audio" in model.arrays:
         raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
     if "stretches" not in examples:
         raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")

@@ -1,0 +1,154 @@
+"""From a transcript of any kind to the words that a system is given, of a file and of pieces as a microphone gives them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+import cospeech
+from cospeech import generate
+from cospeech.features.words import WordStream, word_ids
+from cospeech.models import load
+from cospeech.speech import Speech, Word, open_speech
+
+RATE = 22_050
+GRID = """File type = "ooTextFile"
+Object class = "TextGrid"
+
+xmin = 0
+xmax = 6
+tiers? <exists>
+size = 1
+item []:
+    item [1]:
+        class = "IntervalTier"
+        name = "words"
+        xmin = 0
+        xmax = 6
+        intervals: size = 4
+        intervals [1]:
+            xmin = 0
+            xmax = 0.5
+            text = ""
+        intervals [2]:
+            xmin = 0.5
+            xmax = 1.0
+            text = "hello"
+        intervals [3]:
+            xmin = 1.0
+            xmax = 3.1
+            text = "big"
+        intervals [4]:
+            xmin = 3.1
+            xmax = 5.5
+            text = "world"
+"""
+TIMED = [{"word": "hello", "start": 0.5, "end": 1.0}, {"word": "big", "start": 1.0, "end": 3.1}]
+TIMED += [{"word": "world", "start": 3.1, "end": 5.5}]
+SUBTITLES = "1\n00:00:00,500 --> 00:00:01,000\nhello\n\n2\n00:00:01,000 --> 00:00:03,100\nbig\n\n"
+SUBTITLES += "3\n00:00:03,100 --> 00:00:05,500\nworld\n"
+KINDS = {
+    "a.TextGrid": GRID,
+    "a.tsv": "".join(f"{w['start']}\t{w['end']}\t{w['word']}\n" for w in TIMED),
+    "a.srt": SUBTITLES,
+    "a.vtt": "WEBVTT\n\n" + SUBTITLES.replace(",", "."),
+    "a.json": json.dumps({"words": TIMED}),
+    "a.txt": "Hello, big world!",
+}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """Six seconds of a buzz, with three syllables of it."""
+    t = np.arange(6 * RATE) / RATE
+    loud = sum(((a <= t) & (t < b)).astype(float) for a, b in ((0.5, 1.0), (1.1, 3.0), (3.2, 5.5)))
+    path = tmp_path_factory.mktemp("recording") / "talk.wav"
+    soundfile.write(path, 0.3 * loud * sum(np.sin(2 * np.pi * 130 * k * t) / k for k in range(1, 6)), RATE)
+    return path
+
+
+def spoken(words: tuple[Word, ...] | None) -> list[str]:
+    return [word.text.lower() for word in words or ()]
+
+
+class Hearing:
+    """A performance that keeps what it is given, and plays what another plays."""
+
+    def __init__(self, inner, heard: list[Speech]) -> None:
+        self._inner, self._heard = inner, heard
+
+    def __getattr__(self, name: str):
+        return getattr(self._inner, name)
+
+    def push_takes(self, chunk: Speech):
+        self._heard.append(chunk)
+        return self._inner.push_takes(chunk)
+
+
+class Listening:
+    """A gesturer whose sessions are `Hearing`."""
+
+    def __init__(self, inner) -> None:
+        self._inner, self.heard = inner, []
+
+    def __getattr__(self, name: str):
+        return getattr(self._inner, name)
+
+    def session(self, **options):
+        return Hearing(self._inner.session(**options), self.heard)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_words_of_a_file_reach_the_system(tmp_path, monkeypatch, recording, name):
+    (tmp_path / name).write_text(KINDS[name], "utf-8")
+    listening = Listening(load("rules"))
+    monkeypatch.setattr(generate, "load_model", lambda *_, **__: listening)
+    cospeech.generate.generate_files(recording, [tmp_path / "out.bvh"], transcript=tmp_path / name, parts=("body",))
+    words = [word for chunk in listening.heard for word in chunk.words or ()]
+    assert spoken(tuple(words)) == ["hello", "big", "world"]
+    whole = Speech.load(recording, transcript=tmp_path / name)
+    assert spoken(whole.words) == ["hello", "big", "world"]
+    for word, loaded in zip(words, whole.words or (), strict=True):
+        assert (word.start, word.end) == pytest.approx((loaded.start, loaded.end), abs=0.02)
+    if name != "a.txt":
+        assert [(w.start, w.end) for w in words] == [(w["start"], w["end"]) for w in TIMED]
+    for chunk in listening.heard:
+        end = np.inf if chunk is listening.heard[-1] else chunk.start + chunk.seconds
+        assert all(chunk.start <= word.start < end for word in chunk.words or ())
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recording, name):
+    (tmp_path / name).write_text(KINDS[name], "utf-8")
+    with open_speech(recording, transcript=tmp_path / name) as source:
+        expected_words = source.words
+        stream, found = WordStream(15), []
+        for chunk in generate.speech_chunks(source):
+            found += stream.push(chunk)
+        found += stream.finish()
+    assert found == word_ids(expected_words, 90, 15)
+    assert [word.lower() for word in dict.fromkeys(found) if word] == ["hello", "big", "world"]
+    whole = Speech.load(recording, transcript=tmp_path / name)
+    for seconds in (0.04, 0.3, 10):
+        stream, live = WordStream(15), []
+        for chunk in whole.chunks(seconds):
+            live += stream.push(chunk)
+        live += stream.finish()
+        assert live == word_ids(whole.words, 90, 15)
+
+
+def test_sessions_take_words_with_the_piece_in_which_they_start(recording, tmp_path):
+    (tmp_path / "a.tsv").write_text(KINDS["a.tsv"], "utf-8")
+    whole = Speech.load(recording, transcript=tmp_path / "a.tsv")
+    told, untold = [], []
+    for speech, out in ((whole, told), (Speech(whole.samples, whole.rate), untold)):
+        session = load("rules").session(seed=3, fps=15)
+        for chunk in speech.chunks(0.2):
+            out += [motion.face for motion in session.push(chunk)]
+        out += [motion.face for motion in session.finish()]
+    assert np.concatenate(told).shape == np.concatenate(untold).shape == (90, 52)
+    assert np.abs(np.concatenate(told) - np.concatenate(untold)).max() > 0.05, "lips follow the words"

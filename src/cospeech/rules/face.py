@@ -51,7 +51,7 @@ _LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
 _CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
-_TALKS = (0.02, 0.20)  # `Voice.talking` at which a learnt mouth starts to move, and moves in full: 0.25, 0.1 s ahead (ours)
+_TALKS = (0.05, 0.40)  # `Voice.active` at which a learnt mouth starts to open, and does as it says: soft speech counts (ours)
 _MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
 _FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
 _SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
@@ -145,7 +145,7 @@ class Face:
 
     def _learnt(self, times: Array, heard: Heard, voice: Voice, words: Sequence, spoken: Array) -> tuple[Array, Array]:
         """(T, 52) and (T,): as a mouth says while somebody talks; how far words close the lips: m, b, p are hard to hear."""
-        talks = np.clip((voice.talking - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
+        talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
         mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
         return shape, mouth.claim * mouth.closed

@@ -61,12 +61,14 @@ TINY = {
     "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooled": 5},
     "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooled": 5},
     "speech-classifier": {"frames": 10, "channels": 6},
+    "seq2seq": {"frames": 10, "hidden": 8, "word_width": 5},
     "camn": _MANY,
     "camn+alone": _MANY | {"semantic": False, "unseeded": 0.5},
     "multi-context": _MANY,
     "multi-context+all": _MANY | {"emotion": 2, "face": 4, "adversarial_from": 0, "slope": 0.2},
     "multi-context+regression": _MANY | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "unseeded": 0.5},
     "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
+    "speech-to-face": {"frames": 34, "channels": 8, "dilations": (1, 2), "ahead": (2, 1)},
 }
 
 
@@ -281,7 +283,7 @@ def trained_windowed(name: str, **options):
 
 def test_the_networks_that_make_windows_are_these():
     known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
-    known |= {"chain-of-generation", "chain-of-generation-live"}
+    known |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
     assert {name.partition("+")[0] for name in windowed()} == known
     for name in windowed():
         net = network(name)
@@ -290,7 +292,7 @@ def test_the_networks_that_make_windows_are_these():
             noise = {"camn": lambda c: 0, "multi-context": lambda c: c.speaker}.get(name.partition("+")[0], lambda c: c.noise)
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
-        assert (net.styles > 0) is (hasattr(net, "style_of"))
+        assert (net.styles > 0) is (hasattr(net, "style_of") or net.literal)
         assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
 
 

@@ -45,7 +45,7 @@ def test_every_representation_says_what_it_is(name):
 def test_dimensions_are_those_of_the_papers():
     published = {"direction-vectors": 27, "keypoints2d": 96, "expmap-upper": 45, "expmap-full": 69, "euler": 141, "rot6d": 282}
     published |= {"rot6d-smplx": 330, "rot6d-humanoid": 330}
-    published |= {"expmap-humanoid": 57}  # ours
+    published |= {"expmap-humanoid": 57, "face": 55}  # ours
     assert {name: find_pose(name).dimensions for name in POSES} == published
 
 

@@ -21,6 +21,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "cmix-gan": {name: value for name, value in _MIX.items() if name != "style"},
     "speech2gesture": {"frames": 64, "channels": 8, "depth": 4, "decoder": 2, "judge": 4},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 2},
+    "speech-to-face": {"frames": 64, "channels": 8, "dilations": [1, 3], "ahead": [2, 1]},
 }
 
 

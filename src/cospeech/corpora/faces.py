@@ -124,12 +124,12 @@ def _read(folder: Path, tracks: _Tracks) -> Iterator[Clip | Dropped]:
 def _load(folder: Path) -> _Tracks:
     path = folder / "face.npz"
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays: dict[str, Any] = {name: file[name] for name in file.files}
         names, lengths = [str(name) for name in arrays["names"]], arrays["lengths"].astype(int)
         weights, fps = arrays["blendshapes"].astype(float), float(arrays["fps"])
         clips = tuple(str(name) for name in arrays["clip_ids"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
         raise InputError(f"cannot read {str(path)!r}: {error}"[:200], "is it damaged?") from None
     starts = np.concatenate([[0], np.cumsum(lengths)])
     fits = weights.shape == (starts[-1], len(names)) and len(clips) == len(lengths) and lengths.min(initial=1) > 0

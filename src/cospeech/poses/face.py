@@ -1,6 +1,6 @@
 """A talking face in 55 numbers: the 52 ARKit weights, and how neck and head together are turned, a rotation vector in radians.
 
-The body rests. Decoded weights lie in 0 … 1; the turn is shared by neck and head, half each, and is held within what a head can.
+The body rests. Decoded weights lie in 0 … 1; the turn is shared by neck and head, half each, and held within what heads can do.
 Every frame is decoded from its own row, so a motion may be decoded in pieces of any size.
 """
 

@@ -73,7 +73,7 @@ def reached(net, terms: dict) -> set[str]:
 @pytest.mark.parametrize("make", [chain, live])
 @pytest.mark.parametrize("labelled", [0.0, 0.5, 1.0])
 def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, labelled):
-    net = make(adversarial=1.0, noise=2, labelled=labelled, recast=0.3).train()
+    net = make(adversarial=1.0, noise=2, labelled=labelled, borrowed=0.3, manner=1.0).train()
     data = batch(net)
     parts = net.objectives()
     assert [*parts] == ["classifier", "judge", "gestures"]
@@ -312,17 +312,28 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
     assert not torch.equal(drawn[0], drawn[2])
 
 
-def test_who_is_recast_is_judged_in_that_mood_and_compared_with_nobody():
-    net = chain(recast=1.0, adversarial=1.0).train()
-    turn = net._turn(batch(net))
-    style = turn.style[:, SPEAKERS:, 0]
-    assert torch.equal(style.argmax(1), turn.emotion)
-    assert not turn.kept.any()
-    terms = net.gesture_loss(batch(net), 0)
+def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recording():
+    net = chain(borrowed=1.0, adversarial=1.0, manner=2.0).train()
+    data = batch(net)
+    turn = net._turn(data)
+    for name in ("audio", "text", "face"):
+        assert torch.equal(turn.played[name], data[name].roll(1, 0))
+    for name in ("pose", "emotion", "speaker"):
+        assert torch.equal(turn.played[name], data[name])
+    assert torch.equal(turn.style[:, :SPEAKERS, 0].argmax(1), data["speaker"])
+    assert torch.equal(turn.style[:, SPEAKERS:, 0].argmax(1), data["emotion"][:, 0])
+    assert not turn.own.any()
+    terms = net.terms(data, turn)
     assert terms["body"] == terms["hands"] == 0
     assert terms["adv"] > 0
-    moods = {int(net._turn(batch(net, step=step)).emotion[0]) for step in range(60)}
-    assert moods == {*range(8)}
+    told = 0.0
+    for made, pose in zip(turn.made.pose.mT.detach().double().numpy(), data["pose"].double().numpy(), strict=True):
+        told += np.abs(made.mean(0) - pose.mean(0)).mean() + np.abs(made.std(0) - pose.std(0)).mean()
+        told += 3 * np.abs(np.diff(made, axis=0).std(0) - np.diff(pose, axis=0).std(0)).mean()
+    assert terms["manner"].item() == pytest.approx(2 * told / ROWS / 3, rel=1e-2)
+    half = chain(borrowed=0.5).train()
+    assert 0 < half._turn(Batch(arrays(rows=30), Chance(0, 0))).own.sum() < 30
+    assert half.eval()._turn(data).own.all()
 
 
 def test_unknown_moods_teach_the_classifier_of_speakers_alone():

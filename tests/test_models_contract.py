@@ -31,7 +31,7 @@ _MANY = {"frames": 12, "hidden": 8, "layers": 2, "audio": 6, "text": 4, "speaker
 _CHAIN = {"frames": 10, "latent": 8, "hidden": 8, "layers": 2, "reduction": 4, "word_width": 5, "text_channels": 6}
 _CHAIN |= {"classifier_channels": 6}
 _PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "judge_channels": 4, "reconstruction": 5.0, "face": 5.0}
-_PLAYED |= {"wordless": 0.5, "unseeded": 0.5, "labelled": 0.5, "faced": 0.5, "recast": 0.3}
+_PLAYED |= {"wordless": 0.5, "unseeded": 0.5, "labelled": 0.5, "faced": 0.5, "borrowed": 0.3, "manner": 1.0}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},

@@ -23,7 +23,8 @@ from ..nn.channel_attention import PastAttention
 from ..nn.objective import Batch, Objective
 from ..nn.recurrent import Forwards
 from ..nn.temporal import CausalConv, Memory
-from .chain_of_generation import Chain, ChainConfig, ChainOfGeneration, Turn
+from .chain_config import ChainConfig
+from .chain_of_generation import Chain, ChainOfGeneration, Turn
 
 __all__ = ["ChainLive", "ChainLiveConfig"]
 

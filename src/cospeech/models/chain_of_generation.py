@@ -16,13 +16,14 @@ frozen, and what it says is what the style is made of. Both decoders get the see
 
 Followed, changed, not said: docs/models/chain_of_generation.md. Ours, off by default: clips without words or seeds, with the
 style of their labels or with their recorded face, so that all of these may be missing or given when it plays; smooth noise, by
-which takes differ; and a discriminator (nn/pose_judge.py), as a distance to one recording is least for the mean of all poses.
+which takes differ; and, as a distance to one recording is least for the mean of all poses, a discriminator (nn/pose_judge.py)
+and a loss of how large and how fast a clip moves, also to the speech of somebody else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -38,79 +39,19 @@ from ..nn.judging import JUDGINGS
 from ..nn.modalities import INPUTS
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PATCH_FRAMES
-from ..nn.pose_judge import PoseJudge
+from ..nn.pose_judge import FASTER, PoseJudge
 from ..nn.recurrent import BothWays
 from ..nn.speech_ears import EARS
 from ..nn.temporal import Memory, SameConv
 from ..nn.windowed import Windowed
 from ..nn.words import word_embedding
+from .chain_config import ChainConfig
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
 
 
-@dataclass(frozen=True)
-class ChainConfig:
-    """Sizes and weights; the defaults are the paper's, or, where it is silent, those of CaMN's code, which it builds on."""
-
-    frames: int = 34
-    """N; section 4.1."""
-    seeds: int = 4
-    """Frames at the beginning that are given as seed poses; section 4.1. 0: there is no such input. Ours."""
-    latent: int = 128
-    """Of audio, text, face features and style; section 4.1."""
-    hidden: int = 256
-    """Of each LSTM, and of B̂; not stated, CaMN's code 256."""
-    layers: int = 4
-    """Of each LSTM; not stated, CaMN's code 4."""
-    dropout: float = 0.3
-    """Between layers of LSTMs and in the text network; not stated, CaMN's code 0.3."""
-    reduction: int = 8
-    """By how much channel attention narrows; not stated, ours."""
-    ear: str = "own"
-    """What makes Â of speech, one of nn/speech_ears.py; the paper's is wav2vec."""
-    encoder: str = "facebook/wav2vec2-base-960h"
-    """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
-    word_width: int = 300
-    """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
-    text_channels: int = 256
-    """Of the text network; not stated, CaMN's code 256."""
-    classifier_steps: int = 2000
-    """Of the first stage; not stated, ours."""
-    classifier_channels: int = 128
-    """Not stated, ours."""
-    reconstruction: float = 500.0
-    """λ_Rec; section 3.4."""
-    hands: float = 1.0
-    """α, weight of hands beside the body; not stated, ours."""
-    face: float = 1000.0
-    """λ_Mse; section 3.4."""
-    rhythm: float = 1.0
-    """λ_Rhy; section 3.4."""
-    temperature: float = 0.1
-    """τ of equation 6; section 4.1."""
-    wordless: float = 0.0
-    """Share of training clips whose words are not known. Ours."""
-    unseeded: float = 0.0
-    """Share of training clips without seed poses. Ours."""
-    labelled: float = 0.0
-    """Share of training clips whose style is of their labels, not of what the classifier says. Ours."""
-    faced: float = 0.0
-    """Share of training clips of which TFFDec sees the recorded face. Ours."""
-    recast: float = 0.0
-    """Share of training clips that are played in an emotion drawn at random; no recording knows them, D does. Ours."""
-    noise: int = 0
-    """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. Ours."""
-    persistence: float = 15.0
-    """Frames over which the noise correlates. Ours."""
-    adversarial: float = 0.0
-    """Weight of what a discriminator says (nn/pose_judge.py), by least squares; 0: there is none. Ours."""
-    judge_channels: int = 48
-    """Of its first convolution. Ours."""
-    attention: bool = True
-    """Whether CW-Attn is in it; table 2 has rows without."""
-    styled: bool = True
-    """Whether styles are injected; table 2 has rows without."""
+TINY = 1e-6  # ours: a variance whose root has a slope
 
 
 class Turn(NamedTuple):
@@ -122,10 +63,10 @@ class Turn(NamedTuple):
     """Â of all that was heard."""
     features: Tensor
     """F̂ of the same."""
-    emotion: Tensor
-    """(B,) which the poses are to show, −1: not known."""
-    kept: Tensor
-    """(B, 1, 1) whether the recording is what they should be."""
+    played: Batch
+    """As the batch, but with the speech, words and faces that were played to."""
+    own: Tensor
+    """(B, 1, 1) whether these are the clip's own."""
     style: Tensor
     """(B, S + 8, T)."""
     words: Tensor
@@ -262,42 +203,46 @@ class Chain(Windowed):
         """Equation 10."""
         return self.classifier.losses(batch[self.ear.array], batch["speaker"], batch["emotion"])
 
-    def _styled(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
-        """(B, S + 8, T) weights, (B,) emotion that is to be seen, (B, 1, 1) whether the recording shows it."""
-        speakers, rows, label = self.styles - EMOTIONS, len(batch), batch["emotion"]
-        heard = self.recognised(batch[self.ear.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
-        told = F.one_hot(batch["speaker"], speakers).unsqueeze(1).expand(-1, label.shape[1], -1)
+    def _lent(self, batch: Batch) -> tuple[Batch, Tensor]:
+        """The batch with some clips' speech, words and faces those of the clip before; (B, 1, 1) which have their own."""
+        own = batch.chance.uniform(len(batch), 1, 1) >= self.config.borrowed * self.training
+        names = {self.ear.array, "text", "face"}
+        arrays = {n: torch.where(own, x, x.roll(1, 0)) if n in names else x for n, x in batch.arrays.items()}
+        return Batch(arrays, batch.chance), own
+
+    def _styled(self, played: Batch, own: Tensor) -> Tensor:
+        """(B, S + 8, T) weights of speakers and of emotions."""
+        speakers, label = self.styles - EMOTIONS, played["emotion"]
+        heard = self.recognised(played[self.ear.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
+        told = F.one_hot(played["speaker"], speakers).unsqueeze(1).expand(-1, label.shape[1], -1)
         felt = torch.where((label < 0).unsqueeze(2), heard[..., speakers:], F.one_hot(label.clamp_min(0), EMOTIONS).float())
-        coins, drawn = batch.chance.uniform(rows, 3, 1, 1), batch.chance.uniform(rows)
-        coins = coins if self.training else torch.ones_like(coins)
-        who = torch.where(coins[:, 0] < self.config.labelled, told.float(), heard[..., :speakers])
-        how = torch.where(coins[:, 1] < self.config.labelled, felt, heard[..., speakers:])
-        recast, other = coins[:, 2] < self.config.recast, (drawn * EMOTIONS).long()
-        how = torch.where(recast, F.one_hot(other, EMOTIONS).float().unsqueeze(1), how)
-        shown = torch.where(recast.flatten(), other, label[:, label.shape[1] // 2])
-        return torch.cat([who, how], 2).mT, shown, ~recast
+        coins = played.chance.uniform(len(played), 2, 1, 1) < self.config.labelled * self.training
+        who = torch.where(coins[:, 0] | ~own, told.float(), heard[..., :speakers])
+        how = torch.where(coins[:, 1] | ~own, felt, heard[..., speakers:])
+        return torch.cat([who, how], 2).mT
 
     def _turn(self, batch: Batch) -> Turn:
         """What both turns of a step need; D's leaves it to that of the others, as it moves nothing of it."""
         if self._left is not None and self._left[0] is batch:
             return self._left[1]
-        style, shown, kept = self._styled(batch)
+        played, own = self._lent(batch)
+        style = self._styled(played, own)
         rows, frames = len(batch), style.shape[-1]
         noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
         coins = batch.chance.uniform(rows, 3, 1, 1)
         coins = coins if self.training else torch.ones_like(coins)
-        words = self.words(batch["text"]).mT * (coins[:, 0] >= self.config.wordless)
+        words = self.words(played["text"]).mT * (coins[:, 0] >= self.config.wordless)
         seeds = self.seeded(batch["pose"].mT, coins[:, 1] >= self.config.unseeded)
-        face = F.pad(batch["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
+        face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
         face = torch.where(coins[:, 2] < self.config.faced, face, torch.nan)
-        made, ear = self.run(batch[self.ear.array].mT, words, style, noise, seeds, Memory(), face)
-        return Turn(self._cut(made), ear, made.features, shown, kept, style, words, noise)
+        made, ear = self.run(played[self.ear.array].mT, words, style, noise, seeds, Memory(), face)
+        return Turn(self._cut(made), ear, made.features, played, own, style, words, noise)
 
-    def _score(self, pose: Tensor, batch: Batch, emotion: Tensor, shift: int = 0) -> Tensor:
-        """D's scores of (B, D, T) poses of these emotions; ``shift``: to the speech of so many rows before."""
+    def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
+        """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""
         assert self.judge is not None
-        heard = batch[self.ear.array].roll(shift, 0)[:, : self.config.frames].mT
-        scores: Tensor = self.judge(pose, heard, batch["speaker"], emotion)
+        heard, emotion = batch[self.ear.array].roll(shift, 0), batch["emotion"][:, self.config.frames // 2]
+        scores: Tensor = self.judge(pose, heard[:, : self.config.frames].mT, batch["speaker"], emotion)
         return scores
 
     def judge_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -305,12 +250,11 @@ class Chain(Windowed):
         self._left = None
         turn = self._turn(batch)
         self._left = (batch, turn) if torch.is_grad_enabled() else None
-        pose, emotion = batch["pose"][:, : self.config.frames].mT, batch["emotion"][:, self.config.frames // 2]
-        judging = JUDGINGS["squares"]
-        terms = {"true": judging.true(self._score(pose, batch, emotion))}
-        terms["false"] = judging.false(self._score(turn.made.pose.detach(), batch, turn.emotion))
+        pose, judging = batch["pose"][:, : self.config.frames].mT, JUDGINGS["squares"]
+        terms = {"true": judging.true(self._score(pose, batch))}
+        terms["false"] = judging.false(self._score(turn.made.pose.detach(), turn.played))
         if len(batch) > 1:
-            terms["strange"] = judging.false(self._score(pose, batch, emotion, shift=1))
+            terms["strange"] = judging.false(self._score(pose, batch, shift=1))
         return terms
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -320,16 +264,16 @@ class Chain(Windowed):
 
     def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
         """Of what was made."""
-        c, frames = self.config, self.config.frames
-        pose, face = batch["pose"][:, :frames].mT, batch["face"][:, :frames].mT
-        wanted = torch.where(turn.kept, pose, turn.made.pose)  # of no distance where nobody knows what would have been done
-        terms = self.distances("", turn.made.pose, wanted, c.reconstruction)  # equation 8
-        known = ~face.isnan()
-        terms["face"] = c.face * (torch.where(known, turn.made.face - face.nan_to_num(), 0.0)).square().mean()  # equation 7
+        c, frames, made = self.config, self.config.frames, turn.made
+        pose, face = batch["pose"][:, :frames].mT, turn.played["face"][:, :frames].mT
+        wanted = torch.where(turn.own, pose, made.pose)  # of no distance where nobody knows what would have been done
+        terms = self.distances("", made.pose, wanted, c.reconstruction)  # equation 8
+        terms["face"] = c.face * torch.where(face.isnan(), 0.0, made.face - face.nan_to_num()).square().mean()  # equation 7
         terms["rhythm"] = c.rhythm * self.rhythm(turn.features, turn.heard)  # equation 6
+        if c.manner:
+            terms["manner"] = c.manner * (_manner(made.pose) - _manner(pose)).abs().mean()
         if self.judge is not None:
-            scores = self._score(turn.made.pose, batch, turn.emotion)
-            terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(scores)
+            terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(self._score(made.pose, turn.played))
         return terms
 
     def distances(self, name: str, made: Tensor, pose: Tensor, weight: float) -> dict[str, Tensor]:
@@ -409,6 +353,13 @@ class Chain(Windowed):
         """(S, n, T, D) poses of the speakers → (S, S + 8): each, in a neutral mood."""
         speakers = self.styles - EMOTIONS
         return torch.cat([torch.eye(speakers), F.one_hot(torch.zeros(speakers, dtype=torch.long), EMOTIONS)], 1).to(stretches)
+
+
+def _manner(pose: Tensor) -> Tensor:
+    """(B, D, T) → (B, 3 D): mean, deviation, and deviation of the velocity in the measure of the discriminator."""
+    moved = FASTER * pose.diff(dim=-1)
+    deviations = [(x.var(-1, correction=0) + TINY).sqrt() for x in (pose, moved)]
+    return torch.cat([pose.mean(-1), *deviations], 1)
 
 
 class ChainOfGeneration(Chain):

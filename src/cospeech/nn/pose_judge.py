@@ -17,7 +17,7 @@ from ..errors import InputError
 from .patch import PATCH_FRAMES, velocity
 from .unet1d import SLOPE
 
-__all__ = ["PoseJudge"]
+__all__ = ["FASTER", "PoseJudge"]
 
 FASTER = 3.0  # ours: by what differences are multiplied, so that they count beside standardised poses at 12 to 15 per second
 

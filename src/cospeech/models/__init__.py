@@ -47,6 +47,7 @@ NETWORKS: dict[str, str] = {
     "speech-classifier": "cospeech.models.speech_classifier:SpeechClassifier",
     "camn": "cospeech.models.camn:Camn",
     "multi-context": "cospeech.models.multi_context:MultiContext",
+    "seq2seq": "cospeech.models.seq2seq:Seq2Seq",
     "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
     "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
     "speaker-classifier": "cospeech.models.speaker_classifier:SpeakerClassifier",

@@ -14,7 +14,11 @@ PAPER = "Xu et al. 2024, Chain of Generation"
 STRIP = "Poses of each row above the speech that they go with"
 FGD, SRGR, BA = "fgd", "srgr_beat", "beat_align_beat"
 CHAIN, CAMN, MULTI, S2G, JOINED = "CoG", "CaMN", "MultiContext", "Speech2Gesture", "concatenation"
-RECIPES = {CHAIN: "chain_of_generation_beat", CAMN: "camn_beat", MULTI: "multi_context_beat", S2G: "speech2gesture_beat"}
+SEQ2SEQ = "Seq2Seq"
+RECIPES = {
+    CHAIN: "chain_of_generation_beat", CAMN: "camn_beat", MULTI: "multi_context_beat", S2G: "speech2gesture_beat",
+    SEQ2SEQ: "seq2seq_beat",
+}  # fmt: skip
 LABELS = ("face", "emotion", "speaker")
 """What Chain of Generation plays without, as published: it makes them of the speech."""
 COLUMNS = {
@@ -35,7 +39,7 @@ def _figures(*values: float | None) -> dict[str, float]:
 # table 1 ------------------------------------------------------------------------------------------------------------------
 
 _COMPARED: Mapping[str, dict[str, float]] = {
-    "Seq2Seq": _figures(261.3, 0.173, 0.729),
+    SEQ2SEQ: _figures(261.3, 0.173, 0.729),
     S2G: _figures(256.7, 0.092, 0.751),
     MULTI: _figures(176.2, 0.195, 0.776),
     "Audio2Gestures": _figures(223.8, 0.097, 0.766),

@@ -95,7 +95,8 @@ class CogWindows:
         known = player.speakers
         whose = [known.index(clip.speaker) if clip.speaker in known else -1 for clip in self.entries]
         found["speaker"] = np.array(whose)[self._whose]
-        return found | {"pose": player.pose(found["pose"]), "audio": player.audio(found["audio"])}
+        standards = {"pose": player.pose, "audio": player.audio}
+        return found | {name: standard(found[name]) for name, standard in standards.items() if name in found}
 
     def audio_of(self, k: int) -> Array:
         """(T, A) rows of the frames of a clip that are scored."""

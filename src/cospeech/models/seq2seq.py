@@ -1,0 +1,162 @@
+"""Seq2seq: Yoon et al. 2019, "Robots Learn Social Skills: End-to-End Learning of Co-Speech Gesture Generation for Humanoid
+Robots": words in, poses out, one after the other, each made of the pose before and of the words that it attends to.
+
+    words (B, T, W) ─► GRU × 2, both directions, summed ─► e₁ … e_T ──────────┐ last states begin the decoder
+                                                                              ▼
+    ŷₜ₋₁ ──────────────────────────► [ŷₜ₋₁, c] ─► linear, norm, ReLU ─► GRU × 2 ─► linear ─► ŷₜ
+                                          ▲                               │
+              c = Σ aₛ eₛ,  a = softmax_s v · tanh(W [hₜ₋₁, eₛ]) ◄────────┘
+
+The first four poses are given, each as what comes before the next. What is minimised, in the form of the authors' later code:
+
+    L = 250 E (ŷ − y)² + 0.1 E |ŷₜ − ŷₜ₋₁| − 25 E ‖ŷ_d‖₂ / T,     ŷ_d a number of the pose over the T frames of a window
+
+Followed, changed, not said in the paper: docs/models/seq2seq.md, by number. It has no place in a bundle: it serves tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError, nearest
+from ..nn.modalities import INPUTS, SEEDS
+from ..nn.norm import BatchNorm1d
+from ..nn.objective import Batch, Objective
+from ..nn.words import word_embedding
+
+__all__ = ["Seq2Seq", "Seq2SeqConfig"]
+
+
+@dataclass(frozen=True)
+class Seq2SeqConfig:
+    """Sizes and weights; those of the authors' later code (of Yoon et al. 2020, who compare with it)."""
+
+    frames: int = 34
+    """T of a training window; later code 34 at 15 per second, of which 4 are given."""
+    hidden: int = 200
+    """Of each GRU; later code 200."""
+    layers: int = 2
+    """Of each GRU; later code 2."""
+    dropout: float = 0.1
+    """Between layers; later code 0.1."""
+    word_width: int = 300
+    """Of a word where the network learns it; later code 300."""
+    regression: float = 250.0
+    """Weight of the squared distance; later code 250."""
+    continuity: float = 0.1
+    """Weight of how far poses are from the one before; later code 0.1."""
+    variance: float = 25.0
+    """Weight of how much they move over a window; later code 25."""
+
+    def __post_init__(self) -> None:
+        low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
+        for name, least in (low | {"regression": 0, "continuity": 0, "variance": 0}).items():
+            if not getattr(self, name) >= least:
+                raise InputError(f"{name} of a seq2seq network is {getattr(self, name)}", f"{least} at least")
+        if not self.dropout < 1:
+            raise InputError(f"dropout of a seq2seq network is {self.dropout}", "a share")
+
+
+class _Attention(nn.Module):
+    """Of a state (B, H) and what was read (B, T, H), the sum of what fits it: (B, H)."""
+
+    def __init__(self, hidden: int) -> None:
+        super().__init__()
+        self.of_state, self.of_read = nn.Linear(hidden, hidden), nn.Linear(hidden, hidden, bias=False)  # W in two halves
+        self.v = nn.Parameter(torch.randn(hidden) / hidden**0.5)
+
+    def forward(self, state: Tensor, read: Tensor) -> Tensor:
+        fit = torch.tanh(self.of_state(state).unsqueeze(1) + self.of_read(read)) @ self.v
+        found: Tensor = (torch.softmax(fit, 1).unsqueeze(1) @ read).squeeze(1)
+        return found
+
+
+class Seq2Seq(nn.Module):
+    """Poses of words, one by one. Poses are standardised vectors.
+
+    Args:
+        config: sizes and weights.
+        pose: D, numbers of a pose.
+        audio: not heard.
+        text: width of the store's word vectors; 0: it has ids of subwords.
+    """
+
+    arrays = ("pose", "text")
+    spare = ("text",)
+    """What a clip may lack."""
+    Config = Seq2SeqConfig
+
+    def __init__(self, config: Seq2SeqConfig, *, pose: int, audio: int = 0, text: int = 0) -> None:
+        super().__init__()
+        if pose < 1:
+            raise InputError(f"a seq2seq network of {pose} numbers of a pose", "one at least")
+        self.config, self.pose = config, pose
+        hidden, layers, dropout = config.hidden, config.layers, config.dropout * (config.layers > 1)
+        self.embedding = word_embedding(text, config.word_width)
+        self.reader = nn.GRU(self.embedding.width, hidden, layers, batch_first=True, dropout=dropout, bidirectional=True)
+        self.attention = _Attention(hidden)
+        self.entry = nn.Sequential(nn.Linear(pose + hidden, hidden), BatchNorm1d(hidden), nn.ReLU())
+        self.decoder = nn.GRU(hidden, hidden, layers, batch_first=True, dropout=dropout)
+        self.out = nn.Linear(hidden, pose)
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window."""
+        return self.config.frames
+
+    def forward(self, words: Tensor, seeds: Tensor) -> Tensor:
+        """(B, T, W) embedded words of T frames, (B, k, D) poses to begin with, k ≥ 1, → (B, T, D), the first as given."""
+        read, states = self.reader(words)
+        ahead, back = read.chunk(2, -1)
+        read, state = ahead + back, states[: self.config.layers].contiguous()
+        made = [seeds[:, 0]]
+        for t in range(1, words.shape[1]):
+            before = seeds[:, t - 1] if t <= seeds.shape[1] else made[-1]
+            entered = self.entry(torch.cat([before, self.attention(state[-1], read)], 1))
+            after, state = self.decoder(entered.unsqueeze(1), state)
+            made.append(self.out(after.squeeze(1)))
+        return torch.stack(made, 1)
+
+    # what is optimised -----------------------------------------------------------------------------------------------
+
+    def objectives(self) -> dict[str, Objective]:
+        """One."""
+        return {"gestures": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """L of the module's docstring."""
+        c, pose = self.config, batch["pose"]
+        made = self(self.embedding(batch["text"]), pose[:, :SEEDS])
+        return {
+            "regression": c.regression * (made - pose).square().mean(),
+            "continuity": c.continuity * made.diff(dim=1).abs().sum() / made.numel(),
+            "variance": -c.variance * made.norm(dim=1).sum() / made.numel(),
+        }
+
+    # generation ------------------------------------------------------------------------------------------------------
+
+    @torch.no_grad()
+    def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
+        """Poses for the arrays of a batch, of any length.
+
+        Args:
+            arrays: ``text``, and ``pose``, of which the first four frames are looked at.
+            lacks: what is kept back: words are then zeros, and it begins with the mean pose.
+            noise: there is none.
+
+        Returns:
+            ``pose``: (B, T, D), standardised.
+
+        Raises:
+            InputError: there is no such input.
+        """
+        for name in lacks:
+            if name not in INPUTS:
+                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        words, seeds = self.embedding(arrays["text"]), arrays["pose"][:, :SEEDS]
+        words = torch.zeros_like(words) if "text" in lacks else words
+        return {"pose": self(words, torch.zeros_like(seeds[:, :1]) if "seed" in lacks else seeds)}

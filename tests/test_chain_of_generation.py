@@ -491,3 +491,26 @@ def test_sizes_that_do_not_fit_are_told():
             live(**wrong)
     with pytest.raises(InputError, match="odd"):
         SpeechClassifier(SpeechClassifierConfig(kernel=4), audio=AUDIO, speakers=2)
+
+
+def test_louder_speech_is_heard_in_training_alone_and_by_all():
+    steps = [0.5, 1.0, 0.0, 0.0, 0.25]
+    torch.manual_seed(0)
+    config = ChainConfig(**(SMALL | {"gain": 12.0, "adversarial": 1.0}))
+    net = ChainOfGeneration(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, louder=steps).train()
+    data = batch(net)
+    turn = net._turn(data)
+    more = (turn.recorded["audio"] - data["audio"]) / torch.tensor(steps)
+    shift = more[:, :1, :1].expand(-1, FRAMES, -1)
+    assert torch.allclose(more[..., [0, 1, 4]], shift.expand(-1, -1, 3), atol=1e-5)
+    assert torch.equal(turn.recorded["audio"][..., 2:4], data["audio"][..., 2:4])
+    assert shift[:, 0, 0].abs().max() <= 1.2
+    assert len({round(value.item(), 4) for value in shift[:, 0, 0]}) == ROWS
+    assert torch.equal(turn.played["audio"], turn.recorded["audio"])
+    assert torch.equal(net.eval()._turn(data).recorded["audio"], data["audio"])
+    for wrong in ({"gain": -1.0}, {"gain": 3.0}):
+        with pytest.raises(InputError, match="louder"):
+            chain(**wrong)
+    heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain=6.0), audio=AUDIO, speakers=2, louder=steps)
+    clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, Chance(0, 0))
+    assert heard.train().loss(clip, 0)["emotion"] != heard.eval().loss(clip, 0)["emotion"]

@@ -10,6 +10,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -22,6 +23,7 @@ from .corpora.subset import of_speakers
 from .corpora.texts import with_text
 from .corpora.windows import Windows
 from .errors import InputError
+from .features.reduce import REDUCTIONS, audio_columns, louder, reduce_audio
 from .poses.controls import control_quantiles, with_controls
 from .poses.joints import hand_columns
 from .poses.modes import with_modes
@@ -96,14 +98,14 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     needs, known = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
-        "sizes": sizes(store, standards.get("audio")) | _hands_and_text(kind, store, data), "needs": known,
+        "sizes": sizes(store, standards.get("audio")) | _own_sizes(kind, config, store, data, standards), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.by_clip else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
-def _hands_and_text(kind: Any, store: Store, data: Data) -> dict[str, Any]:
+def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapping[str, Standard]) -> dict[str, Any]:
     """Sizes that some models alone are built by."""
     takes = signature(kind.__init__).parameters
     found: dict[str, Any] = {}
@@ -111,6 +113,8 @@ def _hands_and_text(kind: Any, store: Store, data: Data) -> dict[str, Any]:
         found["hands"] = hand_columns(store.names["pose"])
     if "text" in takes:
         found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
+    if "louder" in takes and getattr(config, "gain", 0.0) > 0 and data.audio is not None:
+        found["louder"] = (np.array(louder(data.audio)) / standards["audio"].std).tolist()
     return found
 
 
@@ -134,8 +138,6 @@ def _reduction(name: str | None, store: Store) -> Reduce | None:
     """
     if name is None:
         return None
-    from .features.reduce import REDUCTIONS, audio_columns, reduce_audio
-
     if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
         fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
         problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
 
 __all__ = [
-    "REDUCTIONS", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "reduce_audio",
+    "REDUCTIONS", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "louder",
+    "reduce_audio",
 ]  # fmt: skip
 
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
@@ -149,6 +151,22 @@ def audio_columns(name: str) -> tuple[str, ...]:
         InputError: unknown name.
     """
     return _find(name).columns
+
+
+def louder(name: str) -> tuple[float, ...]:
+    """By how much each column that `reduce_audio` gives grows, when speech is 10 dB louder: logarithms of power by ln 10.
+
+    >>> [round(step, 3) for step in louder("prosody")]
+    [10.0, 0.0, 0.0, 0.0]
+
+    Raises:
+        InputError: unknown name, or one whose columns are powers, not logarithms.
+    """
+    if name == "mel29-linear":
+        raise InputError(f"loudness in {name!r}", "its columns are powers: choose one of logarithms, such as mel29")
+    steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
+    mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
+    return tuple(steps.get(column, mel) for column in audio_names(name))
 
 
 def hear(name: str, fps: float) -> Hearing:

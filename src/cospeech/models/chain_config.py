@@ -37,6 +37,8 @@ class ChainConfig:
     """Of the first stage; not stated, ours."""
     classifier_channels: int = 128
     """Not stated, ours."""
+    classifier_kernel: int = 3
+    """Frames that each of its convolutions sees; not stated, ours."""
     reconstruction: float = 500.0
     """λ_Rec; section 3.4."""
     hands: float = 1.0
@@ -55,6 +57,8 @@ class ChainConfig:
     """Share of training clips whose style is of their labels, not of what the classifier says. Ours."""
     faced: float = 0.0
     """Share of training clips of which TFFDec sees the recorded face. Ours."""
+    gain: float = 0.0
+    """dB by which training clips are made louder or softer at most. Ours."""
     borrowed: float = 0.0
     """Share of training clips that are played to the speech of another of their batch, in the style of their own labels: of
     what they should be like D and ``manner`` tell. Ours."""

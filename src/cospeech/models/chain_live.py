@@ -48,7 +48,7 @@ class ChainLive(Chain):
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
+        pose, audio, speakers, hands, text, louder: as of `ChainOfGeneration`.
         teacher: a trained one; without it all is learnt of the recordings, the classifier first.
     """
 
@@ -57,7 +57,7 @@ class ChainLive(Chain):
 
     def __init__(
         self, config: ChainLiveConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
-        teacher: ChainOfGeneration | None = None,
+        louder: Sequence[float] = (), teacher: ChainOfGeneration | None = None,
     ) -> None:  # fmt: skip
         if config.look_ahead < 1 or config.pooled < 2:
             raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooled} pooled", "1 and 2 at least")
@@ -68,7 +68,15 @@ class ChainLive(Chain):
             hidden=config.hidden,
         )
         super().__init__(
-            config, layers, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, delay=config.look_ahead
+            config,
+            layers,
+            pose=pose,
+            audio=audio,
+            speakers=speakers,
+            hands=hands,
+            text=text,
+            louder=louder,
+            delay=config.look_ahead,
         )
         self.teacher = teacher
         if teacher is not None:
@@ -99,7 +107,7 @@ class ChainLive(Chain):
         """Those of the chain, and the distance to its teacher."""
         found = super().terms(batch, turn)
         if self.teacher is not None:
-            now, heard = slice(self.delay, None), batch[self.ear.array][:, : self.config.frames]
+            now, heard = slice(self.delay, None), turn.played[self.ear.array][:, : self.config.frames]
             rows = torch.cat([heard, turn.words[..., : self.config.frames].mT], 2)
             with torch.no_grad():
                 shown = self.teacher.make(rows, turn.style[..., now].mT, turn.noise[..., now].mT)

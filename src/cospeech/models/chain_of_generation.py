@@ -22,7 +22,7 @@ and a loss of how large and how fast a clip moves, also to the speech of somebod
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from ..errors import InputError, nearest
 from ..nn.cascade import EMOTIONS, Cascade, Given, Layers, Made, Through, Widths
 from ..nn.channel_attention import ChannelAttention
 from ..nn.contrast import RhythmIdentity
+from ..nn.gain import Gain
 from ..nn.gumbel import smooth_gumbel
 from ..nn.judging import JUDGINGS
 from ..nn.modalities import INPUTS
@@ -63,6 +64,8 @@ class Turn(NamedTuple):
     """Â of all that was heard."""
     features: Tensor
     """F̂ of the same."""
+    recorded: Batch
+    """As the batch, as loud as it was heard."""
     played: Batch
     """As the batch, but with the speech, words and faces that were played to."""
     own: Tensor
@@ -86,6 +89,7 @@ class Chain(Windowed):
         speakers: S.
         hands: columns of a pose that are hands.
         text: width of the store's word vectors; 0: it has ids of subwords.
+        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain``.
         delay: frames that a pose comes after its speech.
 
     Raises:
@@ -99,7 +103,7 @@ class Chain(Windowed):
 
     def __init__(
         self, config: ChainConfig, layers: Layers, *, pose: int, audio: int, speakers: int, hands: Collection[int],
-        text: int, delay: int = 0,
+        text: int, louder: Sequence[float], delay: int = 0,
     ) -> None:  # fmt: skip
         super().__init__()
         sizes = (config.latent, config.hidden, config.layers, config.word_width, config.text_channels, pose, audio, speakers)
@@ -122,8 +126,10 @@ class Chain(Windowed):
         self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, config.noise
         self.multiple = self.shortest = 1
         self.classifier = SpeechClassifier(
-            SpeechClassifierConfig(config.frames, config.classifier_channels), audio=self.ear.inputs, speakers=speakers
-        )
+            SpeechClassifierConfig(config.frames, config.classifier_channels, config.classifier_kernel),
+            audio=self.ear.inputs, speakers=speakers,
+        )  # fmt: skip
+        self.gain = Gain(config.gain, louder)
         extra = (pose + 1) * (config.seeds > 0) + config.noise
         widths = Widths(self.word.width, config.text_channels, config.latent, speakers, extra)
         self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)
@@ -201,7 +207,7 @@ class Chain(Windowed):
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10."""
-        return self.classifier.losses(batch[self.ear.array], batch["speaker"], batch["emotion"])
+        return self.classifier.losses(self.gain(batch[self.ear.array], batch.chance), batch["speaker"], batch["emotion"])
 
     def _lent(self, batch: Batch) -> tuple[Batch, Tensor]:
         """The batch with some clips' speech, words and faces those of the clip before; (B, 1, 1) which have their own."""
@@ -225,7 +231,9 @@ class Chain(Windowed):
         """What both turns of a step need; D's leaves it to that of the others, as it moves nothing of it."""
         if self._left is not None and self._left[0] is batch:
             return self._left[1]
-        played, own = self._lent(batch)
+        heard = self.gain(batch[self.ear.array], batch.chance)
+        recorded = Batch({**batch.arrays, self.ear.array: heard}, batch.chance)
+        played, own = self._lent(recorded)
         style = self._styled(played, own)
         rows, frames = len(batch), style.shape[-1]
         noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
@@ -236,7 +244,7 @@ class Chain(Windowed):
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
         face = torch.where(coins[:, 2] < self.config.faced, face, torch.nan)
         made, ear = self.run(played[self.ear.array].mT, words, style, noise, seeds, Memory(), face)
-        return Turn(self._cut(made), ear, made.features, played, own, style, words, noise)
+        return Turn(self._cut(made), ear, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""
@@ -251,10 +259,10 @@ class Chain(Windowed):
         turn = self._turn(batch)
         self._left = (batch, turn) if torch.is_grad_enabled() else None
         pose, judging = batch["pose"][:, : self.config.frames].mT, JUDGINGS["squares"]
-        terms = {"true": judging.true(self._score(pose, batch))}
+        terms = {"true": judging.true(self._score(pose, turn.recorded))}
         terms["false"] = judging.false(self._score(turn.made.pose.detach(), turn.played))
         if len(batch) > 1:
-            terms["strange"] = judging.false(self._score(pose, batch, shift=1))
+            terms["strange"] = judging.false(self._score(pose, turn.recorded, shift=1))
         return terms
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -372,17 +380,19 @@ class ChainOfGeneration(Chain):
         speakers: S; 4 as published.
         hands: columns of a pose that are hands.
         text: width of the store's word vectors, 300 as published; 0: it has ids of subwords.
+        louder: see `Chain`.
     """
 
     Config = ChainConfig
 
     def __init__(
-        self, config: ChainConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0
-    ) -> None:
+        self, config: ChainConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
+        louder: Sequence[float] = (),
+    ) -> None:  # fmt: skip
         layers = Layers(
             conv=SameConv,
             attention=lambda channels: ChannelAttention(channels, config.reduction),
             recurrent=lambda inputs: BothWays(inputs, config.hidden, config.layers, config.dropout),
             hidden=config.hidden,
         )
-        super().__init__(config, layers, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)
+        super().__init__(config, layers, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, louder=louder)

@@ -9,6 +9,7 @@ known teaches nothing of emotions. It is the first stage of a Chain of Generatio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +19,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from ..nn.cascade import EMOTIONS
+from ..nn.gain import Gain
 from ..nn.objective import Batch, Objective
 from ..nn.temporal import SLOPE, Memory, SameConv
 
@@ -38,6 +40,8 @@ class SpeechClassifierConfig:
     """Frames that a convolution sees; ours."""
     dropout: float = 0.0
     """Behind each convolution; ours."""
+    gain: float = 0.0
+    """dB by which training clips are made louder or softer at most; ours: how loud somebody was recorded says nothing."""
 
 
 class SpeechClassifier(nn.Module):
@@ -47,6 +51,7 @@ class SpeechClassifier(nn.Module):
         config: sizes.
         audio: A, numbers of a frame of speech.
         speakers: S.
+        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain``.
 
     Raises:
         InputError: sizes that are none, or an even kernel.
@@ -58,13 +63,14 @@ class SpeechClassifier(nn.Module):
     """What a clip may lack."""
     Config = SpeechClassifierConfig
 
-    def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int) -> None:
+    def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int, louder: Sequence[float] = ()) -> None:
         super().__init__()
         if min(config.frames, config.channels, config.kernel, audio, speakers) < 1 or config.kernel % 2 == 0:
             raise InputError(f"a classifier of {speakers} speakers by {config}"[:200], "sizes are positive, the kernel is odd")
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
         self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))
+        self.gain = Gain(config.gain, louder)
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 
@@ -97,7 +103,7 @@ class SpeechClassifier(nn.Module):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10."""
-        return self.losses(batch["audio"], batch["speaker"], batch["emotion"])
+        return self.losses(self.gain(batch["audio"], batch.chance), batch["speaker"], batch["emotion"])
 
     def losses(self, audio: Tensor, speaker: Tensor, emotion: Tensor) -> dict[str, Tensor]:
         """Equation 10 of (B, T, A) speech, (B,) speakers and (B, T) emotions, −1: not known; a clip's is that of its middle."""

@@ -25,7 +25,7 @@ from .movement_hands import place_rows, spectrum_rows, speed_rows, stroke_rows
 from .movement_reference import REFERENCE
 from .movement_signal import FPS, SMOOTH, low_pass, norm, rate
 
-__all__ = ["Track", "mean_rows", "movement_statistics", "window_statistics", "wrist_speeds"]
+__all__ = ["Track", "arms_of", "mean_rows", "movement_statistics", "window_statistics", "wrist_speeds"]
 
 WINDOW = 30.0  # seconds per window (benchmarks/README.md)
 HEADING = 0.1  # Hz; "slow heading removed". Ours: with 0.1 the torso's yaw of the real take lies inside the ranges
@@ -88,6 +88,11 @@ def _local(track: Track) -> tuple[dict[str, Array], Array]:
         for name in ("shoulders", "elbows", "wrists")
     }
     return parts, turn
+
+
+def arms_of(track: Track) -> dict[str, Array]:
+    """(T, 2, 3) of shoulders, elbows and wrists relative to the hips, the slow heading removed."""
+    return _local(track)[0]
 
 
 def wrist_speeds(track: Track) -> Array:

@@ -1,0 +1,206 @@
+"""Measures how well emotions are heard in speech, and whether gestures show them (docs/emotion_from_speech.md has what came out).
+
+    python tools/measure_emotion.py voices STORE WORK [--recipe FILE] [--held-out 2] [--steps N]
+    python tools/measure_emotion.py recordings FOLDER [RUN ...]
+    python tools/measure_emotion.py gestures MODEL SPEECH... [--seeds 3] [--seconds 20]
+
+``voices`` trains a speech classifier on all but two speakers of a store, tests it on these, and goes on to the next two; runs
+are kept in WORK. ``recordings`` tests such runs, and the rules' mood, on sound files whose names say the emotion
+(``claire_anger.wav``; joy is happiness; names without one, or with "outofbreath", are passed over). ``gestures`` compares the
+wrists of what a model makes in each emotion with what it makes neutrally.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import cospeech
+from cospeech.checkpoint import load_run, read_facts, read_tensors
+from cospeech.corpora.store import Store
+from cospeech.features import audio_features, reduce_audio
+from cospeech.metrics.macro_f1 import macro_f1
+from cospeech.metrics.sample import Score
+from cospeech.metrics.wrists import Wrists, against, wrists_of
+from cospeech.recipe import load_recipe
+from cospeech.rules import EMOTIONS, RuleGesturer
+from cospeech.speech import Speech
+from cospeech.train import train
+
+PIECE = 3.5  # seconds; ours: as long as a sentence, and what a listener needs to hear a mood
+SPOKEN = {"neutral": "neutral", "anger": "anger", "joy": "happiness", "sadness": "sadness"}
+"""What names of files say → emotion."""
+
+Array = np.ndarray
+Hear = Callable[[Speech], Array]
+"""Speech → (8,) logarithms of how likely the emotions are."""
+
+
+def shown(score: Score) -> str:
+    ends = "" if score.interval is None else f" ({score.interval[0]:.2f} … {score.interval[1]:.2f})"
+    return f"{score.value:.2f}{ends}"
+
+
+def pieces(length: int, size: int) -> Iterator[slice]:
+    """Stretches of one size, one at least; the rest at the end belongs to the last."""
+    count = max(1, length // size)
+    for k in range(count):
+        yield slice(k * size, length if k == count - 1 else (k + 1) * size)
+
+
+class Run:
+    """A trained speech classifier: rows of features as a store has them → logits of the emotions."""
+
+    def __init__(self, folder: Path) -> None:
+        self.model, self.facts = load_run(folder)
+        self.statistics = read_tensors(folder / "statistics.safetensors")[0]
+        self.fps = float(self.facts["store"]["fps"])
+        self.size = round(PIECE * self.fps)
+
+    @torch.no_grad()
+    def __call__(self, rows: Array) -> Array:
+        """(T, 84) → (T, 8) logits."""
+        heard = torch.from_numpy(np.asarray(reduce_audio(rows, self.facts["recipe"]["data"]["audio"]), np.float32))
+        heard = (heard - self.statistics["audio_mean"]) / self.statistics["audio_std"]
+        found: Array = self.model(heard[None])[0, :, -len(EMOTIONS) :].numpy()
+        return found
+
+    def hear(self, speech: Speech) -> Array:
+        return self(audio_features(speech, speech.frames(self.fps), self.fps)).mean(0)
+
+
+def confusion(true: list[int], said: list[int]) -> str:
+    """Counts as lines of text: rows are what is true."""
+    lines = [" " * 11 + " ".join(f"{name[:7]:>7}" for name in EMOTIONS)]
+    for k, name in enumerate(EMOTIONS):
+        counts = [sum(t == k and s == j for t, s in zip(true, said, strict=True)) for j in range(len(EMOTIONS))]
+        if sum(counts):
+            lines.append(f"{name:11}" + " ".join(f"{count:7d}" for count in counts))
+    return "\n".join(lines)
+
+
+def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: int | None) -> None:
+    """Macro-F1 on speakers that the classifier never heard, rotating."""
+    recipe = load_recipe(recipe_file)
+    if steps is not None:
+        recipe = replace(recipe, train=replace(recipe.train, steps=steps))
+    true: dict[str, list[int]] = {"piece": [], "clip": []}
+    said: dict[str, list[int]] = {"piece": [], "clip": []}
+    names: dict[str, list[str]] = {"piece": [], "clip": []}
+    for first in range(0, len(store.speakers), held_out):
+        new = store.speakers[first : first + held_out]
+        folder = work / ("without-" + "-".join(new))
+        if not (folder / "best.safetensors").is_file():
+            known = tuple(name for name in store.speakers if name not in new)
+            train(replace(recipe, data=replace(recipe.data, speakers=known)), store, folder)
+        run = Run(folder)
+        for entry in store.clips:
+            if store.speakers[entry.speaker] not in new or "emotion" not in entry.has:
+                continue
+            arrays = store.clip(entry)
+            logits, emotion = run(np.asarray(arrays["audio"])), int(arrays["emotion"][0])
+            for what, size in (("piece", run.size), ("clip", len(logits))):
+                for part in pieces(len(logits), size):
+                    true[what].append(emotion)
+                    said[what].append(int(logits[part].mean(0).argmax()))
+                    names[what].append(entry.name)
+        print(f"without {', '.join(new)}: {len(names['clip'])} clips so far", flush=True)
+    for what, words in (("piece", f"pieces of {PIECE} s"), ("clip", "clips")):
+        score = macro_f1(true[what], said[what], names[what], classes=len(EMOTIONS))
+        always = macro_f1(true[what], [0] * len(true[what]), names[what], classes=len(EMOTIONS))
+        print(f"{words}: macro-F1 {shown(score)} of {score.count}, {score.note}; always neutral {always.value:.2f}")
+    print(confusion(true["clip"], said["clip"]))
+
+
+def mood(speech: Speech) -> Array:
+    """What the rules hear by themselves, of the whole speech."""
+    session = RuleGesturer().session(emotion="auto", seed=0, fps=15.0)
+    for chunk in speech.chunks(2.0):
+        session.push(chunk)
+    session.finish()
+    return np.log([session.emotion[name] + 1e-9 for name in EMOTIONS])
+
+
+def acted(folder: Path) -> list[tuple[str, int, Speech]]:
+    """Recordings whose names say an emotion: name, emotion, speech; copies of one recording (``_5_sec``, ``44.1khz``) once."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        words = path.stem.lower().split("_")
+        emotion = next((SPOKEN[word] for word in words if word in SPOKEN), None)
+        if emotion is not None and not {"44.1khz", "5", "10"} & set(words) and path.suffix in (".flac", ".wav"):
+            found.append((path.stem, EMOTIONS.index(emotion), Speech.load(path)))
+    return found
+
+
+def recordings(folder: Path, runs: list[Path]) -> None:
+    """Macro-F1 on acted recordings of people: among all emotions, and among those that occur."""
+    ways: dict[str, Hear] = {"the rules' mood": mood} | {str(run): Run(run).hear for run in runs}
+    clips = acted(folder)
+    there = sorted({emotion for _, emotion, _ in clips})
+    for name, hear in ways.items():
+        true, names, whole = [], [], []
+        logits = []
+        for clip, emotion, speech in clips:
+            whole.append(hear(speech))
+            for part in pieces(len(speech), round(PIECE * speech.rate)):
+                logits.append(hear(Speech(speech.samples[part], speech.rate)))
+                true.append(emotion)
+                names.append(clip)
+        print(f"{name}")
+        parts = [("clips", whole, [e for _, e, _ in clips], [c for c, _, _ in clips]), ("pieces", logits, true, names)]
+        for what, heard, right, own in parts:
+            for among, kept in (("all eight", list(range(len(EMOTIONS)))), (f"the {len(there)} that occur", there)):
+                answers = [kept[int(np.argmax(row[kept]))] for row in heard]
+                score = macro_f1(right, answers, own, classes=len(EMOTIONS))
+                print(f"  {what}, among {among}: macro-F1 {shown(score)} of {score.count}")
+        print(confusion([e for _, e, _ in clips], [int(np.argmax(row)) for row in whole]), flush=True)
+
+
+def gestures(name: str, paths: list[Path], seeds: int, seconds: float) -> None:
+    """A table: each emotion's wrists against neutral ones."""
+    model = cospeech.load(name)
+    speeches = [Speech.load(path) for path in paths]
+    speeches = [speech.window(speech.start, speech.start + seconds) for speech in speeches]
+    made: dict[str, list[Wrists]] = {
+        emotion: [wrists_of(model.generate(s, emotion=emotion, seed=k)) for s in speeches for k in range(seeds)]
+        for emotion in EMOTIONS
+    }
+    print(f"{name}: {len(speeches)} speeches, {seeds} seeds; times neutral\n")
+    print("| | wrists from the body | box of the wrists | speed |\n| --- | --- | --- | --- |")
+    for emotion in EMOTIONS[1:]:
+        print(f"| {emotion} | " + " | ".join(shown(score) for score in against(made[emotion], made["neutral"]).values()) + " |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts = parser.add_subparsers(dest="what", required=True)
+    part = parts.add_parser("voices")
+    part.add_argument("store", type=Path)
+    part.add_argument("work", type=Path)
+    part.add_argument("--recipe", type=Path, default=Path("recipes/speech_classifier.toml"))
+    part.add_argument("--held-out", type=int, default=2)
+    part.add_argument("--steps", type=int)
+    part = parts.add_parser("recordings")
+    part.add_argument("folder", type=Path)
+    part.add_argument("runs", type=Path, nargs="*")
+    part = parts.add_parser("gestures")
+    part.add_argument("model")
+    part.add_argument("speech", type=Path, nargs="+")
+    part.add_argument("--seeds", type=int, default=3)
+    part.add_argument("--seconds", type=float, default=20.0)
+    chosen = parser.parse_args()
+    if chosen.what == "voices":
+        voices(Store(chosen.store), chosen.work, chosen.recipe, chosen.held_out, chosen.steps)
+    elif chosen.what == "recordings":
+        recordings(chosen.folder, chosen.runs)
+    else:
+        gestures(chosen.model, chosen.speech, chosen.seeds, chosen.seconds)
+
+
+if __name__ == "__main__":
+    main()

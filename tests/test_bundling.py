@@ -30,6 +30,7 @@ from cospeech.rules import RuleGesturer  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
 from cospeech.runtime.systems import open_system  # noqa: E402
+from cospeech.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.speech import Speech, example  # noqa: E402
 from cospeech.train import train  # noqa: E402
 
@@ -261,7 +262,10 @@ def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
     assert not list(tmp_path.glob("*.cospeech"))
 
 
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.cospeech")), ids=lambda path: path.stem)
+SPEAKING = SHIPPED / "speech-to-face.cospeech"
+
+
+@pytest.mark.parametrize("path", sorted({*SHIPPED.glob("*.cospeech")} - {SPEAKING}), ids=lambda path: path.stem)
 def test_what_ships_is_small_says_what_it_is_and_moves(path):
     assert path.stat().st_size <= 5_000_000
     with zipfile.ZipFile(path) as file:
@@ -280,3 +284,22 @@ def test_what_ships_is_small_says_what_it_is_and_moves(path):
         assert speed.max() < 6
     first, second, _ = made.values()
     assert np.abs(first.rotations - second.rotations).max() > 0.1
+
+
+def test_the_face_that_ships_names_whom_it_learnt_from_and_talks():
+    assert SPEAKING.stat().st_size <= 4_000_000
+    with zipfile.ZipFile(SPEAKING) as file:
+        manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
+    assert (manifest["model"], manifest["pose"], manifest["style"]) == ("speech-to-face", "face", "grid_s1")
+    assert 0 < manifest["rounding"] < 0.01
+    for word in ("CC BY 4.0", "Cooke", "FACEGOOD", "MIT", "cannot do", "Rebuild", "regression"):
+        assert word in card, word
+    player, speech = cospeech.load("speech-to-face"), Speech.load(example()[0])
+    made = player.generate(speech, fps=60)
+    jaw = made.face[:, ARKIT_INDEX["jawOpen"]]
+    assert 0.03 < jaw.std() < 0.3
+    assert jaw.max() < 0.9
+    silence = player.generate(Speech(np.zeros(16_000, np.float32)), fps=60)
+    assert not silence.face[:, ARKIT_INDEX["jawOpen"]].any()
+    still = [k for k, name in enumerate(made.skeleton.names) if name not in ("neck", "head", "leftEye", "rightEye")]
+    assert np.ptp(made.rotations[:, still], 0).max() == 0

@@ -3,8 +3,8 @@
     python tools/measure_face.py RAW [--bundle BUNDLE.cospeech] [--clips 20]
 
 RAW is what ``cospeech prepare faces`` reads; held out is what it puts into the split "test". Every clip's sound is played in
-the style of its own speaker at the rate of its track, as `cospeech.load(bundle).generate` plays it. Figures are means over clips
-with 95 % intervals (percentile bootstrap over clips); shares of a distance are quotients of such means.
+the style of its own speaker at the rate of its track, by what every system speaks with. Figures are means over clips with 95 %
+intervals (percentile bootstrap over clips); shares of a distance are quotients of such means.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import argparse
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-import cospeech
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.faces import LOWER, read
 from cospeech.features import AUDIO_NAMES, audio_features
@@ -24,6 +24,7 @@ from cospeech.features.reduce import reduce_audio
 from cospeech.metrics.interval import bootstrap
 from cospeech.models import BUNDLE, SHIPPED
 from cospeech.prepare.pieces import split_of
+from cospeech.runtime.mouth import BundleMouth, open_mouth
 from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 JAW = ARKIT_INDEX["jawOpen"]
@@ -71,68 +72,81 @@ def lag(real: np.ndarray, made: np.ndarray, fps: float) -> np.ndarray:
     return np.array(at)
 
 
-def told(values: np.ndarray, figure: Callable[[np.ndarray], float] = np.mean) -> str:  # type: ignore[assignment]
+def told(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
     """A figure of rows that each stand for a clip, with its interval."""
     ends = bootstrap(lambda chosen: float(figure(values[chosen])), len(values), draws=DRAWS, seed=0)
     low, high = ends if ends is not None else (np.nan, np.nan)
-    return f"{figure(values):.3f} ({low:.3f} … {high:.3f})"
+    return f"{unit * figure(values):.3g} ({unit * low:.3g} … {unit * high:.3g})"
 
 
-def report(name: str, clips: list[Played], mean: np.ndarray) -> None:
+def mean(rows: np.ndarray) -> float:
+    return float(rows.mean())
+
+
+def quotient(top: int, under: int, begin: float = 0.0, sign: float = 1.0) -> Callable[[np.ndarray], float]:
+    """``begin + sign ·`` the sum of a column over that of another."""
+    return lambda rows: begin + sign * float(rows[:, top].sum() / max(rows[:, under].sum(), 1e-12))
+
+
+def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
+    """What is told of a speaker's clips."""
     real = np.concatenate([clip.real for clip in clips])
     live = [k for k, n in enumerate(ARKIT) if n in LOWER and real[:, k].std() > LIVE]
-    pairs = [(clip.real[:, JAW], clip.made[:, JAW]) for clip in clips]
-    print(f"\n{name}: {len(clips)} clips, {len(real)} frames; live: {', '.join(ARKIT[k] for k in live)}")
-    print("jawOpen, correlation     ", told(np.array([np.corrcoef(a, b)[0, 1] for a, b in pairs])))
-    lags = np.array([lag(a, b, clip.fps) for (a, b), clip in zip(pairs, clips, strict=True)])
-    best = np.array(LAGS)[lags.argmax(1)]
-    print("best lag, frames of 40 ms", told(lags, lambda x: float(LAGS[int(x.mean(0).argmax())])), end="; ")
-    print("of clips within ±1:", told(np.abs(best) <= 1))
-    print("jawOpen, deviation made / tracked", told(np.array([(a.std(), b.std()) for a, b in pairs]), quotient(1, 0)))
-
-    def off(made: Callable[[Played], np.ndarray]) -> np.ndarray:
-        return np.array([np.abs(made(clip) - clip.real)[:, live].mean() for clip in clips])
-
-    kinds = [off(lambda c: c.made), off(lambda c: mean), off(lambda c: c.linear)]
-    for title, values in zip(("made", "mean face", "ridge regression"), kinds, strict=True):
-        print(f"mean absolute error, {title:17}", told(values * 100), "/ 100")
-    both = np.stack(kinds, 1)
-    print("below the mean face by   ", told(both, lambda x: 1 - float(quotient(0, 1)(x))))
-    print("below the regression by  ", told(both, lambda x: 1 - float(quotient(0, 2)(x))))
-    quiet = np.array(
-        [((c.made[:, JAW] < CLOSED) @ c.silent, (c.real[:, JAW] < CLOSED) @ c.silent, c.silent.sum()) for c in clips]
-    )
-    print("closed in silent frames  ", told(quiet.astype(float), quotient(0, 2)), f"; of {quiet[:, 2].sum()} frames")
-    print("  the tracked mouth      ", told(quiet.astype(float), quotient(1, 2)))
-    print(f"values: {min(c.made.min() for c in clips):.3f} … {max(c.made.max() for c in clips):.3f}")
+    pairs = [(clip.real[:, JAW], clip.made[:, JAW], clip.fps) for clip in clips]
+    lags = np.array([lag(*pair) for pair in pairs])
+    within = np.abs(np.array(LAGS)[lags.argmax(1)]) <= 1
+    spread = np.array([(a.std(), b.std()) for a, b, _ in pairs])
+    kinds = (lambda c: c.made, lambda c: middle, lambda c: c.linear)
+    off = np.array([[np.abs(kind(c) - c.real)[:, live].mean() for kind in kinds] for c in clips])
+    shut = np.array([[*((face[:, JAW] < CLOSED) @ c.silent for face in (c.made, c.real)), c.silent.sum()] for c in clips]) * 1.0
+    return {
+        "held-out clips; frames; live channels": f"{len(clips)}; {len(real)}; {len(live)}",
+        "correlation of jawOpen within clips": told(np.array([np.corrcoef(a, b)[0, 1] for a, b, _ in pairs]), mean),
+        "best lag, frames of 40 ms": told(lags, lambda x: float(LAGS[int(x.mean(0).argmax())])),
+        "clips whose best lag is within ± 1 frame, %": told(within * 1.0, mean, 100),
+        "deviation of jawOpen, of the tracked, %": told(spread, quotient(1, 0), 100),
+        "mean absolute error over live channels, ‰": told(off[:, 0], mean, 1000),
+        "that of the speaker's mean face, ‰": told(off[:, 1], mean, 1000),
+        "that of a ridge regression on the frame's mel, ‰": told(off[:, 2], mean, 1000),
+        "below the mean face by, %": told(off, quotient(0, 1, 1, -1), 100),
+        "below the regression by, %": told(off, quotient(0, 2, 1, -1), 100),
+        "mouth closed in silent frames, %": told(shut, quotient(0, 2), 100),
+        "that of the tracked mouth, %": told(shut, quotient(1, 2), 100),
+        "least and greatest weight": f"{min(c.made.min() for c in clips):.3g} … {max(c.made.max() for c in clips):.3g}",
+    }
 
 
-def quotient(top: int, under: int) -> Callable[[np.ndarray], float]:
-    return lambda rows: float(rows[:, top].sum() / max(rows[:, under].sum(), 1e-12))
+def measured(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:
+    """The table, in Markdown: a row per figure, a column per speaker; ``clips``: held-out ones of each at most."""
+    system, every, columns = open_mouth(Path(bundle)), defaultdict(list), {}
+    for clip in read(raw):
+        if isinstance(clip, Clip):
+            every[clip.speaker, split_of(clip)].append(clip)
+    for speaker in sorted({name for name, _ in every}):
+        train, played = every[speaker, "train"], []
+        linear = fitted(train[::LINEAR])
+        for clip in every[speaker, "test"][:clips]:
+            mouth = BundleMouth(system, speaker)
+            mouth.push(clip.speech.samples)
+            mouth.finish()
+            rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
+            made = mouth.at(np.arange(frames) / clip.motion.fps)
+            energy = rows[:, AUDIO_NAMES.index("energy")]
+            parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)
+            played.append(Played(*(x[:frames] for x in parts), clip.motion.fps))
+        columns[speaker] = figures(played, np.concatenate([clip.motion.face for clip in train]).mean(0))
+    lines = ["| | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
+    lines += [f"| {row} | " + " | ".join(own[row] for own in columns.values()) + " |" for row in next(iter(columns.values()))]
+    return "\n".join(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("raw")
-    parser.add_argument("--bundle", default=str(SHIPPED / f"speech-to-face{BUNDLE}"))
+    parser.add_argument("--bundle", default=SHIPPED / f"speech-to-face{BUNDLE}")
     parser.add_argument("--clips", type=int, default=10_000, help="held-out clips of each speaker at most")
     given = parser.parse_args()
-    model, every = cospeech.load(given.bundle), defaultdict(list)
-    for clip in read(given.raw):
-        if isinstance(clip, Clip):
-            every[clip.speaker, split_of(clip)].append(clip)
-    for speaker in sorted({name for name, _ in every}):
-        train = every[speaker, "train"]
-        linear, mean = fitted(train[::LINEAR]), np.concatenate([clip.motion.face for clip in train]).mean(0)
-        played = []
-        for clip in every[speaker, "test"][: given.clips]:
-            made = model.generate(clip.speech, style=speaker, fps=clip.motion.fps, parts=("face", "body"))
-            rows, frames = features(clip), min(len(made), len(clip.motion))
-            energy = rows[:, AUDIO_NAMES.index("energy")]
-            silent = energy < energy.max() - SILENT
-            parts = (clip.motion.face, made.face, linear(rows), silent)
-            played.append(Played(*(x[:frames] for x in parts), clip.motion.fps))
-        report(speaker, played, mean)
+    print(measured(given.raw, given.bundle, given.clips))
 
 
 if __name__ == "__main__":

@@ -113,14 +113,17 @@ def _(net: Munit, b: ConvGraph) -> Signal:
 
 @_make.register
 def _(net: SpeechToFace, b: ConvGraph) -> Signal:
-    weight, bias = _array(net.first.weight)[:, :, None], _array(net.first.bias)
+    first: Any = net.first
+    last: Any = net.out
+    weight, bias = _array(first.weight)[:, :, None], _array(first.bias)
     heard = b.conv(b.rows("rows", net.audio), weight[:, : net.audio], bias)
     x = b.leaky(b.add(heard, b.conv(b.rows("style", net.styles), weight[:, net.audio :], None)), FACE_SLOPE)
-    for block in net.blocks:
+    blocks: list[Any] = [*net.blocks]
+    for block in blocks:
         y = _over_time(b, x, block.over_time, _array(block.over_time.weight), _array(block.over_time.bias), block.pads)
         x = b.add(x, _conv(b, b.leaky(y, FACE_SLOPE), block.mixed))
     alive = _array(net.alive)
-    return b.conv(x, _array(net.out.weight)[:, :, None] * alive[:, None, None, None], _array(net.out.bias) * alive)
+    return b.conv(x, _array(last.weight)[:, :, None] * alive[:, None, None, None], _array(last.bias) * alive)
 
 
 @singledispatch

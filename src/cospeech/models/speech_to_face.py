@@ -11,7 +11,7 @@ What is optimised, in the units of weights and radians, y the tracked face with 
     min  E w |ŷ₊ − y|₁ + λ E w |Δŷ₊ − Δy|₁          Δ from one frame to the next; ŷ₊: weights below 0 count as 0
 
 Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
-vocal tract, in noise, and with pauses of silence in which the face rests.
+vocal tract, in noise, and with pauses in which nobody speaks and the face rests.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 SLOPE = 0.1  # of LeakyReLU; ours
 BELOW = 0.02  # ours: what of a weight below 0 counts, so that it is not lost
 CALM = log(FLOOR)  # log power of a band in silence
+COLOUR = 3.0  # natural log of power by which noise is louder or softer at either end of the axis, at most; ours
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
 
 
@@ -61,10 +62,10 @@ class SpeechToFaceConfig:
     """Its spectrum is tilted by up to so much at either end."""
     tract: float = 0.15
     """Its mel axis is stretched by up to this share."""
-    noise: float = 0.5
+    noise: float = 0.6
     """Share of windows with noise, 17 to 60 dB below their loudest band."""
-    pauses: float = 0.2
-    """Share of windows with a pause of silence, of which a fifth are silent throughout."""
+    pauses: float = 0.3
+    """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""
 
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain": 0, "tilt": 0}
@@ -214,11 +215,11 @@ class SpeechToFace(Windowed):
         mel = _stretched(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
         mel = mel + (self.config.gain * _even(chance, rows) + self.config.tilt * _even(chance, rows) * axis)[:, None]
         below = 4 + 10 * chance.uniform(rows, 1)  # natural log of power under the loudest band
-        level = mel.amax((1, 2))[:, None] - below + self.config.tilt * _even(chance, rows) * axis
+        level = mel.amax((1, 2))[:, None] - below + COLOUR * _even(chance, rows) * axis
         level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, CALM)
         hiss = level[:, None] + (0.5 + chance.uniform(rows, *audio.shape[1:])).log()
         still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
-        mel = torch.where(still[..., None] > 0, CALM, torch.logaddexp(mel, hiss).clamp_min(CALM))
+        mel = torch.logaddexp(torch.where(still[..., None] > 0, CALM, mel), hiss).clamp_min(CALM)
         rest = F.avg_pool1d(still[:, None], RAMP, 1, RAMP // 2, count_include_pad=False)[:, 0, :, None]
         return (mel - self.audio_mean) / self.audio_std, face * (1 - rest)
 

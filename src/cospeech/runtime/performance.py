@@ -22,7 +22,6 @@ from ..poses import Pose, find_pose
 from ..poses.lift import lift
 from ..rotations import Array, quat_identity
 from ..rules import Session as RuleSession
-from ..rules.expressions import IS_MOUTH
 from ..rules.session import check_speech
 from ..skeleton import humanoid
 from ..speech import Speech, count_frames
@@ -264,9 +263,8 @@ def _cut(pieces: list[Motion], count: int) -> Motion:
 
 
 def _faced(body: Motion, head: Motion) -> Motion:
-    """Face and eyes of the one on the other, which keeps the mouth that its own system made."""
+    """Face and eyes of the one on the other."""
     eyes = [humanoid().index[name] for name in _EYES]
     rotations = body.rotations.copy()
     rotations[:, eyes] = head.rotations[:, eyes]
-    face = head.face if body.face is None or head.face is None else np.where(IS_MOUTH, body.face, head.face)
-    return replace(body, rotations=rotations, face=face)
+    return replace(body, rotations=rotations, face=head.face)

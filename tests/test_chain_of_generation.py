@@ -1,4 +1,4 @@
-"""Chain of Generation and its streaming variant: what is frozen, what may be missing, what each loss is."""
+"""Chain of Generation and its streaming variant: stages, what may be missing, what each loss is, streams, stores."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
+from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.corpora.examples import STRETCH, STRETCHES  # noqa: E402
+from cospeech.corpora.store import Entry, Store  # noqa: E402
+from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
+from cospeech.corpora.windows import Windows  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
+from cospeech.features.frames import AUDIO_NAMES  # noqa: E402
 from cospeech.features.words import GRAMS  # noqa: E402
 from cospeech.models.chain_live import ChainLive, ChainLiveConfig  # noqa: E402
 from cospeech.models.chain_of_generation import INPUTS, ChainConfig, ChainOfGeneration  # noqa: E402
@@ -21,6 +27,10 @@ from cospeech.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.nn.recurrent import BothWays, Forwards  # noqa: E402
 from cospeech.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
 from cospeech.nn.words import SubwordTable, word_embedding  # noqa: E402
+from cospeech.poses import find_pose  # noqa: E402
+from cospeech.poses.joints import hand_columns  # noqa: E402
+from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.train import train  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, ROWS, FRAMES = 7, 5, 3, 4, 24
@@ -514,3 +524,100 @@ def test_louder_speech_is_heard_in_training_alone_and_by_all():
     heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain=6.0), audio=AUDIO, speakers=2, louder=steps)
     clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, Chance(0, 0))
     assert heard.train().loss(clip, 0)["emotion"] != heard.eval().loss(clip, 0)["emotion"]
+
+
+@pytest.mark.parametrize(("text", "count"), [(300, 15_543_853), (0, 16_144_153)])
+def test_parameters_at_paper_size(text, count):
+    hands = hand_columns(find_pose("euler").names)
+    assert len(hands) == 114
+    with torch.device("meta"):
+        net = ChainOfGeneration(ChainConfig(), pose=141, audio=24, speakers=4, hands=hands, text=text)
+    assert sum(value.numel() for value in net.parameters()) == count
+    assert (sum(v.numel() for v in net.cascade.body.parameters()), sum(v.numel() for v in net.cascade.hands.parameters())) == (
+        6_372_891,
+        6_908_402,
+    )
+
+
+def test_hands_are_found_by_the_names_of_their_columns():
+    assert len(hand_columns(find_pose("expmap-humanoid").names)) == 18
+    assert len(hand_columns(find_pose("rot6d-smplx").names)) == 6 * 2 * 16
+    for name in ("direction-vectors", "keypoints2d"):
+        with pytest.raises(InputError, match="hands"):
+            hand_columns(find_pose(name).names)
+
+
+# stores ---------------------------------------------------------------------------------------------------------------
+
+
+def spoken_store(folder):
+    """A store with words, faces and moods, of which some clips lack some."""
+    draw = np.random.default_rng(0)
+    pieces, at = [], {"a": ("face", "emotion", "word"), "b": ("emotion", "word"), "c": ()}
+    for split in ("train", "validation"):
+        for name, has in at.items():
+            values = {
+                "pose": draw.normal(size=(60, POSE)), "audio": draw.normal(size=(60, 84)), "face": np.full((60, 52), np.nan),
+                "emotion": np.full(60, -1), "word": np.full(60, -1),
+            }  # fmt: skip
+            known = {"face": draw.uniform(size=(60, 52)), "emotion": np.full(60, 3), "word": np.arange(60) // 20}
+            values |= {key: known[key] for key in has}
+            types = {"emotion": np.int8, "word": np.int32}
+            values = {key: value.astype(types.get(key, np.float32)) for key, value in values.items()}
+            entry = Entry(f"{name}-{split}", name, split, 0, 60, 0.0, ("pose", "audio", *has))
+            made = {key: values[key] for key in entry.has}
+            pieces.append(Piece(entry, ("yes", "no"), lambda made=made: dict(made)))
+    columns = ("hips.x", "hips.y", "leftHand.rx", "leftGrip.0", "spine.rx", "head.rx", "rightHand.rx")
+    names = {"pose": columns, "audio": AUDIO_NAMES, "face": tuple(map(str, range(52)))}
+    write_store(folder, pieces, corpus="beat", pose="none", fps=15.0, names=names)
+    return folder
+
+
+def recipe(name: str, needs: dict | None = None, data: dict | None = None, **config):
+    sections = {
+        "model": {"name": name, **config}, "needs": needs or {}, "data": {"audio": "mel20-prosody", **(data or {})},
+        "train": {"steps": 4, "batch": 6, "threads": 1, "device": "cpu", "validate_every": 2, "save_every": 2},
+    }  # fmt: skip
+    return read_recipe(sections)
+
+
+def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
+    store = spoken_store(tmp_path / "store")
+    config = SMALL | {"classifier_steps": 2, "gain": 6.0, "adversarial": 1.0, "noise": 2}
+    train(recipe("chain-of-generation", **config), store, tmp_path / "run")
+    net, facts = load_run(tmp_path / "run")
+    assert facts["sizes"]["hands"] == [2, 3, 6]
+    assert facts["sizes"]["text"] == 0
+    std = read_tensors(tmp_path / "run" / "statistics.safetensors")[0]["audio_std"].numpy()
+    steps = np.array([np.log(10)] * 20 + [10, 0, 0, 0]) / std
+    assert np.allclose(facts["sizes"]["louder"], steps, rtol=1e-5)
+    examples, _ = read_tensors(tmp_path / "run" / "examples.safetensors")
+    assert examples["texts"].shape == (3, STRETCHES, STRETCH, GRAMS)
+    assert examples["emotions"].shape == (3, STRETCHES, STRETCH, 1)
+    assert {*examples["emotions"][:, :, :60].unique().tolist()} == {-1.0, 3.0}
+    assert (examples["texts"][0].sum(-1) > 0).any()
+    assert not examples["texts"][2].any()
+    live_config = SMALL | {"look_ahead": 3, "noise": 2}
+    train(recipe("chain-of-generation-live", {"teacher": str(tmp_path / "run")}, **live_config), store, tmp_path / "live")
+    student, _ = load_run(tmp_path / "live")
+    for name, value in net.classifier.state_dict().items():
+        assert torch.equal(value, student.classifier.state_dict()[name])
+        assert torch.equal(value, student.teacher.classifier.state_dict()[name])
+    assert torch.equal(student.word.table.weight, net.word.table.weight)
+    with pytest.raises(InputError, match="louder"):
+        train(recipe("chain-of-generation", data={"audio": "mel29-linear"}, **config), store, tmp_path / "powers")
+
+
+def test_a_clip_may_lack_what_is_spare(tmp_path):
+    store = Store(spoken_store(tmp_path / "store"))
+    arrays = ("pose", "audio", "face", "emotion")
+    assert len(Windows(store, 24, arrays)) == 37
+    whole = Windows(store, 24, arrays, spare=("face", "emotion"))
+    assert len(whole) == 3 * 37
+    drawn = whole.at(60, 0, 0)
+    lacking = np.isnan(drawn["face"]).all((1, 2))
+    assert (drawn["speaker"][~lacking] == 0).all()
+    assert {0, 1, 2} == {*drawn["speaker"]}
+    assert (drawn["emotion"][drawn["speaker"] == 2] == -1).all()
+    with pytest.raises(InputError, match="no 'cluster'"):
+        Windows(store, 24, ("pose", "cluster"), spare=("cluster",))

@@ -163,7 +163,7 @@ def louder(name: str) -> tuple[float, ...]:
         InputError: unknown name, or one whose columns are powers, not logarithms.
     """
     if name == "mel29-linear":
-        raise InputError(f"loudness in {name!r}", "its columns are powers: choose one of logarithms, such as mel29")
+        raise InputError(f"louder speech in {name!r}", "its columns are powers: choose one of logarithms, such as mel29")
     steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
     mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
     return tuple(steps.get(column, mel) for column in audio_names(name))

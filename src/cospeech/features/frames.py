@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .hearing import Hearing
 from .mel import FPS, Floats
 from .prosody import DELAY, N_MELS, Features, ProsodyStream
+from .shared import Prosody, SharedProsody
 
 if TYPE_CHECKING:
     from ..speech import Speech
@@ -57,7 +58,11 @@ class FrameFeatures(Hearing):
     def __init__(self, fps: float) -> None:
         super().__init__(fps, np.zeros((0, len(AUDIO_NAMES)), np.float32))
         self.delay = frame_delay(fps)
-        self._stream = ProsodyStream(mel=True)
+        self._stream: Prosody = ProsodyStream(mel=True)
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `Hearing`."""
+        self._stream = prosody.tap()
 
     def _made(self, samples: Floats) -> Floats:
         return _columns(self._stream.push(samples))
@@ -65,12 +70,17 @@ class FrameFeatures(Hearing):
     def _rest(self) -> Floats:
         return _columns(self._stream.flush())
 
-    def _edge(self, frame: int | NDArray[np.int64]) -> Any:
+    def _edge(self, frame: NDArray[np.int64]) -> NDArray[np.int64]:
         """The hundredth at which a frame's time begins."""
-        return np.maximum(np.round((frame - 0.5) * (FPS / self.fps)), 0).astype(int)
+        edge: NDArray[np.int64] = np.maximum(np.round((frame - 0.5) * (FPS / self.fps)), 0).astype(int)
+        return edge
+
+    def _edge_of(self, frame: int) -> int:
+        """The same of one frame, without arrays: it is asked for at every piece."""
+        return max(round((frame - 0.5) * (FPS / self.fps)), 0)
 
     def _certain(self, frame: int) -> bool:
-        return bool(self._edge(frame + 1) <= self._end and self._edge(frame) < self._end)
+        return self._edge_of(frame + 1) <= self._end and self._edge_of(frame) < self._end
 
     def _rows(self, frames: NDArray[np.int64]) -> Floats:
         low = np.minimum(self._edge(frames), self._end - 1)
@@ -88,7 +98,7 @@ class FrameFeatures(Hearing):
         return out
 
     def _needed(self, frame: int) -> int:
-        return min(int(self._edge(frame)), self._end - 1)
+        return min(self._edge_of(frame), self._end - 1)
 
 
 def _columns(heard: Features) -> Floats:

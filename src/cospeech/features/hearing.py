@@ -15,6 +15,7 @@ from .mel import Floats
 
 if TYPE_CHECKING:
     from ..speech import Speech
+    from .shared import SharedProsody
 
 __all__ = ["Hearing"]
 
@@ -45,6 +46,9 @@ class Hearing(ABC):
     def duration(self) -> Fraction:
         """Seconds heard so far."""
         return self._speech.duration
+
+    def share(self, prosody: SharedProsody) -> None:
+        """Hear with what others hear, too, where the rows are made of that; before anything is pushed."""
 
     def push(self, chunk: Speech) -> Floats:
         """(n, C) float32: the rows that this piece makes certain; possibly none.

@@ -12,6 +12,7 @@ from numbers import Integral, Real
 
 from ..emotions import EMOTIONS, EmotionTrack, emotion_track
 from ..errors import InputError, nearest
+from ..features.shared import SharedProsody
 from ..motion import Motion
 from ..speech import Speech
 from .gains import face_gains
@@ -55,8 +56,12 @@ class RuleGesturer:
         fps: float = 30.0,
         parts: Iterable[str] = _PARTS,
         face_gain: float | str | Mapping[str, float] = 1.0,
+        moving: bool = True,
     ) -> Session:
-        """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`."""
+        """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
+
+        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted.
+        """
         parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
         unknown = [p for p in parts if p not in _PARTS]
         if unknown or not parts:
@@ -70,11 +75,14 @@ class RuleGesturer:
         if not (isinstance(seed, Integral) and 0 <= seed < 2**63):
             raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 1")
         gains = face_gains(face_gain)
-        mouth = self._mouth() if self._mouth is not None and "face" in parts else None
-        return Session(
+        mouth = self._mouth() if self._mouth is not None and moving and "face" in parts else None
+        session = Session(
             _find_style(style), emotion=track, seed=int(seed), intensity=float(intensity),
-            temperature=float(temperature), fps=float(fps), parts=parts, mouth=mouth, gains=gains,
+            temperature=float(temperature), fps=float(fps), parts=parts if moving else (), mouth=mouth, gains=gains,
         )  # fmt: skip
+        if mouth is not None:
+            session.share(SharedProsody())
+        return session
 
     def generate(
         self,

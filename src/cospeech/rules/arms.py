@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import Array, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply
+from ..rotations import Array, cross, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply
 from ..skeleton import humanoid
 from .hands import Channel
 
@@ -83,18 +83,18 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     along = target / np.maximum(d, 1e-6)[..., None]
     pole = POLE - np.einsum("i,...i->...", POLE, along)[..., None] * along
     pole = _unit(pole)
-    side = np.cross(along, pole)
+    side = cross(along, pole)
     pole = pole * np.cos(swivel)[..., None] + side * np.sin(swivel)[..., None]
     cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
     elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
-    normal = _unit(np.cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
+    normal = _unit(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
     return bone_frame(elbow, normal), bone_frame(target - elbow, normal)
 
 
 def bone_frame(direction: Array, hinge: Array) -> Array:
     """Rotation whose x-axis lies along ``direction`` and whose y-axis is ``hinge`` (at right angles to it)."""
     x = _unit(direction)
-    return matrix_to_quat(np.stack([x, hinge, np.cross(x, hinge)], -1))
+    return matrix_to_quat(np.stack([x, hinge, cross(x, hinge)], -1))
 
 
 def hand_rotations(forearm: Array, angles: Array) -> tuple[Array, Array]:

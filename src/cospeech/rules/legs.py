@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..rotations import Array, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
+from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..skeleton import humanoid
 from .bodytrack import Body
 
@@ -92,7 +92,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, lift: Array) -> A
     pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
     cosine = np.clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
     knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
-    hinge = np.cross(-along, pole)  # to the left
+    hinge = cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
     tip = np.radians(9.0) * np.clip((lift - 0.012) / 0.03, 0, 1)  # the toes hang a little
     world = np.concatenate([bones, euler_to_quat(np.stack([turn, tip], -1), "YX")[:, :, None]], 2)
@@ -104,7 +104,7 @@ def _bones(directions: Array, hinge: Array) -> Array:
     """World rotations that lay thigh and shin along ``directions (N, 2, 2, 3)`` with the x-axis on ``hinge``."""
     down = -directions / np.sqrt(np.einsum("nsbi,nsbi->nsb", directions, directions))[..., None]
     hinge = np.broadcast_to(hinge, down.shape)
-    q = matrix_to_quat(np.stack([hinge, down, np.cross(hinge, down)], -1))
+    q = matrix_to_quat(np.stack([hinge, down, cross(hinge, down)], -1))
     return quat_multiply(q, _tilts())
 
 

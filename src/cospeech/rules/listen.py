@@ -13,6 +13,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..features.prosody import Features, ProsodyStream
+from ..features.shared import Prosody, SharedProsody
 from ..rotations import Array
 from ..speech import Speech
 from .heard import RATE, Accent, Heard, Phrase
@@ -65,7 +66,7 @@ class Listener:
     """
 
     def __init__(self) -> None:
-        self._prosody = ProsodyStream()
+        self._prosody: Prosody = ProsodyStream()
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
         self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
@@ -75,6 +76,10 @@ class Listener:
         self.accents: deque[Accent] = deque()
         self.phrases: deque[Phrase] = deque()
         self.finished = False
+
+    def share(self, prosody: SharedProsody) -> None:
+        """Hear with what others hear, too; before anything is pushed."""
+        self._prosody = prosody.tap()
 
     @property
     def known(self) -> float:
@@ -136,7 +141,7 @@ class Listener:
 
     def _follow_level(self, ahead: Array) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
-        low, high = float(np.percentile(ahead, 10)), float(np.percentile(ahead, 92))
+        low, high = (float(level) for level in np.percentile(ahead, (10, 92)))
         if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
         self._peak = max(high, self._peak - 0.6 * TICK) if high > self._peak - 14 else self._peak - 0.25 * TICK

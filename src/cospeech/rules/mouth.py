@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from ..features.shared import SharedProsody
 from ..rotations import Array
 
-__all__ = ["Mouth", "MouthMaker"]
+__all__ = ["Mouth", "MouthMaker", "Sharing"]
 
 
 class Mouth(Protocol):
@@ -32,6 +33,15 @@ class Mouth(Protocol):
         Returns:
             (T, 52) ARKit weights in the order of `cospeech.skeletons.arkit.ARKIT`; only jaw, mouth and tongue are looked at.
         """
+        ...
+
+
+@runtime_checkable
+class Sharing(Protocol):
+    """A mouth that can hear with what others hear, which saves it work."""
+
+    def share(self, prosody: SharedProsody) -> None:
+        """Asked once, before anything is pushed."""
         ...
 
 

@@ -59,13 +59,15 @@ def _offsets() -> dict[str, Array]:
     return {n: s.offsets[s.index[n]] for n in names} | {"t:" + n: s.tpose[s.index[n]] for n in names}
 
 
-def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed: int, size: float, tremor: Array) -> Pieces:
+def realise(
+    times: Array, body: Track, hands: list[Track] | None, style: Style, *, seed: int, size: float, tremor: Array
+) -> Pieces:
     """Pose the whole body.
 
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand.
+        hands: tracks of the left and the right hand; None: arms stay as they are in the T-pose, which costs half.
         style: whose noise, stance and chair.
         seed: of the noise.
         size: factor on noise (intensity).
@@ -91,7 +93,8 @@ def realise(times: Array, body: Track, hands: list[Track], style: Style, *, seed
         places[name] = (position, world)
     gaze = _head(b, torso, rotations, turn)
     neck = position + quat_rotate(world, _offsets()["neck"])
-    _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
+    if hands is not None:
+        _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     rotations[:, 0] = quat_multiply(facing, hips)
     return Pieces(rotations, quat_rotate(facing, root), gaze)

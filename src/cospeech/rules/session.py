@@ -12,6 +12,7 @@ import numpy as np
 from ..emotions import EMOTIONS, EmotionTrack
 from ..errors import InputError
 from ..features.mel import RATE as SAMPLE_RATE
+from ..features.shared import SharedProsody
 from ..motion import Motion
 from ..rotations import Array, quat_identity
 from ..skeleton import humanoid
@@ -20,7 +21,7 @@ from .face import Face
 from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
 from .manners import blend_manners
 from .mood import SPAN, Mood
-from .mouth import Mouth
+from .mouth import Mouth, Sharing
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
@@ -44,7 +45,8 @@ class Session:
         seed: of this take.
         intensity, temperature: see `RuleGesturer.generate`.
         fps: of the motion.
-        parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose.
+        parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose. Of none: the
+            session listens to the mood alone.
         mouth: what the face speaks with; rules make its mouth where there is none.
         gains: (52,) factors of the face's channels; all 1 where not given.
     """
@@ -81,6 +83,12 @@ class Session:
         self._moods: deque[tuple[float, Array]] = deque()
         self._resampler: Any = None
         self._rate: int | None = None
+
+    def share(self, prosody: SharedProsody) -> None:
+        """Hear with what others hear, too; before anything is pushed."""
+        self.listener.share(prosody)
+        if isinstance(self.mouth, Sharing):
+            self.mouth.share(prosody)
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -173,19 +181,21 @@ class Session:
             self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
         manner = blend_manners(self.mood.probabilities)
         self._moods.append((now, self.mood.probabilities.copy()))
-        self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
+        if self.parts:
+            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
         self._ticks += 1
         while self._words and self._words[0].end < now - 3:
             self._words.popleft()
 
     def _emit(self, until: float, total: int | None = None) -> Iterator[Motion]:
-        """Frames before ``until`` seconds that have not been sent."""
+        """Frames before ``until`` seconds that have not been sent; none ever where no part is wanted."""
         end = int(np.ceil(until * self.fps - 1e-9))
         end = end if total is None else min(end, total)
         if end <= self._frame:
             return
         times = np.arange(self._frame, end) / self.fps
-        yield self._realise(times)
+        if self.parts:
+            yield self._realise(times)
         self._frame = end
         oldest = times[-1] - 0.5
         for track in (self.planner.body, *(s.track for s in self.planner.hands)):
@@ -194,7 +204,7 @@ class Session:
             self._moods.popleft()
 
     def _realise(self, times: Array) -> Motion:
-        tracks = [s.track for s in self.planner.hands]
+        tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         mood = self._mood_at(times)
         fear = mood[:, EMOTIONS.index("fear")]
         pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)

@@ -140,19 +140,19 @@ class ChainEngine:
         return self._live is not None
 
     def classify(self, rows: Array) -> Array:
-        """What the middle of 2 · reach + 1 rows of speech says of speaker and emotion: (S + 8,) logits.
+        """What speech says of speaker and emotion, frame by frame: (n, S + 8) logits.
 
         Args:
-            rows: (2 · reach + 1, A).
+            rows: (2 · reach + n, A), the frames and those around them that matter to them.
         """
         s = self.sizes
-        assert self._classify is not None
-        if np.shape(rows) != (2 * s.reach + 1, s.audio):
-            raise InputError(f"speech of shape {np.shape(rows)} to judge", f"({2 * s.reach + 1}, {s.audio})")
+        frames = len(rows) - 2 * s.reach
+        if self._classify is None or np.ndim(rows) != 2 or frames < 1 or np.shape(rows)[1] != s.audio:
+            raise InputError(f"speech of shape {np.shape(rows)} to judge", f"more than {2 * s.reach} × {s.audio}, a classifier")
         (logits,) = run_session(self._classify, {"rows": _sane(rows)[None]})
-        if logits.shape != (1, 2 * s.reach + 1, s.style):
+        if logits.shape != (1, len(rows), s.style):
             raise InputError(f"a graph makes logits of shape {logits.shape}", "is the bundle damaged?")
-        return _bounded(logits[0, s.reach])
+        return _bounded(logits[0, s.reach : s.reach + frames])
 
     def live(self, takes: int) -> Live:
         """A performance of so many takes, frame by frame.
@@ -173,7 +173,7 @@ class ChainEngine:
         if [each.shape for each in (poses, *states)] != due:
             raise InputError("a graph gives other shapes than it announces", "is the bundle damaged?")
         low, high = self.windows.low, self.windows.high
-        return [np.clip(np.nan_to_num(poses), low, high), *map(_bounded, states)]
+        return [np.clip(np.nan_to_num(poses), low, high), *states]
 
 
 @dataclass

@@ -85,7 +85,7 @@ class ChainPlayer:
     def units(self, poses: Array, at: Array) -> Array:
         """See `Player`."""
         s, calibration = self._system.statistics, self._calibration
-        shares = self._style(at, np.inf)[:, : self._system.engine.sizes.speakers].astype(np.float32)
+        shares = self._style(at)[:, : self._system.engine.sizes.speakers].astype(np.float32)
         centre, made, gain = shares @ s.centres, shares @ calibration[0], shares @ calibration[1]
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
@@ -94,10 +94,10 @@ class ChainPlayer:
         """(S, D) mean of what the network makes in each speaker's style, and (S, D) by what it is multiplied."""
         raise NotImplementedError
 
-    def _style(self, frames: Array, until: float) -> Array:
-        """(n, S + 8) of these frames, by what the voice has said until a frame."""
+    def _style(self, frames: Array) -> Array:
+        """(n, S + 8) of these frames."""
         speakers = self._system.engine.sizes.speakers
-        heard = self._ear.shares(np.minimum(frames, until))
+        heard = self._ear.shares(frames)
         asked = np.broadcast_to(self._asked.mixed(lambda shares: shares, frames)[0], (len(frames), speakers))
         left = np.maximum(1 - asked.sum(1, keepdims=True), 0)
         return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
@@ -133,8 +133,7 @@ class LivePlayer(ChainPlayer):
         audio, made = self._system.engine.sizes.audio, [np.zeros((self.takes, 0, self.width), np.float32)]
         for row in rows:
             self._ear.push(row[None, :audio])
-            now = np.array([self._heard])
-            style = self._style(now, self._ear.frames - 1)[0]
+            style = self._style(np.array([self._heard]))[0]
             poses = self._live.frame(row, np.broadcast_to(style, (self.takes, len(style))), self._drawn(1)[:, 0])
             self._heard += 1
             if self._heard > self._system.engine.sizes.look_ahead:
@@ -182,8 +181,7 @@ class SectionPlayer(ChainPlayer):
 
     def _window(self, rows: Array, first: int, nudge: Array) -> Array:
         """(N, window, D) where ``first`` is the first new frame."""
-        at, sizes = np.arange(self.setting.window) + (first - self.setting.past), self._system.engine.sizes
-        style = self._style(np.maximum(at, 0), max(0, at[-1] - sizes.reach))
+        style = self._style(np.maximum(np.arange(self.setting.window) + (first - self.setting.past), 0))
         return self._system.engine.windows.make(rows, np.broadcast_to(style, (self.takes, *style.shape)), nudge)
 
 

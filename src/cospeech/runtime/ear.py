@@ -1,14 +1,14 @@
 """Who speaks, and in which mood: what a chain's classifier hears in a voice, followed over a speech that comes in pieces.
 
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
-(`SPAN`); silence says nothing. Everything follows from a frame's index alone.
+(`SPAN`); silence says nothing. Frames are judged in blocks, and everything follows from a frame's index alone.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..emotions import EMOTIONS, EmotionTrack
+from ..emotions import EMOTIONS, Moods
 from ..rotations import Array
 from ..rules.mood import SPAN
 from .chain_engine import ChainEngine
@@ -18,6 +18,9 @@ __all__ = ["Ear"]
 DOUBT = 1.0  # s; ours: of evidence that the mood is neutral and the speaker may be anybody, before anything is heard
 LEANING = 2.0  # ours: logit of that neutral mood
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
+
+
+BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
 
 
 class Ear:
@@ -39,42 +42,58 @@ class Ear:
         self._sum = np.zeros(engine.sizes.style)
         self._sum[speakers + EMOTIONS.index("neutral")] = LEANING * DOUBT * fps
         self._count = np.full(engine.sizes.style, DOUBT * fps)
-        self._first, self._course = 0, [self._now()]  # probabilities before the first frame stand for it, too
-        self._total, self._heard = np.zeros(engine.sizes.style), 0
+        self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
         self.frames = 0
         """Of which probabilities are known."""
 
     def push(self, rows: Array) -> None:
-        """Hear (n, A) standardised rows; each makes the frame ``reach`` before it known."""
+        """Hear (n, A) standardised rows; `sure` tells which frames that makes known."""
         self._rows = np.concatenate([self._rows, rows])
-        width = 2 * self._engine.sizes.reach + 1
+        width = 2 * self._engine.sizes.reach + BLOCK
         while len(self._rows) >= width:
-            middle = self._rows[width // 2]
-            voiced = np.sqrt(np.square(middle - self._quiet).mean()) > VOICE
-            self._sum *= self._fade
-            self._count *= self._fade
-            if voiced and self._engine.judges:
-                self._sum += self._engine.classify(self._rows[:width])
-                self._count += 1
+            self._judge(self._rows[:width])
+            self._rows = self._rows[BLOCK:]
+        self._rows = self._rows.copy()
+
+    def _judge(self, rows: Array) -> None:
+        """The frames in the middle of (2 · reach + BLOCK, A) rows."""
+        reach = self._engine.sizes.reach
+        middle = rows[reach : reach + BLOCK]
+        voiced = np.sqrt(np.square(middle - self._quiet).mean(1)) > VOICE
+        logits = self._engine.classify(rows) if self._engine.judges and voiced.any() else None
+        for k in range(BLOCK):
+            self._sum, self._count = self._sum * self._fade, self._count * self._fade
+            if logits is not None and voiced[k]:
+                self._sum, self._count = self._sum + logits[k], self._count + 1
             self._course.append(self._now())
-            self._total += self._course[-1]
-            self.frames += 1
-            self._rows = self._rows[1:]
+        self.frames += BLOCK
+
+    def sure(self, heard: Array) -> Array:
+        """The last frame that is known once so many were heard; before the first, -1."""
+        return np.maximum(heard - self._engine.sizes.reach, 0) // BLOCK * BLOCK - 1  # type: ignore[no-any-return]
 
     def shares(self, frames: Array) -> Array:
-        """(…, S + 8) weights at these frames, between which they change linearly; beyond what is known they stay."""
+        """(…, S + 8) weights at these frames, of what was `sure` when they were heard; between frames they change linearly.
+
+        Args:
+            frames: (…,) whole or not.
+        """
         wanted = np.asarray(frames, float)
-        known = np.clip(wanted, self._first, max(self._first, self.frames - 1))
+        known = np.clip(np.minimum(wanted, self.sure(np.floor(wanted) + 1)), self._first - 1, self.frames - 1)
         low = np.floor(known).astype(int)
-        course, place = np.stack(self._course), low - self._first + 1
-        now, after = (course[np.minimum(k, len(course) - 1)] for k in (place, place + 1))
-        heard = now + (known - low)[..., None] * (after - now)
+        first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
+        course = np.array(self._course[first - self._first + 1 : last - self._first + 2])
+        place = low - first
+        now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
+        heard: Array = now + (known - low)[..., None] * (after - now)
         if self._given is not None:
             heard[..., self._engine.sizes.speakers :] = self._given.at(wanted / self._fps)
         return heard
 
     def at(self, times: Array) -> Array:
         """(…, 8) weights of the emotions at these times in seconds."""
+        if self._given is not None:
+            return self._given.at(times)
         return self.shares(np.asarray(times, float) * self._fps)[..., self._engine.sizes.speakers :]
 
     def forget(self, before: int) -> None:

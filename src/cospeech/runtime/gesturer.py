@@ -12,6 +12,7 @@ import numpy as np
 from ..corpora.clip import Points
 from ..emotions import EmotionTrack, emotion_track
 from ..errors import InputError
+from ..features.shared import SharedProsody
 from ..motion import Motion
 from ..poses import find_pose
 from ..poses.controls import control_row, read_controls
@@ -22,13 +23,14 @@ from ..speech import Speech
 from .bundle import read_bundle
 from .listener import Listener
 from .manifest import System
-from .mouth import shipped_mouth
+from .mouth import POSE, BundleMouth, shipped_mouth
 from .performance import PIECE, Performance, Player, Wish
 from .players import Players, Terms, players_of
 from .reader import Reader
 from .sampling import Sampled
 from .style import Transfer
 from .systems import open_system
+from .window_bundle import WindowSystem
 
 __all__ = ["BundleGesturer"]
 
@@ -41,7 +43,7 @@ class BundleGesturer:
     Args:
         system: an opened bundle; `BundleGesturer.open` takes a path.
         transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
-        mouth: makes what faces speak with; the one that ships where not given.
+        mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
     Raises:
         InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
@@ -91,11 +93,22 @@ class BundleGesturer:
         given = emotion_track(emotion)
         listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, given))
         options["emotion"] = player.moods or emotion
-        shown = ("face",) if "face" in parts else ("hands",)  # without a face, moods alone are listened to
-        faces = [self._rules.session(seed=k, parts=shown, **options) for k in seeds]
+        shown = "face" in parts  # without a face, moods alone are listened to
+        rules = self._speaking(style)
+        faces = [rules.session(seed=k, parts=("face",), moving=shown, **options) for k in seeds]
+        shared = SharedProsody()
+        for each in (listener, *faces):
+            each.share(shared)
         return Performance(
             self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
         )
+
+    def _speaking(self, style: object) -> RuleGesturer:
+        """Who makes the face; of a system of faces one that speaks with it, in that style."""
+        system = self.system
+        if system.pose != POSE or not isinstance(system, WindowSystem):
+            return self._rules
+        return RuleGesturer(lambda: BundleMouth(system, style))
 
     def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener | Reader, Player]:
         """Who hears, and who plays."""

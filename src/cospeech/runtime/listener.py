@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..features.reduce import hear, reduce_audio
+from ..features.shared import SharedProsody
 from ..rotations import Array
 from ..speech import Speech, count_frames
 from .fading import Fading
@@ -27,6 +28,10 @@ class Listener:
         self._features = hear(system.audio, system.fps)
         self._silence = self._standard(_silence(system))
         self._given = 0
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `cospeech.features.hearing.Hearing`."""
+        self._features.share(prosody)
 
     @property
     def frames(self) -> int:

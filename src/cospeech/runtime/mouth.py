@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..features.shared import SharedProsody
 from ..rotations import Array
 from ..rules.session import MOUTH_WAITS
 from ..skeletons.arkit import ARKIT
@@ -74,6 +75,10 @@ class BundleMouth:
             raise InputError(f"a mouth that waits {self.latency:.2f} s", f"a face is made after {MOUTH_WAITS:.2f} s of speech")
         self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
         self._finished = False
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `cospeech.rules.mouth.Sharing`."""
+        self._listener.share(prosody)
 
     @property
     def known(self) -> float:

@@ -39,6 +39,8 @@ class SmoothGumbel:
 
     def draw(self, frames: int) -> Array:
         """(frames, width) float32."""
+        if not self._state.size:
+            return np.zeros((frames, 0), np.float32)
         (a, b), (c, d) = self._go
         (e, _), (f, g) = self._stir
         out = np.empty((frames, self._state.shape[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..features.shared import SharedProsody
 from ..features.words import WordStream
 from ..rotations import Array
 from ..speech import Speech
@@ -26,6 +27,10 @@ class Reader:
         self._system, self._listener, self._words = system, Listener(system, np.zeros(0, np.float32)), WordStream(system.fps)
         self._heard = self._listener.quiet[:0]
         self._read = np.zeros((0, system.engine.sizes.words), np.float32)
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `Listener`."""
+        self._listener.share(prosody)
 
     @property
     def frames(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from cospeech.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: 
 from cospeech.nn.words import SubwordTable, word_embedding  # noqa: E402
 from cospeech.poses import find_pose  # noqa: E402
 from cospeech.poses.joints import hand_columns  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.recipe import build, load_recipe, read_recipe  # noqa: E402
 from cospeech.train import train  # noqa: E402
 
 torch.set_num_threads(1)
@@ -621,3 +622,11 @@ def test_a_clip_may_lack_what_is_spare(tmp_path):
     assert (drawn["emotion"][drawn["speaker"] == 2] == -1).all()
     with pytest.raises(InputError, match="no 'cluster'"):
         Windows(store, 24, ("pose", "cluster"), spare=("cluster",))
+
+
+def test_the_recipe_of_the_paper_is_at_the_values_of_the_paper():
+    file = Path(__file__).resolve().parents[1] / "recipes" / "chain_of_generation_beat.toml"
+    found = load_recipe(file)
+    assert build(ChainConfig, found.config, "model") == ChainConfig()
+    assert (found.data.pose, found.data.fps) == ("euler", 15)
+    assert (found.train.batch, found.train.lr) == (512, 2.5e-4)

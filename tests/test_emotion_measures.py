@@ -1,4 +1,4 @@
-"""Emotions measured: macro-F1 against scikit-learn, wrists against geometry, and whether gestures show what they are told to."""
+"""Emotions measured: macro-F1 against scikit-learn, wrists against geometry, and whether gestures show the emotion."""
 
 from __future__ import annotations
 
@@ -73,9 +73,7 @@ def test_wrists_are_measured_as_they_are(speech):
     slow = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean() * 30
     assert 0.7 * slow < own.speed < 1.02 * slow  # what is faster than 6 Hz is left out
     turned = replace(motion, root=motion.root + [3.0, 0.0, -2.0])
-    assert (
-        wrists_of(turned) == pytest.approx(own) if isinstance(own, tuple) else wrists_of(turned).box == pytest.approx(own.box)
-    )
+    assert wrists_of(turned).box == pytest.approx(own.box)
     still = motion.resample(30.0)
     frozen = replace(
         still, rotations=np.repeat(still.rotations[:1], len(still), 0), root=np.repeat(still.root[:1], len(still), 0)

@@ -1,4 +1,4 @@
-"""Measures how well emotions are heard in speech, and whether gestures show them (docs/emotion_from_speech.md has what came out).
+"""Measures how well emotions are heard in speech, and whether gestures show them (docs/emotion_from_speech.md).
 
     python tools/measure_emotion.py voices STORE WORK [--recipe FILE] [--held-out 2] [--steps N]
     python tools/measure_emotion.py recordings FOLDER [RUN ...]
@@ -21,7 +21,7 @@ import numpy as np
 import torch
 
 import cospeech
-from cospeech.checkpoint import load_run, read_facts, read_tensors
+from cospeech.checkpoint import load_run, read_tensors
 from cospeech.corpora.store import Store
 from cospeech.features import audio_features, reduce_audio
 from cospeech.metrics.macro_f1 import macro_f1
@@ -100,7 +100,7 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
             train(replace(recipe, data=replace(recipe.data, speakers=known)), store, folder)
         run = Run(folder)
         for entry in store.clips:
-            if store.speakers[entry.speaker] not in new or "emotion" not in entry.has:
+            if entry.speaker not in new or "emotion" not in entry.has:
                 continue
             arrays = store.clip(entry)
             logits, emotion = run(np.asarray(arrays["audio"])), int(arrays["emotion"][0])
@@ -127,12 +127,12 @@ def mood(speech: Speech) -> Array:
 
 
 def acted(folder: Path) -> list[tuple[str, int, Speech]]:
-    """Recordings whose names say an emotion: name, emotion, speech; copies of one recording (``_5_sec``, ``44.1khz``) once."""
+    """Recordings whose names say an emotion: name, emotion, speech; not the loops of one of them (``…_16khz_20_sec``)."""
     found = []
     for path in sorted(folder.iterdir()):
         words = path.stem.lower().split("_")
         emotion = next((SPOKEN[word] for word in words if word in SPOKEN), None)
-        if emotion is not None and not {"44.1khz", "5", "10"} & set(words) and path.suffix in (".flac", ".wav"):
+        if emotion is not None and "khz" not in path.stem and path.suffix in (".flac", ".wav"):
             found.append((path.stem, EMOTIONS.index(emotion), Speech.load(path)))
     return found
 

@@ -98,7 +98,8 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
     spread = np.array([(a.std(), b.std()) for a, b, _ in pairs])
     kinds = (lambda c: c.made, lambda c: middle, lambda c: c.linear)
     off = np.array([[np.abs(kind(c) - c.real)[:, live].mean() for kind in kinds] for c in clips])
-    shut = np.array([[*((face[:, JAW] < CLOSED) @ c.silent for face in (c.made, c.real)), c.silent.sum()] for c in clips]) * 1.0
+    closed = [[(face[:, JAW] < CLOSED) & c.silent for face in (c.made, c.real)] for c in clips]
+    shut = np.array([[*map(np.sum, pair), c.silent.sum()] for pair, c in zip(closed, clips, strict=True)])
     return {
         "held-out clips; frames; live channels": f"{len(clips)}; {len(real)}; {len(live)}",
         "correlation of jawOpen within clips": told(np.array([np.corrcoef(a, b)[0, 1] for a, b, _ in pairs]), mean),

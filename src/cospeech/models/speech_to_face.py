@@ -36,7 +36,7 @@ __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 SLOPE = 0.1  # of LeakyReLU; ours
 BELOW = 0.02  # ours: what of a weight below 0 counts, so that it is not lost
 CALM = log(FLOOR)  # log power of a band in silence
-COLOUR = 3.0  # natural log of power by which noise is louder or softer at either end of the axis, at most; ours
+COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
 
 
@@ -63,7 +63,7 @@ class SpeechToFaceConfig:
     tract: float = 0.15
     """Its mel axis is stretched by up to this share."""
     noise: float = 0.6
-    """Share of windows with noise, 17 to 60 dB below their loudest band."""
+    """Share of windows with noise, at its loudest 17 to 60 dB below their loudest band."""
     pauses: float = 0.3
     """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""
 
@@ -215,9 +215,11 @@ class SpeechToFace(Windowed):
         mel = _stretched(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
         mel = mel + (self.config.gain * _even(chance, rows) + self.config.tilt * _even(chance, rows) * axis)[:, None]
         below = 4 + 10 * chance.uniform(rows, 1)  # natural log of power under the loudest band
-        level = mel.amax((1, 2))[:, None] - below + COLOUR * _even(chance, rows) * axis
-        level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, CALM)
-        hiss = level[:, None] + (0.5 + chance.uniform(rows, *audio.shape[1:])).log()
+        slope = COLOUR * _even(chance, rows)
+        level = mel.amax((1, 2))[:, None] - below - slope.abs() + slope * axis
+        level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, 2 * CALM)  # which is far below all else
+        u, v = (1 - chance.uniform(rows, *audio.shape[1:]) for _ in range(2))
+        hiss = level[:, None] + (1e-6 - (u.log() + v.log()) / 2).log()  # power of four degrees of freedom
         still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
         mel = torch.logaddexp(torch.where(still[..., None] > 0, CALM, mel), hiss).clamp_min(CALM)
         rest = F.avg_pool1d(still[:, None], RAMP, 1, RAMP // 2, count_include_pad=False)[:, 0, :, None]

@@ -214,6 +214,19 @@ def test_words_close_the_lips_of_a_learnt_mouth(emotion):
     assert np.allclose(without[far], closed[far], atol=1e-6)
 
 
+def test_words_shape_the_lips_of_a_learnt_mouth_but_not_its_jaw():
+    heard, times = hear(np.full(300, 0.85)), np.arange(60, 110) / 100
+    spoken = np.tile(row(jawOpen=0.2, mouthPucker=0.1), (50, 1))
+
+    def most(word, name):
+        return channel(act(Face(seed=1), times, heard, words=[Word(word, 0.6, 1.1)], spoken=spoken), name).max()
+
+    assert most("woo", "mouthPucker") > 0.4 > 0.2 > most("see", "mouthPucker") >= 0.09
+    assert most("fife", "mouthRollLower") > 0.25
+    assert most("thin", "tongueOut") > 0.1
+    assert most("father", "jawOpen") == pytest.approx(most("see", "jawOpen"), abs=1e-9)
+
+
 def test_a_performance_with_a_mouth_is_the_same_in_pieces(system):
     talk = Speech(np.resize(Speech.load(EXAMPLE).samples, 8 * RATE))
     gesturer = RuleGesturer(lambda: BundleMouth(system))

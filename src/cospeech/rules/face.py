@@ -144,11 +144,16 @@ class Face:
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
 
     def _learnt(self, times: Array, heard: Heard, voice: Voice, words: Sequence, spoken: Array) -> tuple[Array, Array]:
-        """(T, 52) and (T,): as a mouth says while somebody talks; how far words close the lips: m, b, p are hard to hear."""
+        """(T, 52) and (T,): as a mouth says while somebody talks, and how far words close the lips.
+
+        Words have a say where sound tells little: the lips of m, b, p, of f and w, the tongue of th; never the jaw.
+        """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
         mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
-        return shape, mouth.claim * mouth.closed
+        mouth.shape[:, 0] = 0.0
+        known = (mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]) @ _SPREAD
+        return np.maximum(shape, known), mouth.claim * mouth.closed
 
     def _scaled(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""

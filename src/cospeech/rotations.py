@@ -203,7 +203,7 @@ def rot6d_to_matrix(r: Array) -> Array:
     x = a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), _SMALL)
     b = b - np.einsum("...i,...i->...", x, b)[..., None] * x
     y = b / np.maximum(np.linalg.norm(b, axis=-1, keepdims=True), _SMALL)
-    return np.stack([x, y, _cross(x, y)], -1)
+    return np.stack([x, y, cross(x, y)], -1)
 
 
 def quat_to_rot6d(q: Array) -> Array:
@@ -217,10 +217,10 @@ def quat_between(a: Array, b: Array) -> Array:
     b = b / np.maximum(np.linalg.norm(b, axis=-1, keepdims=True), _SMALL)
     dot = np.einsum("...i,...i->...", a, b)[..., None]
     smallest = np.eye(3)[np.argmin(np.abs(a), -1)]
-    normal = _cross(a, smallest)
+    normal = cross(a, smallest)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), _SMALL)
     opposite = dot < -1 + 1e-9
-    q = np.concatenate([np.where(opposite, normal, _cross(a, b)), np.where(opposite, 0.0, 1 + dot)], -1)
+    q = np.concatenate([np.where(opposite, normal, cross(a, b)), np.where(opposite, 0.0, 1 + dot)], -1)
     return quat_normalize(q)
 
 

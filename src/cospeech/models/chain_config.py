@@ -63,7 +63,8 @@ class ChainConfig:
     """Share of training clips that are played to the speech of another of their batch, in the style of their own labels: of
     what they should be like D and ``manner`` tell. Ours."""
     manner: float = 0.0
-    """Weight of how far a clip's mean pose, and its deviations of pose and velocity, are from those recorded. Ours."""
+    """Weight of how far a clip's mean pose, and its deviations of pose, velocity and acceleration, are from those
+    recorded. Ours."""
     noise: int = 0
     """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. Ours."""
     persistence: float = 15.0

@@ -364,9 +364,9 @@ class Chain(Windowed):
 
 
 def _manner(pose: Tensor) -> Tensor:
-    """(B, D, T) → (B, 3 D): mean, deviation, and deviation of the velocity in the measure of the discriminator."""
+    """(B, D, T) → (B, 4 D): mean; deviations of pose, velocity and acceleration in the measure of the discriminator."""
     moved = FASTER * pose.diff(dim=-1)
-    deviations = [(x.var(-1, correction=0) + TINY).sqrt() for x in (pose, moved)]
+    deviations = [(x.var(-1, correction=0) + TINY).sqrt() for x in (pose, moved, FASTER * moved.diff(dim=-1))]
     return torch.cat([pose.mean(-1), *deviations], 1)
 
 

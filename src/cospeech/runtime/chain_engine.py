@@ -95,7 +95,7 @@ class ChainEngine:
         if set(weights) != (used := set().union(*wanted.values())):
             raise InputError(f"weights that no graph has: {sorted(set(weights) ^ used)[0]!r}"[:200], "is the bundle damaged?")
         own = {name: {key: weights[key] for key in keys} for name, keys in wanted.items()}
-        self.sizes = sizes
+        self.sizes, self.weights = sizes, weights
         self.windows = WindowEngine(sizes.windows, own["make"], {"make": graphs["make"]}, low, high)
         self._classify = open_session(graphs["classify"], own["classify"]) if "classify" in graphs else None
         self._live = open_session(graphs["live"], own["live"]) if "live" in graphs else None

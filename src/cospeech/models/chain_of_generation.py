@@ -129,7 +129,7 @@ class Chain(Windowed):
             SpeechClassifierConfig(config.frames, config.classifier_channels, config.classifier_kernel),
             audio=self.ear.inputs, speakers=speakers,
         )  # fmt: skip
-        self.gain = Gain(config.gain, louder)
+        self.gain = Gain(config.gain, self.ear.inputs, louder)
         extra = (pose + 1) * (config.seeds > 0) + config.noise
         widths = Widths(self.word.width, config.text_channels, config.latent, speakers, extra)
         self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)

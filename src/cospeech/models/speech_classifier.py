@@ -70,7 +70,7 @@ class SpeechClassifier(nn.Module):
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
         self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))
-        self.gain = Gain(config.gain, louder)
+        self.gain = Gain(config.gain, audio, louder)
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 

@@ -20,6 +20,7 @@ class Gain(nn.Module):
 
     Args:
         decibels: by how much at most, either way; 0: not at all.
+        inputs: A.
         louder: (A,) by how much each number grows with 10 dB (`cospeech.features.reduce.louder`, standardised).
 
     Raises:
@@ -28,11 +29,11 @@ class Gain(nn.Module):
 
     louder: Tensor
 
-    def __init__(self, decibels: float, louder: Sequence[float]) -> None:
+    def __init__(self, decibels: float, inputs: int, louder: Sequence[float]) -> None:
         super().__init__()
-        if decibels < 0 or (decibels > 0 and not len(louder)):
+        if decibels < 0 or (decibels > 0 and len(louder) != inputs):
             raise InputError(
-                f"speech louder by {decibels} dB", "0 or more; then data.audio has to be a reduction of logarithms"
+                f"speech louder by {decibels} dB", "0 or more; and data.audio a reduction of logarithms, which is heard"
             )
         self.decibels = decibels
         self.register_buffer("louder", torch.tensor(tuple(louder)), persistent=False)

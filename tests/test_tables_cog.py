@@ -40,6 +40,7 @@ TINY = {
     "camn": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "face": 4, "word_width": 4},
     "multi-context": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "word_width": 4, "adversarial_from": 1},
     "speech2gesture": {"channels": 4, "judge": 4},
+    "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }  # fmt: skip
 
@@ -264,11 +265,11 @@ def test_costs_are_differences_to_all_inputs():
 def test_a_table_from_nothing(stages, name, tmp_path):
     table = make_table(name, stages, seeds=(0,), tell=quiet)
     made = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
-    assert len(made) == {"cog-1": 4, "cog-2": 5, "cog-4": 8}[name]
+    assert len(made) == {"cog-1": 5, "cog-2": 5, "cog-4": 8}[name]
     for row, cells in made.items():
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])
-        assert ("mean" in cells["face_mse"]) is (row not in ("Speech2Gesture", "MultiContext", "CaMN"))
+        assert ("mean" in cells["face_mse"]) is (row not in ("Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN"))
         assert "--raw" in cells[BA]["why"]
     truth, noise = table["controls"][CONTROLS[0]], table["controls"]["white noise"]
     assert truth[FGD]["mean"] == pytest.approx(0, abs=1e-9)

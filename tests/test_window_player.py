@@ -11,7 +11,8 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.runtime.fading import FADE, Fading
 from cospeech.runtime.nudge import SmoothGumbel
-from cospeech.runtime.window_player import LIVE, Setting, WindowPlayer, live, looking, whole
+from cospeech.runtime.sliding import Setting
+from cospeech.runtime.window_player import LIVE, WindowPlayer, live, looking, whole
 from cospeech.runtime.window_style import named_window
 from fake_windows import NAMES, fake_sizes, fake_system
 

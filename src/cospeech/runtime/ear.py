@@ -1,7 +1,8 @@
 """Who speaks, and in which mood: what a chain's classifier hears in a voice, followed over a speech that comes in pieces.
 
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
-(`SPAN`); silence says nothing. Frames are judged in blocks, and everything follows from a frame's index alone.
+(`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
+(`Ear.lag`): everything follows from a frame's index alone.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Ear:
         """Of which probabilities are known."""
 
     def push(self, rows: Array) -> None:
-        """Hear (n, A) standardised rows; `sure` tells which frames that makes known."""
+        """Hear (n, A) standardised rows."""
         self._rows = np.concatenate([self._rows, rows])
         width = 2 * self._engine.sizes.reach + BLOCK
         while len(self._rows) >= width:
@@ -68,18 +69,19 @@ class Ear:
             self._course.append(self._now())
         self.frames += BLOCK
 
-    def sure(self, heard: Array) -> Array:
-        """The last frame that is known once so many were heard; before the first, -1."""
-        return np.maximum(heard - self._engine.sizes.reach, 0) // BLOCK * BLOCK - 1  # type: ignore[no-any-return]
+    @property
+    def lag(self) -> int:
+        """Frames that what is said of a frame is behind it, so that it is known once the frame was heard, however it came."""
+        return self._engine.sizes.reach + BLOCK
 
     def shares(self, frames: Array) -> Array:
-        """(…, S + 8) weights at these frames, of what was `sure` when they were heard; between frames they change linearly.
+        """(…, S + 8) weights at these frames, which were heard; between frames they change linearly.
 
         Args:
             frames: (…,) whole or not.
         """
         wanted = np.asarray(frames, float)
-        known = np.clip(np.minimum(wanted, self.sure(np.floor(wanted) + 1)), self._first - 1, self.frames - 1)
+        known = np.clip(wanted - self.lag, self._first - 1, self.frames - 1)
         low = np.floor(known).astype(int)
         first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
         course = np.array(self._course[first - self._first + 1 : last - self._first + 2])
@@ -98,7 +100,7 @@ class Ear:
 
     def forget(self, before: int) -> None:
         """Frames before this one are asked for no more."""
-        gone = min(before, self.frames - 1) - self._first
+        gone = min(before - self.lag, self.frames - 1) - self._first
         if gone > 0:
             del self._course[:gone]
             self._first += gone

@@ -1,0 +1,165 @@
+"""Who speaks and how, followed over a speech: against the same worked out frame by frame; pieces of any size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cospeech.emotions import EMOTIONS, EmotionTrack
+from cospeech.rules.mood import SPAN
+from cospeech.runtime.chain_engine import ChainSizes
+from cospeech.runtime.ear import BLOCK, DOUBT, LEANING, VOICE, Ear
+
+AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
+QUIET = np.full(AUDIO, -1.0, np.float32)
+SIZES = ChainSizes(pose=2, audio=AUDIO, words=0, speakers=SPEAKERS, noise=0, window=8, reach=REACH, look_ahead=0)
+WEIGHTS = np.random.default_rng(0).normal(0, 1, (2 * REACH + 1, AUDIO, SPEAKERS + 8))
+
+
+class Judge:
+    """A classifier in a line of NumPy."""
+
+    def __init__(self, *, judges: bool = True, reach: int = REACH) -> None:
+        self.sizes, self.judges, self.calls = replace(SIZES, reach=reach), judges, list[tuple[int, ...]]()
+
+    def classify(self, rows):
+        self.calls.append(rows.shape)
+        reach = self.sizes.reach
+        around = [rows[k : len(rows) - 2 * reach + k] @ WEIGHTS[k] for k in range(2 * reach + 1)]
+        return np.sum(around, 0)
+
+
+def ear(given=None, **kind) -> Ear:
+    return Ear(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
+
+
+def speech(frames: int, seed: int = 0) -> np.ndarray:
+    """With pauses."""
+    rows = np.random.default_rng(seed).normal(size=(frames, AUDIO)).astype(np.float32)
+    rows[np.arange(frames) % 17 < 5] = QUIET
+    return rows
+
+
+def softmax(x: np.ndarray) -> np.ndarray:
+    return np.exp(x) / np.exp(x).sum()
+
+
+def by_hand(rows: np.ndarray, frame: int) -> np.ndarray:
+    """(S + 8,) after this frame, from all of the speech before it: every frame's logits weighted by how long ago they were."""
+    padded = np.concatenate([np.repeat(QUIET[None], REACH, 0), rows])
+    sums, counts = np.zeros(SPEAKERS + 8), np.full(SPEAKERS + 8, DOUBT * FPS)
+    sums[SPEAKERS + EMOTIONS.index("neutral")] = LEANING * DOUBT * FPS
+    fade = np.array([1.0] * SPEAKERS + [np.exp(-1 / (SPAN * FPS))] * 8)
+    sums, counts = sums * fade ** (frame + 1), counts * fade ** (frame + 1)
+    for k in range(frame + 1):
+        if np.sqrt(np.square(rows[k] - QUIET).mean()) > VOICE:
+            logits = sum(padded[k + j] @ WEIGHTS[j] for j in range(2 * REACH + 1))
+            sums, counts = sums + logits * fade ** (frame - k), counts + fade ** (frame - k)
+    return np.concatenate([softmax((sums / counts)[:SPEAKERS]), softmax((sums / counts)[SPEAKERS:])])
+
+
+LAG = REACH + BLOCK
+
+
+def test_the_course_is_what_the_logits_say():
+    rows, who = speech(80), ear()
+    who.push(rows)
+    assert who.frames == (80 - REACH) // BLOCK * BLOCK
+    assert who.lag == LAG
+    for frame in (LAG, LAG + 1, 20, 41, 73, 79):
+        np.testing.assert_allclose(who.shares(np.array(frame)), by_hand(rows, frame - LAG), atol=1e-6)
+    half = (by_hand(rows, 30) + by_hand(rows, 31)) / 2
+    np.testing.assert_allclose(who.shares(np.array(30.5 + LAG)), half, atol=1e-6)
+    np.testing.assert_allclose(who.speaker, by_hand(rows, who.frames - 1)[:SPEAKERS], atol=1e-6)
+    shares = who.shares(np.linspace(-3, 90, 77))
+    assert shares.min() >= 0
+    np.testing.assert_allclose([shares[:, :SPEAKERS].sum(1), shares[:, SPEAKERS:].sum(1)], 1)
+
+
+def test_before_anything_is_heard_it_may_be_anybody_and_is_rather_neutral():
+    first = ear().shares(np.array([0.0, 3.0]))
+    np.testing.assert_allclose(first[:, :SPEAKERS], 1 / SPEAKERS)
+    assert (first[:, SPEAKERS:].argmax(1) == EMOTIONS.index("neutral")).all()
+    np.testing.assert_allclose(first[0, SPEAKERS:], softmax(LEANING * np.eye(8)[EMOTIONS.index("neutral")]))
+    who = ear()
+    who.push(speech(40))
+    np.testing.assert_array_equal(who.shares(np.array([0, LAG - 1])), first)
+
+
+def test_silence_says_nothing():
+    who = ear()
+    who.push(np.repeat(QUIET[None], 400, 0))
+    np.testing.assert_allclose(who.shares(np.array([100, 390])), ear().shares(np.array([0, 0])), atol=1e-9)
+    assert who._engine.calls == []
+
+
+@pytest.mark.parametrize("sizes", [[1], [3], [7, 1], [64], [0, 2, 0, 5]], ids=str)
+def test_pieces_do_not_show(sizes):
+    """What is said of a frame is the same as soon as that frame was heard, whatever came with it."""
+    rows, whole, parts, at, turn = speech(90), ear(), ear(), 0, 0
+    whole.push(rows)
+    while at < len(rows):
+        piece = rows[at : at + sizes[turn % len(sizes)]]
+        parts.push(piece)
+        at, turn = at + len(piece), turn + 1
+        asked = np.array([max(at - 1, 0), max(at - 1.5, 0), max(at - 20, 0)])
+        if at:
+            assert parts.shares(asked).tobytes() == whole.shares(asked).tobytes()
+    assert parts.speaker.tobytes() == whole.speaker.tobytes()
+    assert set(whole._engine.calls) == {(2 * REACH + BLOCK, AUDIO)}  # always the same blocks
+
+
+def test_the_voice_is_followed_over_seconds():
+    """A classifier that is sure: the mood turns within SPAN, the speaker is judged over all that was heard."""
+    who, logits = ear(reach=0), np.zeros((200, SPEAKERS + 8))
+    logits[:100, [0, SPEAKERS + 2]] = 9
+    logits[100:, [1, SPEAKERS + 4]] = 9
+    rows = np.zeros((200, AUDIO), np.float32)
+    place = iter(range(0, 200, BLOCK))
+    who._engine.classify = lambda given: logits[(k := next(place)) : k + BLOCK]
+    who.push(rows)
+    course = who.shares(np.arange(200))
+    assert course[99, SPEAKERS:].argmax() == 2
+    assert course[199, SPEAKERS:].argmax() == 4
+    turned = np.flatnonzero(course[100:, SPEAKERS + 4] > course[100:, SPEAKERS + 2])[0] / FPS
+    assert 1 < turned < SPAN
+    np.testing.assert_allclose(who.speaker[0], who.speaker[1], rtol=1e-6)
+    moved = np.abs(np.diff(course[BLOCK:], axis=0)).max(1)
+    assert (moved[moved > 1e-3] < 0.3).all()  # it does not jump, not even between blocks
+
+
+def test_what_is_given_is_played_and_not_heard():
+    track = EmotionTrack([0, 4], np.eye(8)[[1, 3]])
+    who = ear(track)
+    who.push(speech(60))
+    np.testing.assert_allclose(who.shares(np.array([20.0, 55.0]))[:, SPEAKERS:], track.at(np.array([2.0, 5.5])))
+    np.testing.assert_allclose(who.at(np.array([1.0, 3.0])), track.at(np.array([1.0, 3.0])))
+    plain = ear()
+    plain.push(speech(60))
+    np.testing.assert_array_equal(who.shares(np.arange(60))[:, :SPEAKERS], plain.shares(np.arange(60))[:, :SPEAKERS])
+    np.testing.assert_allclose(plain.at(np.arange(60) / FPS), plain.shares(np.arange(60))[:, SPEAKERS:], atol=1e-12)
+
+
+def test_without_a_classifier_nobody_is_heard():
+    who = ear(judges=False, reach=0)
+    who.push(speech(60))
+    np.testing.assert_allclose(who.shares(np.arange(60)), np.broadcast_to(ear().shares(np.array(0)), (60, SPEAKERS + 8)))
+    assert not who.knows
+    assert ear().knows
+    assert ear(EmotionTrack.constant("anger"), judges=False, reach=0).knows
+
+
+def test_memory_is_bounded_and_forgetting_does_not_show():
+    whole, short, rows = ear(), ear(), speech(6000)
+    whole.push(rows)
+    for at in range(0, 6000, 50):
+        short.push(rows[at : at + 50])
+        short.forget(at - 100)
+        assert len(short._course) < 170
+        assert len(short._rows) < 2 * REACH + BLOCK
+        recent = np.arange(max(0, at - 50), at + 50)
+        assert short.shares(recent).tobytes() == whole.shares(recent).tobytes()
+    assert np.isfinite(short.shares(np.array([0, 5999]))).all()  # what is forgotten: the oldest that is kept

@@ -119,8 +119,13 @@ class Chains:
         for row in self.part.rows:
             if table["rows"][row.name].get("cells"):
                 poses, _ = self._made(self._player(row, table["seeds"][0]), row.lacks)
-                made[row.name] = poses[k][GIVEN : GIVEN + frames]
+                made[_plain(row.name)] = poses[k][GIVEN : GIVEN + frames]
         return draw_poses(made, self.place, entry, GIVEN)
+
+
+def _plain(text: str) -> str:
+    """With a minus that the letters of pictures have."""
+    return text.replace("−", "-")
 
 
 def cost_cells(cells: Cells, whole: Cells) -> Cells:
@@ -156,12 +161,14 @@ class Lacking(Chains):
             if row.get("cells"):
                 systems.setdefault(name.partition(": ")[0], []).append(name)
         panels = []
-        for metric in ("fgd", "srgr_beat"):
+        for metric, title in (("fgd", "FGD, lower is better"), ("srgr_beat", "SRGR, higher is better")):
             series = []
             for system, names in systems.items():
                 cells = [table["rows"][name]["cells"][metric] for name in names]
-                known = [(name.partition(": ")[2], cell) for name, cell in zip(names, cells, strict=True) if "mean" in cell]
+                known = [
+                    (_plain(name.partition(": ")[2]), cell) for name, cell in zip(names, cells, strict=True) if "mean" in cell
+                ]
                 halves = np.array([cell["half"] or 0.0 for _, cell in known])
                 series.append(Series(system, [name for name, _ in known], np.array([c["mean"] for _, c in known]), halves))
-            panels.append(Lines(self.design.columns[metric], series))
+            panels.append(Lines(title, series))
         return draw_lines(panels)

@@ -238,6 +238,18 @@ def test_what_is_lacking_is_not_looked_at(players, place, monkeypatch):
             assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, changed, strict=True)), (name, lacking)
 
 
+def test_what_a_row_of_table_2_leaves_out_plays_no_part(stages, place):
+    for k, row in enumerate(COG["cog-2"].parts[0].rows):
+        player = stages.player(row.recipe, 0, row.overrides)
+        parts = {name.split(".")[1] for name, _ in player.net.named_parameters() if name.startswith("cascade.")}
+        assert ("body_attention" in parts) is ("hand_attention" in parts) is (k >= 2)
+        assert ("body_style" in parts) is ("hand_style" in parts) is (k >= 3)
+        told, heard = (made_by(player, place, lacks)[0] for lacks in (("face",), LABELS))
+        assert all(np.array_equal(a, b) for a, b in zip(told, heard, strict=True)) is (k < 3)  # who, and how
+        seen, made = (made_by(player, place, lacks)[0] for lacks in (row.lacks, LABELS))
+        assert all(np.array_equal(a, b) for a, b in zip(seen, made, strict=True)) is (k > 0)
+
+
 def test_a_chain_makes_faces_and_others_do_not(players, place):
     _, faces = made_by(players["chain_of_generation"], place, LABELS)
     assert [len(face) for face in faces] == [*place.frames]

@@ -205,7 +205,7 @@ def _passes(gesturer: Gesturer, options: _Options, seed: int, takes: int) -> Ite
     for first in range(0, takes, gesturer.takes_at_once):
         group = range(first, min(first + gesturer.takes_at_once, takes))
         several = {"takes": len(group)} if len(group) > 1 else {}
-        yield group, gesturer.session(seed=seed + first, **several, **vars(options))
+        yield group, gesturer.session(seed=seed + first, **several, **gesturer.for_files, **vars(options))
 
 
 def _played(performance: Performance, source: SpeechSource) -> Iterator[list[Motion]]:

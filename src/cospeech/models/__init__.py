@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -114,6 +114,11 @@ class Gesturer(Protocol):
     @property
     def takes_at_once(self) -> int:
         """How many takes one session plays best; where it is more than 1, ``session`` has the keyword ``takes``."""
+        ...
+
+    @property
+    def for_files(self) -> Mapping[str, Any]:
+        """Options of a session that make the best of a speech of which all is there, as of a file: to hear it both ways, say."""
         ...
 
     def generate(self, speech: Speech, **options: Any) -> Motion:

@@ -144,7 +144,7 @@ class LivePlayer(ChainPlayer):
 
     def finish(self, quiet: Array) -> Array:
         """See `Player`."""
-        return self.push(np.repeat(quiet, min(self._heard, self._system.engine.sizes.look_ahead), 0))
+        return self.push(np.repeat(quiet, self._system.engine.sizes.look_ahead if self._heard else 0, 0))
 
 
 class SectionPlayer(ChainPlayer):

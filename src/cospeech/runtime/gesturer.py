@@ -57,6 +57,7 @@ class BundleGesturer:
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self._players = players_of(system, transfer)
+        self.for_files = self._players.for_files
         self._rules = RuleGesturer(mouth)
 
     @classmethod

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any, Protocol
 
 import numpy as np
@@ -62,6 +63,11 @@ class Players(Protocol):
         """(101, C) of them, standardised."""
         ...
 
+    @property
+    def for_files(self) -> Mapping[str, Any]:
+        """See `cospeech.models.Gesturer`."""
+        ...
+
     def mixture(self, blend: Blend) -> dict[str, float] | None:
         """See `cospeech.runtime.performance.Performance.style_mixture`."""
         ...
@@ -82,6 +88,8 @@ class FlowPlayers:
         system: the bundle, opened.
         transfer: how styles become motion; the best one for the system where not given.
     """
+
+    for_files: Mapping[str, Any] = {}
 
     def __init__(self, system: FlowSystem, transfer: Transfer | None = None) -> None:
         self._system, self._transfer = system, transfer or best_transfer(system)
@@ -118,6 +126,8 @@ class WindowPlayers:
         system: the bundle, opened.
     """
 
+    for_files: Mapping[str, Any] = {}
+
     def __init__(self, system: WindowSystem) -> None:
         self._system = system
         self.styles = Styles(system, named_window, example_window)
@@ -148,6 +158,7 @@ class ChainPlayers:
 
     def __init__(self, system: ChainSystem) -> None:
         self._system = system
+        self.for_files = {"look_ahead": inf}
         self.styles = Styles(system, named_chain, example_chain)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 

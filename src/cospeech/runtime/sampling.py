@@ -51,7 +51,7 @@ class Sampled:
             while int(end * self._step) + 2 + self._smooth < known:
                 end += 1
         at = np.arange(self._given, end) * self._step
-        poses = self._at(at, known - 1 if last is None else last)
+        poses = self._at(at, known - 1 if last is None else last) if len(at) else self._made[:, :0]
         self._given = end
         keep = int(end * self._step) - 1 - self._smooth
         if keep > self._first and last is None:
@@ -62,7 +62,7 @@ class Sampled:
         """(N, n, D) of these places; ends are held."""
         low = np.floor(at).astype(int)
         t = (at - low).astype(np.float32)[:, None]
-        before, here, there, after = (self._smoothed(low + n, last) for n in (-1, 0, 1, 2))
+        before, here, there, after = np.split(self._smoothed(np.concatenate([low + n for n in (-1, 0, 1, 2)]), last), 4, 1)
         bend = 2 * before - 5 * here + 4 * there - after + (3 * (here - there) + after - before) * t
         return here + np.float32(0.5) * t * (there - before + t * bend)
 

@@ -58,7 +58,7 @@ class Skeleton:
         return len(self.names)
 
     def __eq__(self, other: object) -> bool:
-        return (
+        return self is other or (
             isinstance(other, Skeleton)
             and self.names == other.names
             and self.parents == other.parents

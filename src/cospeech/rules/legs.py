@@ -37,8 +37,8 @@ def _lengths() -> tuple[float, float]:
     return float(np.linalg.norm(knee)), float(np.linalg.norm(ankle))
 
 
-def stand(b: Array, seated: bool, rotations: Array) -> tuple[Array, Array]:
-    """Write the legs into ``rotations`` (N, J, 4).
+def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array]:
+    """Write the legs into ``rotations`` (N, J, 4); None: hips alone.
 
     Args:
         b: (N, channels) of the body's track, noise included.
@@ -60,7 +60,8 @@ def stand(b: Array, seated: bool, rotations: Array) -> tuple[Array, Array]:
     else:
         root = np.stack([b[:, Body.HIPS_X], np.zeros(len(b)), b[:, Body.HIPS_Z]], -1)
         root[:, 1] = _height(root, hips, ankles)
-    rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], lift)
+    if rotations is not None:
+        rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], lift)
     return hips, root
 
 

@@ -67,7 +67,7 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: arms stay as they are in the T-pose, which costs half.
+        hands: tracks of the left and the right hand; None: arms and legs stay as they are in the T-pose, which costs a third.
         style: whose noise, stance and chair.
         seed: of the noise.
         size: factor on noise (intensity).
@@ -79,7 +79,7 @@ def realise(
     rotations = quat_identity(len(times), len(humanoid()))
     breath = _breath(times, seed)
     turn = np.radians(style.turn)
-    hips, root = stand(b, style.seated, rotations)
+    hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-0.9) * breath))
     bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), torso))

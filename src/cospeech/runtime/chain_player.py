@@ -106,9 +106,10 @@ class ChainPlayer:
         """(N, frames, Z) the next noise."""
         return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
-    def _forget(self) -> None:
-        self._asked.forget(self._made - MOST_LAG)
-        self._ear.forget(self._made - round(KEPT * self._system.fps))
+    def _forget(self, back: int) -> None:
+        """What no window that begins ``back`` frames before what is made next, and no pose handed out so far, asks for."""
+        self._asked.forget(self._made - back - MOST_LAG)
+        self._ear.forget(self._made - back - round(KEPT * self._system.fps))
 
 
 class LivePlayer(ChainPlayer):
@@ -130,6 +131,7 @@ class LivePlayer(ChainPlayer):
 
     def push(self, rows: Array) -> Array:
         """See `Player`."""
+        self._forget(0)
         audio, made = self._system.engine.sizes.audio, [np.zeros((self.takes, 0, self.width), np.float32)]
         for row in rows:
             self._ear.push(row[None, :audio])
@@ -139,7 +141,6 @@ class LivePlayer(ChainPlayer):
             if self._heard > self._system.engine.sizes.look_ahead:
                 made.append(poses[:, None])
                 self._made += 1
-        self._forget()
         return np.concatenate(made, 1)
 
     def finish(self, quiet: Array) -> Array:
@@ -166,6 +167,7 @@ class SectionPlayer(ChainPlayer):
 
     def push(self, rows: Array) -> Array:
         """See `Player`."""
+        self._forget(self.setting.past)
         self._ear.push(rows[:, : self._system.engine.sizes.audio])
         return self._joined(self._windows.push(rows))
 
@@ -176,7 +178,6 @@ class SectionPlayer(ChainPlayer):
 
     def _joined(self, made: list[Array]) -> Array:
         self._made = self._windows.made
-        self._forget()
         return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
 
     def _window(self, rows: Array, first: int, nudge: Array) -> Array:

@@ -24,6 +24,7 @@ from .manifest import System
 from .manner import Blend
 from .performance import Player
 from .reader import Reader
+from .sliding import check_look_ahead
 from .style import Styles, Transfer, best_transfer
 from .window_bundle import WindowSystem
 from .window_player import WindowPlayer, looking
@@ -177,8 +178,7 @@ class ChainPlayers:
             InputError: no number of seconds from 0 on.
         """
         seconds, engine = terms.look_ahead, self._system.engine
-        if seconds is not None and (isinstance(seconds, bool) or not seconds >= 0):
-            raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
+        check_look_ahead(seconds)
         ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], terms.emotion)
         live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
         return (LivePlayer if live else SectionPlayer)(

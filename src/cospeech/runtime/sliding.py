@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..rotations import Array
 
-__all__ = ["Setting", "Sliding"]
+__all__ = ["Setting", "Sliding", "check_look_ahead"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,15 @@ class Setting:
     def waits(self) -> int:
         """Frames of speech, from its own on, that a frame waits for at most."""
         return self.hop + self.ahead
+
+
+def check_look_ahead(seconds: object) -> None:
+    """Raises:
+    InputError: no number of seconds from 0 on, nor None.
+    """
+    number = isinstance(seconds, int | float | np.number) and not isinstance(seconds, bool)
+    if seconds is not None and not (number and seconds >= 0):  # type: ignore[operator]  # NaN fails, too
+        raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
 
 
 class Sliding:

@@ -8,13 +8,12 @@ from math import ceil
 
 import numpy as np
 
-from ..errors import InputError
 from ..rotations import Array
 from .fading import Fading
 from .manner import Blend, weighted
 from .nudge import SmoothGumbel
 from .sampling import MOST_LAG
-from .sliding import Setting, Sliding
+from .sliding import Setting, Sliding, check_look_ahead
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
 from .window_style import plays_mixtures
@@ -53,10 +52,9 @@ def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> Set
     Raises:
         InputError: no number of seconds from 0 on.
     """
+    check_look_ahead(seconds)
     if seconds is None:
         return live(sizes)
-    if isinstance(seconds, bool) or not (isinstance(seconds, int | float | np.number) and seconds >= 0):
-        raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
     usual, most = live(sizes), whole(sizes)
     if seconds * fps >= (most.ahead if sizes.reach is None else sizes.reach):
         return most

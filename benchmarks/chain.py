@@ -1,0 +1,222 @@
+"""How fast a Chain of Generation plays on one core: ``python benchmarks/chain.py`` (needs the extra ``train``).
+
+Networks of the sizes of the recipes with random weights; the speech is the example, over and over. What is timed is all that
+`cospeech generate` does between samples and frames: features of speech, words, classifier, network, face (the rules with the
+mouth that ships), smoothing, decoding at 30 frames per second.
+
+* offline: ``chain_of_generation_humanoid.toml``, which is played in windows that hear both ways; a minute in one call;
+* live: ``chain_live_humanoid.toml``, which is played frame by frame; a minute in pieces of 1/30 s, face, body and hands;
+* the network of the paper's sizes, ``chain_of_generation_beat.toml``, in windows, alone.
+
+Times are processor time: on a quiet machine that is the time on the clock, on a busy one it leaves out the others' turns, not what
+they take of memory and caches. Each figure is the middle of runs that take turns.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from flow import medians, processor, verdict
+from mix_stage import load
+from speed import resident
+
+from cospeech.checkpoint import network
+from cospeech.demo import EXAMPLE
+from cospeech.features.reduce import audio_width
+from cospeech.features.shared import SharedProsody
+from cospeech.models.chain_graph import LoweredChain, lower_chain
+from cospeech.poses import find_pose
+from cospeech.poses.joints import hand_columns
+from cospeech.recipe import Recipe, build, load_recipe
+from cospeech.rules import RuleGesturer
+from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
+from cospeech.runtime.chain_engine import ChainEngine
+from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.performance import Performance, Wish
+from cospeech.runtime.players import Terms, players_of
+from cospeech.speech import RATE, Speech
+
+RECIPES = Path(__file__).parents[1] / "recipes"
+SPEAKERS = 8
+SECONDS, PIECE, FPS = 60.0, 1 / 30, 30.0
+BOUND = 8.0  # deviations; poses of the training data lie within
+PARTS = ("face", "body", "hands")
+
+
+def untrained(recipe: Recipe, **needs: Any) -> Any:
+    """The network of a recipe."""
+    kind, pose = network(recipe.model), find_pose(recipe.data.pose)
+    sizes = {"pose": pose.dimensions, "audio": audio_width(recipe.data.audio), "speakers": SPEAKERS}
+    torch.manual_seed(0)
+    return kind(build(kind.Config, recipe.config, "model"), **sizes, hands=hand_columns(pose.names), text=0, **needs).eval()
+
+
+def engine_of(low: LoweredChain) -> ChainEngine:
+    edge = np.full(low.sizes.pose, BOUND)
+    return ChainEngine(low.sizes, low.weights, low.graphs, -edge, edge)
+
+
+def system_of(recipe: Recipe, net: Any) -> ChainSystem:
+    """A bundle's contents; poses move by tenths."""
+    low = lower_chain(net)
+    d, a = np.ones(low.sizes.pose, np.float32), np.ones(low.sizes.audio, np.float32)
+    zeros, ones = np.zeros((SPEAKERS, low.sizes.pose), np.float32), np.ones((SPEAKERS, low.sizes.pose), np.float32)
+    words = (net.teacher if hasattr(net, "teacher") else net).word.table.weight.detach().numpy().copy()
+    words[0] = 0
+    statistics = ChainStatistics(
+        pose_mean=0 * d, pose_std=0.1 * d, audio_mean=-4 * a, audio_std=3 * a, pose_low=-BOUND * d, pose_high=BOUND * d,
+        audio_low=-4 * a, audio_high=4 * a, centres=zeros, made=zeros, gains=ones, live_made=zeros, live_gains=ones,
+        words=words,
+    )  # fmt: skip
+    styles = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE)
+    data = recipe.data
+    return ChainSystem(
+        data.pose, data.fps, data.audio, 1, styles, styles[0], "", engine=engine_of(low), statistics=statistics, vocabulary=None
+    )
+
+
+def speech_of(seconds: float) -> Speech:
+    """The example and its words, again and again, at 16 kHz."""
+    example = Speech.load(EXAMPLE, rate=RATE)
+    return Speech(np.resize(example.samples, int(seconds * RATE)), RATE)
+
+
+class Timed:
+    """Whoever pushes and finishes, with the processor time that this takes."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner, self.taken = inner, 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def _told(self, run: Callable[..., Any], *given: Any) -> Any:
+        begun = time.process_time()
+        made = run(*given)
+        made = list(made) if isinstance(made, Iterator) else made
+        self.taken += time.process_time() - begun
+        return made
+
+    def push(self, *given: Any) -> Any:
+        return self._told(self._inner.push, *given)
+
+    def finish(self, *given: Any) -> Any:
+        return self._told(self._inner.finish, *given)
+
+
+def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
+    """Seconds of processor time of each part, whole speech, offline: `BundleGesturer.session`, its parts timed."""
+    players = players_of(system)
+    wish = Wish(players.styles.blend(None), np.zeros(0))
+    listener = players.listen(wish.controls)
+    player = players.play(wish.blend, listener.quiet, Terms([0], 1.0, 1.0, inf))
+    face = RuleGesturer(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
+    shared = SharedProsody()
+    for each in (listener, face):
+        each.share(shared)
+    timed = {"features and words": Timed(listener), "classifier and network": Timed(player), "face": Timed(face)}
+    session: Any = Performance(
+        system, *list(timed.values())[:2], [timed["face"]], fps=FPS, parts=PARTS, wish=wish, direct=lambda style: wish
+    )  # type: ignore[arg-type]
+    begun = time.process_time()
+    for chunk in speech.chunks(2.0):
+        list(session.push(chunk))
+    list(session.finish())
+    whole = time.process_time() - begun
+    taken = {name: each.taken for name, each in timed.items()}
+    return taken | {"smoothing and decoding": whole - sum(taken.values()), "all": whole}
+
+
+def live(gesturer: BundleGesturer, speech: Speech, **options: Any) -> tuple[np.ndarray, np.ndarray, float]:
+    """Milliseconds of every piece in processor time and on the clock; and the latency that is promised."""
+    session = gesturer.session(fps=FPS, **options)
+    work, clock = [], []
+    for chunk in speech.chunks(PIECE):
+        begun, worked = time.perf_counter(), time.process_time()
+        list(session.push(chunk))
+        work.append((time.process_time() - worked) * 1e3)
+        clock.append((time.perf_counter() - begun) * 1e3)
+    list(session.finish())
+    return np.array(work[60:]), np.array(clock[60:]), session.latency  # two seconds on, all parts are at work
+
+
+def windows(engine: ChainEngine) -> Callable[[], object]:
+    """A window as in training."""
+    s, rng = engine.sizes, np.random.default_rng(0)
+    shapes = (s.window, s.rows), (1, s.window, s.style), (1, s.window, s.noise)
+    given = [rng.normal(size=shape).astype(np.float32) for shape in shapes]
+    return lambda: engine.windows.make(*given)
+
+
+def eager(net: Any) -> Callable[[], object]:
+    """The same by PyTorch."""
+    given = [torch.randn(1, net.window, width) for width in (net.audio, net.styles, net.modes)]
+    return torch.no_grad()(lambda: net.make(*given))
+
+
+def told_live(gesturer: BundleGesturer, speech: Speech) -> None:
+    live(gesturer, speech.window(0, 5))
+    for what, parts in (("face, body and hands", PARTS), ("body and hands", ("body", "hands"))):
+        runs = [live(gesturer, speech, parts=parts) for _ in range(3)]
+        middle, late = (float(np.median([np.percentile(run[0], share) for run in runs])) for share in (50, 99))
+        most, clock = max(run[0].max() for run in runs), float(np.median([np.percentile(run[1], 99) for run in runs]))
+        print(f"        live, {what}, a piece of {1e3 * PIECE:.0f} ms: {middle:.3g} ms, at most {most:.3g} ms; "
+              f"99th percentile on the clock {clock:.3g} ms; latency {1e3 * runs[0][2]:.0f} ms")  # fmt: skip
+        verdict(f"live, {what}, 99th percentile of a piece", late, 4, " ms")
+
+
+def memory(gesturer: BundleGesturer, minutes: int = 10) -> None:
+    """Of this process, over a long speech that comes in seconds."""
+    session, second, seen = gesturer.session(fps=FPS), speech_of(60), []
+    for _ in range(minutes):
+        for chunk in second.chunks(1.0):
+            list(session.push(chunk))
+        seen.append(resident())
+    print(f"        memory after {1} and {minutes} minutes of speech: {seen[0]:.0f} and {seen[-1]:.0f} MB")
+    verdict("memory that 9 more minutes take", seen[-1] - seen[0], 5, " MB")
+
+
+def main() -> None:
+    torch.set_num_threads(1)
+    print(f"Chain of Generation, one core of {processor()}, onnxruntime; {load()}")
+    recipes = {
+        name: load_recipe(RECIPES / f"{name}.toml", ["model.gain=0"])
+        for name in ("chain_of_generation_humanoid", "chain_live_humanoid")
+    }
+    teacher = untrained(recipes["chain_of_generation_humanoid"])
+    net = untrained(recipes["chain_live_humanoid"], teacher=teacher)
+    system = system_of(recipes["chain_live_humanoid"], net)
+    gesturer, speech = BundleGesturer(system), speech_of(SECONDS)
+    played = sum(value.size for value in system.engine.weights.values())
+    print(
+        f"        {played:,} parameters to play, of both networks and classifier, and {system.statistics.words.size:,} of words"
+    )
+    by_part(system, speech.window(0, 5))
+    rounds = [by_part(system, speech) for _ in range(5)]
+    factor = {name: float(np.median([each[name] for each in rounds])) / SECONDS for name in rounds[0]}
+    for name, value in factor.items():
+        print(f"        offline, {name}: real-time factor {value:.4f}")
+    verdict("real-time factor, offline, everything but files", factor["all"], 0.01, "")
+    told_live(gesturer, speech)
+    large = load_recipe(RECIPES / "chain_of_generation_beat.toml")
+    paper = untrained(large)
+    engine = engine_of(lower_chain(paper))
+    ms = medians({"a window, paper's size": windows(engine), "by PyTorch eager": eager(paper)}, 15, 1)
+    seconds = paper.window / large.data.fps
+    parameters = sum(p.numel() for p in paper.parameters())
+    print(f"        the paper's sizes, {parameters:,} parameters: a window of {paper.window} frames lasts {seconds:.2f} s")
+    verdict("real-time factor, network of the paper's sizes", ms["a window, paper's size"] / 1e3 / (seconds / 2), 0.01, "")
+    verdict("faster than PyTorch eager", ms["by PyTorch eager"] / ms["a window, paper's size"], 1, "×", at_least=True)
+    memory(gesturer)
+    print(f"at the end: {load()}")
+
+
+if __name__ == "__main__":
+    main()

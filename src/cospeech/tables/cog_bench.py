@@ -27,7 +27,7 @@ COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 
 
 def made_by(player: Player, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
-    """Poses of every clip, and faces where the system makes them, in the units of the store.
+    """Poses of every clip, and faces where the system makes them and was given none, in the units of the store.
 
     A network of speech alone hears each clip as a whole, in its speaker's style.
     """
@@ -40,7 +40,8 @@ def made_by(player: Player, place: CogWindows, lacks: Sequence[str]) -> tuple[li
             found.append(player.unpose(made)[0])
         return found, None
     windows = play_given(player.net, place.arrays(player), lacks)
-    faces = place.joined(windows["face"], "face") if "face" in windows and "face" in place.store.arrays else None
+    own = "face" in windows and "face" in lacks and "face" in place.store.arrays  # else the recorded one is handed back
+    faces = place.joined(windows["face"], "face") if own else None
     return place.joined(player.unpose(windows["pose"]), "pose"), faces
 
 

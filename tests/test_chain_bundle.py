@@ -289,5 +289,7 @@ def test_what_does_not_fit_is_not_written(tmp_path):
         write(weights, statistics=small_chain_statistics(sizes), **options)
     options["facts"]["styles"] = ["ada", "ben", "voice"]
     with pytest.raises(InputError):
-        write({**weights, "make.0": weights["make.0"] * np.float32(np.nan)}, statistics=small_chain_statistics(sizes), **options)
+        write(
+            {**weights, "make.0": weights["make.0"] * np.float32(np.nan)}, statistics=small_chain_statistics(sizes), **options
+        )
     assert not list(tmp_path.iterdir())

@@ -190,7 +190,9 @@ def test_short_speech(samples, look_ahead):
 
 def test_odd_speech():
     for look_ahead in (None, inf):
-        assert np.isfinite(gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead).rotations).all()
+        assert np.isfinite(
+            gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead).rotations
+        ).all()
     with pytest.raises(InputError, match="no speech"):
         list(gesturer().session().finish())
     session = gesturer().session()

@@ -211,7 +211,10 @@ def test_another_style_is_faded_in(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
-    who, s = player(kind, blend(ada=0.25, ben=0.75), emotion=EmotionTrack.constant("neutral"), intensity=0.5), system().statistics
+    who, s = (
+        player(kind, blend(ada=0.25, ben=0.75), emotion=EmotionTrack.constant("neutral"), intensity=0.5),
+        system().statistics,
+    )
     played(who, speech(30))
     poses = np.random.default_rng(0).normal(size=(1, 4, SIZES.pose)).astype(np.float32)
     shares = np.array([0.25, 0.75])

@@ -30,6 +30,7 @@ LAYERS = [
     {"report", "how_to_open"},
     {"prepare", "synthesise"},
     {"bundling_flow", "bundling_window"},
+    {"bundling_chain"},
     {"train", "bundling", "evaluation"},
     {"contest", "style_mixing"},
     {"tables"},
@@ -43,7 +44,17 @@ RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 # models.load and .bundle_run of a run folder.
 FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
 FACADES |= {("models", "checkpoint"), ("models", "bundling")}
-TORCH = {"nn", "models", "checkpoint", "training_set", "train", "bundling", "bundling_flow", "bundling_window"}
+TORCH = {
+    "nn",
+    "models",
+    "checkpoint",
+    "training_set",
+    "train",
+    "bundling",
+    "bundling_flow",
+    "bundling_window",
+    "bundling_chain",
+}
 
 
 def part(path: Path) -> str:

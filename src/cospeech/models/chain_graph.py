@@ -105,8 +105,9 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 @_poses.register
 def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
-    speech, words = b.parts(given.rows, net.ear.inputs, net.word.width)
-    heard = _convs(b, speech, net.ear.convs)
+    ear: Any = net.ear
+    speech, words = b.parts(given.rows, ear.inputs, net.word.width)
+    heard = _convs(b, speech, ear.convs)
     seeds = (net.pose + 1) * (net.config.seeds > 0)
     return _cascade(b, net.cascade, heard, words, given, seeds)
 
@@ -193,7 +194,8 @@ def _convs(b: RecurrentGraph, x: Wave, net: ConvStack) -> Wave:
 
 
 def _read(b: RecurrentGraph, x: Wave, net: TextTcn) -> Wave:
-    for block in net.blocks:
+    blocks: Any = net.blocks
+    for block in blocks:
         y = x
         for conv in block.convs:
             y = b.each("Relu", _conv(b, y, conv))
@@ -220,7 +222,8 @@ def _hyper(b: RecurrentGraph, weights: Wave, net: HyperNetwork) -> Wave:
     return _convs(b, b.conv(weights, both[:, :, None], None), net.convs)
 
 
-def _styled(b: RecurrentGraph, x: Wave, style: Wave, net: GestureAdaLN) -> Wave:
+def _styled(b: RecurrentGraph, x: Wave, style: Wave, net: nn.Module) -> Wave:
+    assert isinstance(net, GestureAdaLN)
     scaled = b.both("Mul", x, b.number("Add", _conv(b, style, net.scale), 1.0))
     return b.both("Add", scaled, _conv(b, style, net.shift))
 

@@ -1,4 +1,4 @@
-"""Runs a Chain of Generation for several takes of one speech: whole windows, frame by frame, and what a voice says of itself."""
+"""Runs a Chain of Generation for several takes of one speech: in windows, frame by frame; and what a voice says of itself."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ class ChainEngine:
             self.live(2).frame(np.zeros(sizes.rows), np.zeros((2, sizes.style)), np.zeros((2, sizes.noise)))
 
     def _checked_states(self) -> dict[str, tuple[bool, int]]:
-        """State of the network of frames → whether each take has its own, and its width; all inputs and outputs of graphs are as
-        they have to be."""
+        """State of the network of frames → whether each take has its own, and its width; inputs and outputs of graphs are
+        looked at."""
         s = self.sizes
         ends: list[tuple[Any, dict[str, int]]] = []
         if self._classify is not None:

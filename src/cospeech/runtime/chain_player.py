@@ -115,7 +115,7 @@ class ChainPlayer:
 class LivePlayer(ChainPlayer):
     """Frame by frame: every row of speech makes the pose of the frame that lies ``look_ahead`` before it certain."""
 
-    def __init__(self, *given: Any, **options: float) -> None:
+    def __init__(self, *given: Any, **options: Any) -> None:
         super().__init__(*given, **options)
         self._live = self._system.engine.live(self.takes)
         self._heard = 0
@@ -151,7 +151,7 @@ class LivePlayer(ChainPlayer):
 class SectionPlayer(ChainPlayer):
     """In windows (`sections`), each of which hears both ways, faded from one to the next."""
 
-    def __init__(self, *given: Any, **options: float) -> None:
+    def __init__(self, *given: Any, **options: Any) -> None:
         super().__init__(*given, **options)
         self.setting = sections(self._system.engine.sizes.window)
         self._windows = Sliding(self.setting, self._quiet, self._drawn, self._window)

@@ -159,7 +159,7 @@ class ChainPlayers:
 
     def __init__(self, system: ChainSystem) -> None:
         self._system = system
-        self.for_files = {"look_ahead": inf}
+        self.for_files: Mapping[str, Any] = {"look_ahead": inf}
         self.styles = Styles(system, named_chain, example_chain)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 

@@ -1,8 +1,8 @@
 """Windows that slide over the rows of a speech, with silence before and after.
 
-Each makes the next ``hop`` frames, hears ``ahead`` frames after them, and as many before as it has left; of what it makes of the
-frames ahead the next window takes ``fade`` frames over step by step. Windows lie where the frame's index puts them: pieces of any
-size give the same bits.
+Each makes the next ``hop`` frames, hears ``ahead`` frames after them, and as many before as it has left; what it makes of the
+frames ahead, the next window takes over step by step in ``fade`` frames. Windows lie where the frame's index puts them: pieces
+of any size give the same bits.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 talk.gif shows the body, the face in close-up, and the speech with a moving marker and the words as they are said;
 strip.png is what ``-o talk.png`` gives. styles-NAME.gif and the strips styles-NAME-SPEAKER.png are the stylised flow in three
 styles of the weights that ship, on the example and on a second speech: ``python tools/make_media.py SPEECH [TRANSCRIPT]``.
+chain-NAME.gif and its strip are Chain of Generation on that speech, as it hears it; chain-NAME-EMOTION.png two moods of it.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ SECONDS = 7.6  # of the example: the greeting, tiny and huge
 RATE = 12.5  # pictures per second
 WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
 PEOPLE, SIDE, BELOW = ("ada", "cleo", "dan"), 300, 130  # of the weights that ship; pixels
+MOODS = ("happiness", "sadness")
 BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214, 84, 60)
 
 
@@ -62,8 +64,8 @@ def sound(speech: cospeech.Speech, at: float, width: int, height: int) -> Image.
     return image
 
 
-def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion) -> None:
-    """Compose and write talk.gif."""
+def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion, path: Path) -> None:
+    """Compose and write a picture such as talk.gif."""
     part = motion[: round(SECONDS * motion.fps)]
     frames = []
     for k, (body, face) in enumerate(zip(pictures(part, "body", WIDE, HIGH), pictures(part, "face", FACE, FACE), strict=True)):
@@ -72,7 +74,7 @@ def moving_picture(speech: cospeech.Speech, motion: cospeech.Motion) -> None:
         frame.paste(face, (WIDE, 0))
         frame.paste(sound(speech, k / RATE, FACE, HIGH - FACE), (WIDE, FACE))
         frames.append(frame)
-    save_gif(frames, MEDIA / "talk.gif")
+    save_gif(frames, path)
 
 
 def save_gif(frames: list[Image.Image], path: Path) -> None:
@@ -103,17 +105,29 @@ def people(speech: cospeech.Speech, audio: Path, name: str) -> None:
     save_gif(frames, MEDIA / f"styles-{name}.gif")
 
 
+def chain(speech: cospeech.Speech, audio: Path, name: str) -> None:
+    """Chain of Generation: moving and as a strip, and as strips in other moods."""
+    model = cospeech.load("chain-of-generation")
+    for emotion in ("auto", *MOODS):
+        motion = model.generate(speech, emotion=emotion, seed=SEED, look_ahead=float("inf"))
+        stem = f"chain-{name}" if emotion == "auto" else f"chain-{name}-{emotion}"
+        motion.save(MEDIA / f"{stem}.png", audio=audio, words=list(speech.words or ()))
+        if emotion == "auto":
+            moving_picture(speech, motion, MEDIA / f"{stem}.gif")
+
+
 def main() -> None:
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
     MEDIA.mkdir(exist_ok=True)
-    moving_picture(speech, motion)
+    moving_picture(speech, motion, MEDIA / "talk.gif")
     motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))
     people(speech, EXAMPLE, "example")
     if len(sys.argv) > 1:
         path = Path(sys.argv[1])
         other = cospeech.Speech.load(path, transcript=sys.argv[2] if len(sys.argv) > 2 else None)
         people(other, path, path.stem)
+        chain(other, path, path.stem)
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
 

@@ -93,7 +93,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
 
 
 def contest(
-    targets: Mapping[str, str],
+    targets: Mapping[str, str | Gesturer],
     store: str | PathLike[str],
     *,
     raw: str | PathLike[str] | None = None,
@@ -107,7 +107,8 @@ def contest(
     """A table of systems and the control rows on the recordings of a prepared store.
 
     Args:
-        targets: name → what `cospeech.load` takes, or a folder of motions named like the clips; none: the control rows alone.
+        targets: name → what `cospeech.load` takes or gives, or a folder of motions named like the clips; none: the control rows
+            alone.
         store: made by ``prepare``.
         raw: the corpus it was made from, for the sound; without it, metrics that hear stay empty and no model can play.
         metrics: names in `cospeech.metrics.METRICS`.
@@ -123,13 +124,14 @@ def contest(
     if not 1 <= takes <= 100:
         raise InputError(f"{takes} takes", "1 … 100")
     for target in targets.values():
-        if not plays(target) and not Path(target).is_dir():
+        if isinstance(target, str) and not plays(target) and not Path(target).is_dir():
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
             raise InputError(f"{target!r} is no folder of motions and no model", hint)
     clips = stored_clips(store, split=split, raw=raw)
     tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
-        name: play(target, clips, takes=takes, seed=seed) if plays(target) else target for name, target in targets.items()
+        name: target if isinstance(target, str) and not plays(target) else play(target, clips, takes=takes, seed=seed)
+        for name, target in targets.items()
     }
     return judge(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
 

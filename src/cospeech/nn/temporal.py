@@ -53,7 +53,7 @@ class SameConv(nn.Conv1d):
     def __init__(self, inputs: int, outputs: int, kernel: int) -> None:
         super().__init__(inputs, outputs, kernel, padding=kernel // 2)
 
-    def forward(self, x: Tensor, memory: Memory) -> Tensor:
+    def forward(self, x: Tensor, memory: Memory) -> Tensor:  # type: ignore[override]  # a memory besides
         return super().forward(x)
 
 
@@ -64,7 +64,7 @@ class CausalConv(nn.Conv1d):
         super().__init__(inputs, outputs, kernel, dilation=dilation)
         self.past = (kernel - 1) * dilation
 
-    def forward(self, x: Tensor, memory: Memory) -> Tensor:
+    def forward(self, x: Tensor, memory: Memory) -> Tensor:  # type: ignore[override]  # a memory besides
         return super().forward(memory.behind(x, self.past) if self.past else x)
 
 

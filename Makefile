@@ -32,6 +32,7 @@ bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/python benchmarks/store.py
 	@$(BIN)/python benchmarks/flow.py
 	@$(BIN)/python benchmarks/mix_stage.py
+	@$(BIN)/python benchmarks/chain.py
 
 media: $(VENV)/.core             ## the README's moving picture
 	$(BIN)/python tools/make_media.py

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..poses.controls import QUANTILES
 from ..rotations import Array
 from .chain_bundle import ChainSystem
-from .chain_player import ChainPlayer, LivePlayer, SectionPlayer
+from .chain_player import LivePlayer, SectionPlayer
 from .chain_style import example_chain, mixture_chain, named_chain
 from .ear import Ear
 from .flow_bundle import FlowSystem
@@ -157,9 +157,10 @@ class ChainPlayers:
         system: the bundle, opened.
     """
 
+    for_files: Mapping[str, Any] = {"look_ahead": inf}
+
     def __init__(self, system: ChainSystem) -> None:
         self._system = system
-        self.for_files: Mapping[str, Any] = {"look_ahead": inf}
         self.styles = Styles(system, named_chain, example_chain)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 
@@ -171,7 +172,7 @@ class ChainPlayers:
         """See `Players`."""
         return Reader(self._system)
 
-    def play(self, blend: Blend, quiet: Array, terms: Terms) -> ChainPlayer:
+    def play(self, blend: Blend, quiet: Array, terms: Terms) -> Player:
         """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
 
         Raises:

@@ -102,8 +102,8 @@ def write_chain(
         pose, fps: representation and rate.
         audio: name of the reduction of audio (`cospeech.features.reduce.REDUCTIONS`).
         smooth: see `cospeech.runtime.manifest.Facts`.
-        facts: for the manifest; ``styles`` are the names of the speakers, and `VOICE` where there is a classifier, ``style`` one
-            of them; ``vocabulary``, the words of ``statistics.words``, where these are not subwords.
+        facts: for the manifest; ``styles`` are the names of the speakers, and `VOICE` where there is a classifier, ``style``
+            one of them; ``vocabulary``, the words of ``statistics.words``, where these are not subwords.
         card: Markdown.
 
     Raises:

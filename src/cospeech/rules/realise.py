@@ -67,7 +67,7 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: arms and legs stay as they are in the T-pose, which costs a third.
+        hands: tracks of the left and the right hand; None: hips, head and eyes are all that is wanted, at a third of the cost.
         style: whose noise, stance and chair.
         seed: of the noise.
         size: factor on noise (intensity).
@@ -82,6 +82,11 @@ def realise(
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-0.9) * breath))
+    gaze = _head(b, torso, rotations, turn)
+    facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
+    rotations[:, 0] = quat_multiply(facing, hips)
+    if hands is None:
+        return Pieces(rotations, quat_rotate(facing, root), gaze)
     bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), torso))
     position, world = root, hips
     places = {"hips": (root, hips)}
@@ -91,12 +96,8 @@ def realise(
         position = position + quat_rotate(world, _offsets()[name])
         world = quat_multiply(world, local)
         places[name] = (position, world)
-    gaze = _head(b, torso, rotations, turn)
     neck = position + quat_rotate(world, _offsets()["neck"])
-    if hands is not None:
-        _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
-    facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
-    rotations[:, 0] = quat_multiply(facing, hips)
+    _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
     return Pieces(rotations, quat_rotate(facing, root), gaze)
 
 

@@ -73,6 +73,7 @@ def system_of(recipe: Recipe, net: Any) -> ChainSystem:
     statistics = ChainStatistics(
         pose_mean=0 * d, pose_std=0.1 * d, audio_mean=-4 * a, audio_std=3 * a, pose_low=-BOUND * d, pose_high=BOUND * d,
         audio_low=-4 * a, audio_high=4 * a, centres=zeros, made=zeros, gains=ones, live_made=zeros, live_gains=ones,
+        strays=np.ones(2, np.float32),
         words=words,
     )  # fmt: skip
     styles = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE)

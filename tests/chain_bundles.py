@@ -85,6 +85,7 @@ def small_chain_statistics(sizes: ChainSizes, seed: int = 1, vocabulary: int = B
         "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, by_speaker),
         "made": rng.normal(0, 0.1, by_speaker), "gains": rng.uniform(0.6, 1.6, by_speaker),
         "live_made": rng.normal(0, 0.1, by_speaker), "live_gains": rng.uniform(0.6, 1.6, by_speaker), "words": words,
+        "strays": np.array([1.5, 2.0]),
     }  # fmt: skip
     return ChainStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 

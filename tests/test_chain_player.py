@@ -73,7 +73,8 @@ def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
     rows = speech(frames)
     made = played(player(LivePlayer, VOICED, seeds=(3, 4)), rows)
     style = heard(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
-    noise = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
+    drawn = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
+    noise = system().statistics.strays[1] * drawn
     live, wanted = system().engine.live(2), []
     for k, row in enumerate(np.concatenate([rows, np.repeat(QUIET, LOOK_AHEAD, 0)])):
         wanted.append(live.frame(row, np.broadcast_to(style[k], (2, SIZES.style)), noise[:, k]))

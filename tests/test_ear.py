@@ -10,7 +10,7 @@ import pytest
 from cospeech.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.ear import BLOCK, DOUBT, LEANING, VOICE, Ear
+from cospeech.runtime.ear import BLOCK, CAUTION, DOUBT, LEANING, VOICE, Ear
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)
@@ -50,14 +50,16 @@ def by_hand(rows: np.ndarray, frame: int) -> np.ndarray:
     """(S + 8,) after this frame, from all of the speech before it: every frame's logits weighted by how long ago they were."""
     padded = np.concatenate([np.repeat(QUIET[None], REACH, 0), rows])
     sums, counts = np.zeros(SPEAKERS + 8), np.full(SPEAKERS + 8, DOUBT * FPS)
-    sums[SPEAKERS + EMOTIONS.index("neutral")] = LEANING * DOUBT * FPS
     fade = np.array([1.0] * SPEAKERS + [np.exp(-1 / (SPAN * FPS))] * 8)
     sums, counts = sums * fade ** (frame + 1), counts * fade ** (frame + 1)
     for k in range(frame + 1):
         if np.sqrt(np.square(rows[k] - QUIET).mean()) > VOICE:
             logits = sum(padded[k + j] @ WEIGHTS[j] for j in range(2 * REACH + 1))
             sums, counts = sums + logits * fade ** (frame - k), counts + fade ** (frame - k)
-    return np.concatenate([softmax((sums / counts)[:SPEAKERS]), softmax((sums / counts)[SPEAKERS:])])
+    who, how = np.split(sums / counts, [SPEAKERS])
+    how = CAUTION * how
+    how[EMOTIONS.index("neutral")] += LEANING
+    return np.concatenate([softmax(who), softmax(how)])
 
 
 LAG = REACH + BLOCK

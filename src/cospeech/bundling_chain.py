@@ -28,6 +28,9 @@ __all__ = ["bundle_chain"]
 
 DIGITS = 6  # of the measured error
 PROBE = 64  # frames by which it is measured; ours
+APART, STRAYS = 0.7, (1.0, 5.0)
+"""How far takes are to lie from each other, in deviations within a window, and by what noise is multiplied for it; ours:
+independent performances would lie √2 apart, and beyond five times the noise that it knows a network slows down."""
 
 
 def bundle_chain(
@@ -80,10 +83,11 @@ def _statistics(
 ) -> ChainStatistics:
     """What the runtime has to know, with what stands for each speaker and for words."""
     own: dict[str, Tensor] = {"centres": examples["pose_centre"], "words": _words(whole)}
-    own["made"], own["gains"] = _calibrated(whole, whole, examples, persistence, whole.window)
-    own["live_made"], own["live_gains"] = own["made"], own["gains"]
+    own["made"], own["gains"], stray = _calibrated(whole, whole, examples, persistence, whole.window)
+    own["live_made"], own["live_gains"], live_stray = own["made"], own["gains"], stray
     if model is not whole:
-        own["live_made"], own["live_gains"] = _calibrated(model, whole, examples, persistence, None)
+        own["live_made"], own["live_gains"], live_stray = _calibrated(model, whole, examples, persistence, None)
+    own["strays"] = torch.tensor([stray, live_stray])
     known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(ChainStatistics)}
     return ChainStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
 
@@ -103,9 +107,10 @@ def _words(whole: Any) -> Tensor:
 @torch.no_grad()
 def _calibrated(
     model: Any, whole: Any, examples: dict[str, Tensor], persistence: float, window: int | None
-) -> tuple[Tensor, Tensor]:
-    """(S, D) mean of what a network makes in each style of everybody's speech, in everybody's moods; and (S, D) the speakers'
-    own deviation within a window, in that of what it makes. ``window``: in pieces of so many frames; None: as it comes."""
+) -> tuple[Tensor, Tensor, float]:
+    """(S, D) mean of what a network makes in each style of everybody's speech, in everybody's moods; (S, D) the speakers'
+    own deviation within a window, in that of what it makes; and by what noise is multiplied (`_stray`). ``window``: in pieces
+    of so many frames; None: as it comes."""
     speakers = whole.styles - len(EMOTIONS)
     speech, texts = (examples[name].flatten(0, 1) for name in ("speech", "texts"))
     emotions = examples["emotions"].flatten(0, 1).long()[..., 0] if "emotions" in examples else torch.zeros_like(texts[..., 0])
@@ -113,13 +118,21 @@ def _calibrated(
     rows = torch.cat([speech, whole.words(texts.long())], -1)
     moods = torch.nn.functional.one_hot(emotions.long().clamp_min(0), len(EMOTIONS)).float()
     rows, moods = (_cut(x, frames) for x in (rows, moods))
-    noise = rows.new_zeros(len(rows), frames, 0)
+    noise = rows.new_zeros(2, len(rows), frames, whole.modes)
     if whole.modes:
-        noise = smooth_gumbel(Chance(0, 0), len(rows), whole.modes, frames, persistence).mT
+        noise = smooth_gumbel(Chance(0, 0), 2 * len(rows), whole.modes, frames, persistence).mT.unflatten(0, (2, -1))
     own = _cut(examples["stretches"].flatten(0, 1), frames).unflatten(0, (len(examples["stretches"]), -1))
-    who = torch.eye(speakers)
-    made = [model.make(rows, torch.cat([w.expand(len(rows), frames, -1), moods], -1), noise) for w in who]
-    return calibration(torch.stack(made), own)
+    styles = [torch.cat([w.expand(len(rows), frames, -1), moods], -1) for w in torch.eye(speakers)]
+    stray = _stray(*(model.make(rows, styles[0], each) for each in noise)) if whole.modes else 1.0
+    made = [model.make(rows, style, stray * noise[0]) for style in styles]
+    return *calibration(torch.stack(made), own), stray
+
+
+def _stray(take: Tensor, other: Tensor) -> float:
+    """By what noise is multiplied so that two takes (n, T, D) lie `APART` as far from each other as one moves; they do so nearly
+    in proportion to the noise."""
+    apart, moved = (take - other).square().mean().sqrt(), take.var(1).mean().sqrt()
+    return float((APART * moved / apart.clamp_min(1e-6)).clamp(*STRAYS))
 
 
 def _cut(x: Tensor, frames: int) -> Tensor:

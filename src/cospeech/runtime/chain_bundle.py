@@ -50,6 +50,8 @@ class ChainStatistics(Scales):
     live_made: Array
     """(S, D) and (S, D): the same of the network of frames; those of windows again where there is none."""
     live_gains: Array
+    strays: Array
+    """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
     words: Array
     """(n, W) rows that stand for subwords (`cospeech.features.words`), or for the words of the vocabulary; the first: none."""
 
@@ -141,7 +143,7 @@ def _check(
         raise InputError("a vocabulary that is not of words", "is the bundle damaged?")
     rows = BUCKETS if vocabulary is None else len(vocabulary)
     by_speaker = dict.fromkeys(_BY_SPEAKER, (sizes.speakers, sizes.pose))
-    check_numbers(statistics, sizes.pose, sizes.audio, by_speaker | {"words": (rows + 1, sizes.words)})
+    check_numbers(statistics, sizes.pose, sizes.audio, by_speaker | {"strays": (2,), "words": (rows + 1, sizes.words)})
     if statistics.words[0].any():
         raise InputError("a word that is none and has numbers", "is the bundle damaged?")
     if min(statistics.gains.min(), statistics.live_gains.min()) <= 0:

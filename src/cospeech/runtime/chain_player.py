@@ -90,8 +90,8 @@ class ChainPlayer:
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
     @property
-    def _calibration(self) -> tuple[Array, Array]:
-        """(S, D) mean of what the network makes in each speaker's style, and (S, D) by what it is multiplied."""
+    def _calibration(self) -> tuple[Array, Array, np.float32]:
+        """(S, D) mean of what the network makes in each speaker's style, (S, D) by what it is multiplied, by what noise is."""
         raise NotImplementedError
 
     def _style(self, frames: Array) -> Array:
@@ -104,7 +104,7 @@ class ChainPlayer:
 
     def _drawn(self, frames: int) -> Array:
         """(N, frames, Z) the next noise."""
-        return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
+        return self._calibration[2] * self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
     def _forget(self, back: int) -> None:
         """What no window that begins ``back`` frames before what is made next, and no pose handed out so far, asks for."""
@@ -126,8 +126,9 @@ class LivePlayer(ChainPlayer):
         return (self._system.engine.sizes.look_ahead + 1) / self._system.fps
 
     @property
-    def _calibration(self) -> tuple[Array, Array]:
-        return self._system.statistics.live_made, self._system.statistics.live_gains
+    def _calibration(self) -> tuple[Array, Array, np.float32]:
+        s = self._system.statistics
+        return s.live_made, s.live_gains, s.strays[1]
 
     def push(self, rows: Array) -> Array:
         """See `Player`."""
@@ -162,8 +163,9 @@ class SectionPlayer(ChainPlayer):
         return self.setting.waits / self._system.fps
 
     @property
-    def _calibration(self) -> tuple[Array, Array]:
-        return self._system.statistics.made, self._system.statistics.gains
+    def _calibration(self) -> tuple[Array, Array, np.float32]:
+        s = self._system.statistics
+        return s.made, s.gains, s.strays[0]
 
     def push(self, rows: Array) -> Array:
         """See `Player`."""

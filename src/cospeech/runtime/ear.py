@@ -16,12 +16,15 @@ from .chain_engine import ChainEngine
 
 __all__ = ["Ear"]
 
-DOUBT = 1.0  # s; ours: of evidence that the mood is neutral and the speaker may be anybody, before anything is heard
-LEANING = 2.0  # ours: logit of that neutral mood
+DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
+CAUTION, LEANING = 0.7, 1.5
+"""By what logits of emotions are multiplied, and what neutral has more; ours: somebody's neutral voice is another's contempt
+(docs/emotion_from_speech.md), and a mood that is not there is worse than one that is missed."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
-
-
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
+
+
+_NEUTRAL = LEANING * np.array([name == "neutral" for name in EMOTIONS])
 
 
 class Ear:
@@ -41,7 +44,6 @@ class Ear:
         self._fade = np.ones(engine.sizes.style)
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
         self._sum = np.zeros(engine.sizes.style)
-        self._sum[speakers + EMOTIONS.index("neutral")] = LEANING * DOUBT * fps
         self._count = np.full(engine.sizes.style, DOUBT * fps)
         self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
         self.frames = 0
@@ -118,7 +120,7 @@ class Ear:
     def _now(self) -> Array:
         """(S + 8,) two distributions, of what was heard so far."""
         logits, speakers = self._sum / self._count, self._engine.sizes.speakers
-        return np.concatenate([_softmax(logits[:speakers]), _softmax(logits[speakers:])])
+        return np.concatenate([_softmax(logits[:speakers]), _softmax(CAUTION * logits[speakers:] + _NEUTRAL)])
 
 
 def _softmax(logits: Array) -> Array:

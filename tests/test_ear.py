@@ -10,7 +10,7 @@ import pytest
 from cospeech.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.ear import BLOCK, CAUTION, DOUBT, LEANING, VOICE, Ear
+from cospeech.runtime.ear import BLOCK, CAUTION, DOUBT, VOICE, Ear
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)
@@ -57,9 +57,9 @@ def by_hand(rows: np.ndarray, frame: int) -> np.ndarray:
             logits = sum(padded[k + j] @ WEIGHTS[j] for j in range(2 * REACH + 1))
             sums, counts = sums + logits * fade ** (frame - k), counts + fade ** (frame - k)
     who, how = np.split(sums / counts, [SPEAKERS])
-    how = CAUTION * how
-    how[EMOTIONS.index("neutral")] += LEANING
-    return np.concatenate([softmax(who), softmax(how)])
+    how = CAUTION * softmax(how)
+    how[EMOTIONS.index("neutral")] += 1 - CAUTION
+    return np.concatenate([softmax(who), how])
 
 
 LAG = REACH + BLOCK

@@ -17,14 +17,14 @@ from .chain_engine import ChainEngine
 __all__ = ["Ear"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
-CAUTION, LEANING = 0.7, 1.5
-"""By what logits of emotions are multiplied, and what neutral has more; ours: somebody's neutral voice is another's contempt
-(docs/emotion_from_speech.md), and a mood that is not there is worse than one that is missed."""
+CAUTION = 0.5
+"""Share of a mood that is heard, the rest is neutral; ours: somebody's neutral voice is another's contempt, and nothing in the
+logits tells (docs/emotion_from_speech.md)."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
 
 
-_NEUTRAL = LEANING * np.array([name == "neutral" for name in EMOTIONS])
+_NEUTRAL = np.array([float(name == "neutral") for name in EMOTIONS])
 
 
 class Ear:
@@ -120,7 +120,7 @@ class Ear:
     def _now(self) -> Array:
         """(S + 8,) two distributions, of what was heard so far."""
         logits, speakers = self._sum / self._count, self._engine.sizes.speakers
-        return np.concatenate([_softmax(logits[:speakers]), _softmax(CAUTION * logits[speakers:] + _NEUTRAL)])
+        return np.concatenate([_softmax(logits[:speakers]), _NEUTRAL + CAUTION * (_softmax(logits[speakers:]) - _NEUTRAL)])
 
 
 def _softmax(logits: Array) -> Array:

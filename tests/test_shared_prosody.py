@@ -42,7 +42,7 @@ def test_listeners_by_turns_and_what_all_have_had_is_forgotten():
     for at in range(0, len(SOUND), 3200):
         whole = SOUND[at : at + 3200]
         made[0].append(taps[0].push(whole))
-        made[1] += [taps[1].push(whole[:1000]), taps[1].push(whole[1000:])]
+        made[1].extend([taps[1].push(whole[:1000]), taps[1].push(whole[1000:])])
         assert not shared._pieces
     for tap, parts in zip(taps, made, strict=True):
         assert alike(Features.concatenate([*parts, tap.flush()]), alone)

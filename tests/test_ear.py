@@ -18,6 +18,9 @@ SIZES = ChainSizes(pose=2, audio=AUDIO, words=0, speakers=SPEAKERS, noise=0, win
 WEIGHTS = np.random.default_rng(0).normal(0, 1, (2 * REACH + 1, AUDIO, SPEAKERS + 8))
 
 
+NEUTRAL = np.eye(8)[EMOTIONS.index("neutral")]
+
+
 class Judge:
     """A classifier in a line of NumPy."""
 
@@ -57,9 +60,7 @@ def by_hand(rows: np.ndarray, frame: int) -> np.ndarray:
             logits = sum(padded[k + j] @ WEIGHTS[j] for j in range(2 * REACH + 1))
             sums, counts = sums + logits * fade ** (frame - k), counts + fade ** (frame - k)
     who, how = np.split(sums / counts, [SPEAKERS])
-    how = CAUTION * softmax(how)
-    how[EMOTIONS.index("neutral")] += 1 - CAUTION
-    return np.concatenate([softmax(who), how])
+    return np.concatenate([softmax(who), CAUTION * softmax(how) + (1 - CAUTION) * NEUTRAL])
 
 
 LAG = REACH + BLOCK
@@ -75,6 +76,8 @@ def test_the_course_is_what_the_logits_say():
     half = (by_hand(rows, 30) + by_hand(rows, 31)) / 2
     np.testing.assert_allclose(who.shares(np.array(30.5 + LAG)), half, atol=1e-6)
     np.testing.assert_allclose(who.speaker, by_hand(rows, who.frames - 1)[:SPEAKERS], atol=1e-6)
+    played = np.mean([by_hand(rows, frame)[SPEAKERS:] for frame in range(who.frames)], 0)
+    np.testing.assert_allclose(CAUTION * who.emotion + (1 - CAUTION) * NEUTRAL, played, atol=1e-6)
     shares = who.shares(np.linspace(-3, 90, 77))
     assert shares.min() >= 0
     np.testing.assert_allclose([shares[:, :SPEAKERS].sum(1), shares[:, SPEAKERS:].sum(1)], 1)
@@ -84,7 +87,7 @@ def test_before_anything_is_heard_it_may_be_anybody_and_is_rather_neutral():
     first = ear().shares(np.array([0.0, 3.0]))
     np.testing.assert_allclose(first[:, :SPEAKERS], 1 / SPEAKERS)
     assert (first[:, SPEAKERS:].argmax(1) == EMOTIONS.index("neutral")).all()
-    np.testing.assert_allclose(first[0, SPEAKERS:], softmax(LEANING * np.eye(8)[EMOTIONS.index("neutral")]))
+    np.testing.assert_allclose(first[0, SPEAKERS:], CAUTION / 8 + (1 - CAUTION) * NEUTRAL)
     who = ear()
     who.push(speech(40))
     np.testing.assert_array_equal(who.shares(np.array([0, LAG - 1])), first)
@@ -123,8 +126,9 @@ def test_the_voice_is_followed_over_seconds():
     who._engine.classify = lambda given: logits[(k := next(place)) : k + BLOCK]
     who.push(rows)
     course = who.shares(np.arange(200))
-    assert course[99, SPEAKERS:].argmax() == 2
-    assert course[199, SPEAKERS:].argmax() == 4
+    assert course[99, SPEAKERS + 1 :].argmax() == 1  # but for neutral, which has its share of whatever is heard
+    assert course[199, SPEAKERS + 1 :].argmax() == 3
+    assert course[:, SPEAKERS].min() >= 1 - CAUTION
     turned = np.flatnonzero(course[100:, SPEAKERS + 4] > course[100:, SPEAKERS + 2])[0] / FPS
     assert 1 < turned < SPAN
     np.testing.assert_allclose(who.speaker[0], who.speaker[1], rtol=1e-6)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..emotions import Moods
+from ..emotions import EMOTIONS, Moods
 from ..rotations import Array
 from .chain_bundle import ChainSystem
 from .ear import Ear
@@ -70,6 +70,13 @@ class ChainPlayer:
     def moods(self) -> Moods | None:
         """See `Player`; nobody hears them where there is no classifier, and none was given."""
         return self._ear if self._ear.knows else None
+
+    @property
+    def emotion(self) -> dict[str, float] | None:
+        """See `Player`."""
+        if not self._ear.hears:
+            return None
+        return {name: float(p) for name, p in zip(EMOTIONS, self._ear.emotion, strict=True)}
 
     @property
     def speaker(self) -> dict[str, float] | None:

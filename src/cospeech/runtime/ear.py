@@ -18,7 +18,7 @@ __all__ = ["Ear"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
 CAUTION = 0.5
-"""Share of a mood that is heard, the rest is neutral; ours: somebody's neutral voice is another's contempt, and nothing in the
+"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and nothing in the
 logits tells (docs/emotion_from_speech.md)."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
@@ -45,6 +45,7 @@ class Ear:
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
         self._sum = np.zeros(engine.sizes.style)
         self._count = np.full(engine.sizes.style, DOUBT * fps)
+        self._felt = np.zeros(len(EMOTIONS))
         self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
         self.frames = 0
         """Of which probabilities are known."""
@@ -69,6 +70,7 @@ class Ear:
             if logits is not None and voiced[k]:
                 self._sum, self._count = self._sum + logits[k], self._count + 1
             self._course.append(self._now())
+            self._felt += self._course[-1][self._engine.sizes.speakers :]
         self.frames += BLOCK
 
     @property
@@ -77,7 +79,7 @@ class Ear:
         return self._engine.sizes.reach + BLOCK
 
     def shares(self, frames: Array) -> Array:
-        """(…, S + 8) weights at these frames, which were heard; between frames they change linearly.
+        """(…, S + 8) weights to play at these frames, which were heard; between frames they change linearly.
 
         Args:
             frames: (…,) whole or not.
@@ -90,8 +92,8 @@ class Ear:
         place = low - first
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
         heard: Array = now + (known - low)[..., None] * (after - now)
-        if self._given is not None:
-            heard[..., self._engine.sizes.speakers :] = self._given.at(wanted / self._fps)
+        moods = heard[..., self._engine.sizes.speakers :]
+        moods[...] = _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._given is None else self._given.at(wanted / self._fps)
         return heard
 
     def at(self, times: Array) -> Array:
@@ -113,14 +115,24 @@ class Ear:
         return self._given is not None or self._engine.judges
 
     @property
+    def hears(self) -> bool:
+        """Whether emotions are heard."""
+        return self._given is None and self._engine.judges
+
+    @property
     def speaker(self) -> Array:
         """(S,) probabilities, after all that was heard."""
         return self._course[-1][: self._engine.sizes.speakers]
 
+    @property
+    def emotion(self) -> Array:
+        """(8,) mean probabilities over all that was heard."""
+        return self._felt / self.frames if self.frames else self._course[-1][self._engine.sizes.speakers :]
+
     def _now(self) -> Array:
         """(S + 8,) two distributions, of what was heard so far."""
         logits, speakers = self._sum / self._count, self._engine.sizes.speakers
-        return np.concatenate([_softmax(logits[:speakers]), _NEUTRAL + CAUTION * (_softmax(logits[speakers:]) - _NEUTRAL)])
+        return np.concatenate([_softmax(logits[:speakers]), _softmax(logits[speakers:])])
 
 
 def _softmax(logits: Array) -> Array:

@@ -72,7 +72,8 @@ class FlowPlayer:
 
     moods = None
     speaker = None
-    """It hears neither."""
+    emotion = None
+    """It hears none of them."""
 
     def __init__(self, system: FlowSystem, casting: Casting, blend: Blend, quiet: Array, *, intensity: float = 1.0) -> None:
         self._system, self._casting, self._intensity = system, casting, np.float32(intensity)

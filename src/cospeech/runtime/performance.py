@@ -65,6 +65,11 @@ class Player(Protocol):
         """See `Performance.speaker`."""
         ...
 
+    @property
+    def emotion(self) -> dict[str, float] | None:
+        """See `Performance.emotion`; None where the network hears none."""
+        ...
+
     def push(self, rows: Array) -> Array:
         """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
         ...
@@ -138,7 +143,7 @@ class Performance:
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
-        return self._faces[0].emotion
+        return self._player.emotion or self._faces[0].emotion
 
     @property
     def speaker(self) -> dict[str, float] | None:

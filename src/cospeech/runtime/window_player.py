@@ -104,7 +104,8 @@ class WindowPlayer:
 
     moods = None
     speaker = None
-    """It hears neither."""
+    emotion = None
+    """It hears none of them."""
 
     def __init__(
         self,

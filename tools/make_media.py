@@ -4,6 +4,7 @@ talk.gif shows the body, the face in close-up, and the speech with a moving mark
 strip.png is what ``-o talk.png`` gives. styles-NAME.gif and the strips styles-NAME-SPEAKER.png are the stylised flow in three
 styles of the weights that ship, on the example and on a second speech: ``python tools/make_media.py SPEECH [TRANSCRIPT]``.
 chain-NAME.gif and its strip are Chain of Generation on that speech, as it hears it; chain-NAME-EMOTION.png two moods of it.
+Further recordings (``… SPEECH TRANSCRIPT MORE …``, of TRANSCRIPT "" where there is none) get face-NAME.png, the learnt mouth.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import soundfile
 from PIL import Image, ImageDraw, ImageFont
 
 import cospeech
@@ -23,6 +26,7 @@ from cospeech.render.film import Film
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
 STYLE, EMOTION, SEED = "natural", "happiness", 0
+SAID = 6.0  # seconds of a face in close-up
 SECONDS = 7.6  # of the example: the greeting, tiny and huge
 RATE = 12.5  # pictures per second
 WIDE, HIGH, FACE = 440, 420, 280  # pixels: the body's picture, and the side of the face's
@@ -116,6 +120,16 @@ def chain(speech: cospeech.Speech, audio: Path, name: str) -> None:
             moving_picture(speech, motion, MEDIA / f"{stem}.gif")
 
 
+def face(path: Path) -> None:
+    """The beginning of a recording in close-up."""
+    speech = cospeech.Speech.load(path).window(0, SAID)
+    motion = cospeech.load("rules").generate(speech, seed=SEED)
+    with TemporaryDirectory() as folder:
+        sound_file = Path(folder) / "said.wav"
+        soundfile.write(sound_file, speech.samples, speech.rate)
+        motion.save(MEDIA / f"face-{path.stem.lower()}.png", camera="face", audio=sound_file)
+
+
 def main() -> None:
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
@@ -125,9 +139,11 @@ def main() -> None:
     people(speech, EXAMPLE, "example")
     if len(sys.argv) > 1:
         path = Path(sys.argv[1])
-        other = cospeech.Speech.load(path, transcript=sys.argv[2] if len(sys.argv) > 2 else None)
+        other = cospeech.Speech.load(path, transcript=sys.argv[2] or None if len(sys.argv) > 2 else None)
         people(other, path, path.stem)
         chain(other, path, path.stem)
+    for more in sys.argv[3:]:
+        face(Path(more))
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
 

@@ -163,12 +163,13 @@ def matrix_to_quat(m: Array) -> Array:
 def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:
     """Intrinsic Euler angles ``(..., n)`` in radians → quaternions; ``order`` names one axis per angle, e.g. ``"ZXY"``."""
     angles = np.asarray(angles, float)
+    sin, cos = np.sin(angles / 2), np.cos(angles / 2)
     out = quat_identity(*angles.shape[:-1])
     for k, letter in enumerate(order):
         q = np.zeros_like(out)
-        q[..., _AXIS[letter]] = np.sin(angles[..., k] / 2)
-        q[..., 3] = np.cos(angles[..., k] / 2)
-        out = quat_multiply(out, q)
+        q[..., _AXIS[letter]] = sin[..., k]
+        q[..., 3] = cos[..., k]
+        out = quat_multiply(out, q) if k else q + 0.0  # no zero is negative after a product with the identity
     return out
 
 

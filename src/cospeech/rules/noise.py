@@ -6,6 +6,8 @@ off smoothly and there is no state to carry through a stream.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,6 +41,14 @@ def hashed_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     return (total[0] + total[1] + total[2] - 1.5) * 2.0
 
 
+@lru_cache(64)
+def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Array:
+    """(count, channels) values from a place on; a stream asks for the same again and again until the next one comes in."""
+    lattice = hashed_normal(seed, np.arange(channels) + 7919 * octave, (low + np.arange(count))[:, None])
+    lattice.setflags(write=False)
+    return lattice
+
+
 def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves: int = 3, gain: float = 0.5) -> Array:
     """Band-limited noise of unit variance.
 
@@ -54,14 +64,13 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     """
     out = np.zeros((len(times), channels))
     power = 0.0
-    stream = np.arange(channels)
     for octave in range(octaves):
         x = np.asarray(times, float) * (rate * 2**octave)
         first = np.floor(x).astype(np.int64)
         u = (x - first)[:, None]
         low = int(first.min()) - 1 if len(first) else 0
         count = (int(first.max()) + 3 - low) if len(first) else 0
-        lattice = hashed_normal(seed, stream + 7919 * octave, (low + np.arange(count))[:, None])
+        lattice = _lattice(seed, channels, octave, low, count)
         k = first - low
         weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
         value = sum(w * lattice[k + j - 1] for j, w in enumerate(weights))

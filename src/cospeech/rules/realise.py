@@ -67,7 +67,8 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: hips, head and eyes are all that is wanted, at a third of the cost.
+        hands: tracks of the left and the right hand; None: the eyes and the hips' place are all that is wanted, at a quarter
+            of the cost.
         style: whose noise, stance and chair.
         seed: of the noise.
         size: factor on noise (intensity).
@@ -82,11 +83,14 @@ def realise(
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-0.9) * breath))
-    gaze = _head(b, torso, rotations, turn)
+    head, gaze = _head(b, torso, rotations, turn)
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
-    rotations[:, 0] = quat_multiply(facing, hips)
     if hands is None:
         return Pieces(rotations, quat_rotate(facing, root), gaze)
+    rotations[:, 0] = quat_multiply(facing, hips)
+    nod = quat_to_rotvec(quat_multiply(quat_conjugate(torso), head))
+    rotations[:, joint["neck"]] = rotvec_to_quat(nod * NECK_SHARE)
+    rotations[:, joint["head"]] = rotvec_to_quat(nod * (1 - NECK_SHARE))
     bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), torso))
     position, world = root, hips
     places = {"hips": (root, hips)}
@@ -132,8 +136,8 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     b[:, columns] += n * scale
 
 
-def _head(b: Array, torso: Array, rotations: Array, turn: float) -> Array:
-    """Neck, head and eyes; returns the gaze in the head."""
+def _head(b: Array, torso: Array, rotations: Array, turn: float) -> tuple[Array, Array]:
+    """The eyes; returns how the head is turned in the world (N, 4), and the gaze in it (N, 2)."""
     joint = humanoid().index
     b = b.copy()
     b[:, Body.HEAD_YAW] -= 0.62 * np.degrees(turn)
@@ -141,9 +145,6 @@ def _head(b: Array, torso: Array, rotations: Array, turn: float) -> Array:
     head = _euler(b, (Body.HEAD_YAW, Body.HEAD_PITCH, Body.HEAD_ROLL))
     carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
     head = quat_multiply(carried, head)
-    bend = quat_to_rotvec(quat_multiply(quat_conjugate(torso), head))
-    rotations[:, joint["neck"]] = rotvec_to_quat(bend * NECK_SHARE)
-    rotations[:, joint["head"]] = rotvec_to_quat(bend * (1 - NECK_SHARE))
     yaw, up = np.radians(b[:, Body.GAZE_YAW]), np.radians(b[:, Body.GAZE_UP])
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)
@@ -151,7 +152,7 @@ def _head(b: Array, torso: Array, rotations: Array, turn: float) -> Array:
     gaze = _GAZE_LIMIT * np.tanh(gaze / _GAZE_LIMIT)
     eye = quat_multiply(arms._about(1, gaze[:, 0]), arms._about(0, -gaze[:, 1]))
     rotations[:, joint["leftEye"]] = rotations[:, joint["rightEye"]] = eye
-    return gaze
+    return head, gaze
 
 
 # ---------------------------------------------------------------------------------------------------------- arms

@@ -8,8 +8,9 @@ the bits of the whole.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..errors import InputError
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
-from ..rotations import Array, quat_identity
+from ..rotations import Array, quat_continuous, quat_identity
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech
 from ..skeleton import humanoid
@@ -30,6 +31,7 @@ from .manifest import System
 from .manner import Blend
 from .reader import Reader
 from .sampling import Sampled
+from .worn_face import WornFace
 
 __all__ = ["PIECE", "Performance", "Player", "Wish"]
 
@@ -121,7 +123,7 @@ class Performance:
         system: System,
         listener: Listener | Reader,
         player: Player,
-        faces: Sequence[RuleSession],
+        faces: Sequence[RuleSession | WornFace],
         *,
         fps: float,
         parts: tuple[str, ...],
@@ -135,8 +137,9 @@ class Performance:
         self._wish, self._direct = wish, direct
         behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
         self._latency = player.latency + behind + listener.delay
-        self._bodies: list[list[Motion]] = [[] for _ in faces]
-        self._heads: list[list[Motion]] = [[] for _ in faces]
+        self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
+        self._bodies = [_Waiting() for _ in faces]
+        self._heads = [_Waiting() for _ in faces]
         self._duration = Fraction(0)
         self._frame = 0
 
@@ -196,10 +199,14 @@ class Performance:
         check_speech(chunk)
         for piece in chunk.chunks(PIECE) if chunk.duration > PIECE else [chunk]:
             self._duration += piece.duration
-            self._keep(self._player.push(self._listener.push(piece)))
+            made = self._player.push(self._listener.push(piece))
+            self._keep(made)
             for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
-                kept += face.push(piece)
-            yield from self._ready()
+                self._see(kept, face.push(piece))
+            if (count := self._count()) > 0:
+                yield self._taken(count)
+            elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
+                self._decode()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """As `finish`, of every take."""
@@ -210,66 +217,118 @@ class Performance:
         rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
         self._keep(rest, total, self._listener.frames - 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
-            kept += face.finish()
-        yield from self._ready()
+            self._see(kept, face.finish())
+        if (count := self._count()) > 0:
+            yield self._taken(count)
 
     def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
-        """Decode what further poses of the model make certain, and let parts rest that were not asked for."""
+        """Further poses of the model, and what they make certain."""
         poses, at = self._sampled.push(made, total, last)
-        if not len(at):
+        if len(at):
+            self._rows.append(self._player.units(poses, at))
+
+    def _decode(self) -> None:
+        """All that waits for it; many frames at once take hardly longer than few."""
+        if not self._rows:
             return
-        for rows, kept in zip(self._player.units(poses, at), self._bodies, strict=True):
-            kept.append(_chosen(_moving(self._pose, rows, self._fps), self._parts))
+        rows, self._rows = np.concatenate(self._rows, 1), []
+        for vectors, kept in zip(rows, self._bodies, strict=True):
+            rotations, root = _moving(self._pose, vectors, self._fps)
+            if "body" not in self._parts or "hands" not in self._parts:
+                rotations, root = _chosen(rotations, root, self._parts)
+            kept.push((kept.continuing(rotations), root))
 
-    def _ready(self) -> Iterator[list[Motion]]:
-        """What body and face have both come to, as one."""
-        wanted = [*self._bodies, *(self._heads if "face" in self._parts else ())]
-        count = min(sum(map(len, pieces)) for pieces in wanted)
-        if count:
-            bodies = [_cut(pieces, count) for pieces in self._bodies]
-            if "face" in self._parts:
-                bodies = [_faced(body, _cut(head, count)) for body, head in zip(bodies, self._heads, strict=True)]
-            start = self._frame / self._fps
-            self._frame += count
-            yield [replace(body, start=start) for body in bodies]
+    def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
+        """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
+        for head in made:
+            if "face" in self._parts and head.face is not None:
+                kept.push((head.rotations[:, _eyes()], head.face))
+
+    def _count(self) -> int:
+        """Frames that body and face have both come to."""
         if "face" not in self._parts:
-            for head in self._heads:
-                head.clear()
+            self._decode()
+            return len(self._bodies[0])
+        heads = len(self._heads[0])
+        if heads > len(self._bodies[0]):
+            self._decode()
+        return min(heads, len(self._bodies[0]))
+
+    def _taken(self, count: int) -> list[Motion]:
+        """The next frames of every take, as one."""
+        start = self._frame / self._fps
+        self._frame += count
+        bodies = [kept.take(count) for kept in self._bodies]
+        if "face" not in self._parts:
+            return [Motion(self._fps, rotations, root, None, humanoid(), start) for rotations, root in bodies]
+        made = []
+        for (rotations, root), kept in zip(bodies, self._heads, strict=True):
+            eyes, face = kept.take(count)
+            rotations = rotations.copy()
+            rotations[:, _eyes()] = eyes
+            made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
+        return made
 
 
-def _moving(pose: Pose, vectors: Array, fps: float) -> Motion:
-    """Vectors of any representation as motion of our humanoid, in float32."""
+class _Waiting:
+    """Frames of arrays that lie side by side, in pieces, until they are wanted."""
+
+    def __init__(self) -> None:
+        self._pieces: list[tuple[Array, ...]] = []
+        self._frames = 0
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def push(self, piece: tuple[Array, ...]) -> None:
+        """What comes next."""
+        self._pieces.append(piece)
+        self._frames += len(piece[0])
+
+    def take(self, count: int) -> tuple[Array, ...]:
+        """The first frames, which wait no more."""
+        if len(self._pieces) > 1 and len(self._pieces[0][0]) < count:
+            self._pieces = [tuple(np.concatenate(arrays) for arrays in zip(*self._pieces, strict=True))]
+        first, self._frames = self._pieces[0], self._frames - count
+        rest = tuple(array[count:] for array in first)
+        self._pieces[:1] = [rest] if len(rest[0]) else []
+        return tuple(array[:count] for array in first)
+
+    def continuing(self, rotations: Array) -> Array:
+        """Rotations (n, J, 4) that come next, on the half-spheres of those that wait."""
+        if not self._pieces:
+            return quat_continuous(rotations)
+        return quat_continuous(np.concatenate([self._pieces[-1][0][-1:], rotations]))[1:]
+
+
+def _moving(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:
+    """Vectors of any representation as rotations and root of our humanoid, in float32."""
     made = pose.decode(vectors, fps)
     if isinstance(made, Points):
         made = lift(made)
     if made.skeleton != humanoid():
         made = made.retarget("humanoid")
-    return replace(made, rotations=made.rotations.astype(np.float32), root=made.root.astype(np.float32))  # type: ignore[no-any-return]
+    return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
 
 
-def _chosen(motion: Motion, parts: tuple[str, ...]) -> Motion:
-    """The motion with neutral rotations, and the hips at their place, for parts that were not asked for."""
+@cache
+def _resting(parts: tuple[str, ...]) -> list[int]:
+    """Joints that were not asked for."""
     s = humanoid()
     fingers = {*s.left_hand, *s.right_hand}
     resting = [] if "hands" in parts else sorted(fingers)
-    rotations, root = motion.rotations.copy(), motion.root
+    return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
+
+
+def _chosen(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
+    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
+    rotations = rotations.copy()
+    rotations[:, _resting(parts)] = quat_identity(1)
     if "body" not in parts:
-        resting += [k for k in range(len(s)) if k not in fingers]
-        root = np.broadcast_to(s.offsets[0].astype(np.float32), root.shape).copy()
-    rotations[:, resting] = quat_identity(1)
-    return replace(motion, rotations=rotations, root=root)
+        root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
+    return rotations, root
 
 
-def _cut(pieces: list[Motion], count: int) -> Motion:
-    """Take the first frames off a list of pieces."""
-    whole = pieces[0] if len(pieces) == 1 else Motion.concatenate(pieces)
-    pieces[:] = [whole[count:]] if len(whole) > count else []
-    return whole[:count]
-
-
-def _faced(body: Motion, head: Motion) -> Motion:
-    """Face and eyes of the one on the other."""
-    eyes = [humanoid().index[name] for name in _EYES]
-    rotations = body.rotations.copy()
-    rotations[:, eyes] = head.rotations[:, eyes]
-    return replace(body, rotations=rotations, face=head.face)
+@cache
+def _eyes() -> list[int]:
+    return [humanoid().index[name] for name in _EYES]

@@ -13,6 +13,7 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 
 from torch import nn  # noqa: E402
 
+from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.chain_graph import lower_chain  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
@@ -38,6 +39,11 @@ def live(**changes: Any) -> ChainLive:
     return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
 
 
+def asked(**changes: Any) -> ChainOfGeneration:
+    """That was trained to be given faces and seed poses, and to do without."""
+    return chain(faced=0.3, unseeded=0.7, **changes)
+
+
 def many(kind: type, config: type, **changes: Any) -> Any:
     hands = {"hands": HANDS} if kind is Camn else {}
     return kind(config(**(_MANY | changes)), pose=POSE, audio=AUDIO, speakers=SPEAKERS, text=0, **hands)
@@ -49,7 +55,10 @@ CASES = {
     "chain without seeds": lambda: chain(seeds=0, noise=2),
     "chain of vectors": lambda: chain(text=300),
     "chain of one layer": lambda: chain(layers=1, latent=8),
+    "chain that is given": lambda: asked(noise=2),
+    "chain that is given, without noise": lambda: asked(),
     "live": lambda: live(),
+    "live of one that is given": lambda: live(noise=3, faced=0.3, unseeded=0.7),
     "live with noise": lambda: live(noise=4),
     "live, far ahead": lambda: live(noise=1, look_ahead=9, pooled=3),
     "camn": lambda: many(Camn, CamnConfig),
@@ -106,6 +115,42 @@ def test_windows(name, frames):
     np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
     alone = [who.windows.make(given[0], given[1][k : k + 1], given[2][k : k + 1]) for k in range(3)]
     assert np.concatenate(alone).tobytes() == made.tobytes()
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("name", [name for name in CASES if "is given" in name])
+def test_faces_and_seed_poses(name):
+    """As PyTorch is given them, also of some frames alone; half given lies between."""
+    net, who, frames = getattr(network(name), "teacher", network(name)), engine(name), 40
+    assert (who.sizes.faces, who.sizes.seeds, who.windows.optional) == (52, 4, {"face": 53, "seed": POSE + 1})
+    rows, style, noise = material(who, 2, frames)
+    rng = np.random.default_rng(1)
+    face, poses = rng.uniform(0, 9, (frames, 52)), rng.normal(size=(frames, POSE))
+    face, poses = face.astype(np.float32), poses.astype(np.float32)
+    known = (np.arange(frames) < 25)[:, None]
+    begun = (np.arange(frames) < 4)[:, None]
+    given = {"face": np.concatenate([face * known, known], 1), "seed": np.concatenate([poses * begun, begun], 1)}
+    heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
+    seeds = net.seeded(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
+    seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
+    plain = who.windows.make(rows, style, noise)
+    for names in (("face",), ("seed",), ("face", "seed")):
+        own = seeds if "seed" in names else torch.zeros_like(seeds)
+        wanted = net._whole(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
+        made = who.windows.make(rows, style, noise, more={key: given[key] for key in names})
+        np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
+        assert np.abs(made - plain).max() > 1e-3
+        alone = who.windows.make(rows, style[1:], noise[1:], more={key: given[key] for key in names})
+        assert alone[0].tobytes() == made[1].tobytes()
+    for more in ({"face": face}, {"mood": face}, {"seed": given["seed"][1:]}):
+        with pytest.raises(InputError):
+            who.windows.make(rows, style, noise, more=more)
+
+
+def test_who_may_be_given_what():
+    assert engine("chain").windows.optional == engine("live").windows.optional == {"seed": POSE + 1}  # as published
+    for name in ("chain without seeds", "camn", "multi-context of all"):
+        assert engine(name).windows.optional == {}
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if "live" in name])

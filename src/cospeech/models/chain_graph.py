@@ -1,12 +1,13 @@
 """Networks of many inputs as graphs that play without PyTorch: Chain of Generation, CaMN, multi-context; nothing trained.
 
-    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), nudge (N, T, Z), left out where Z is 0
+    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), nudge (N, T, Z), left out where Z is 0;
+              and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
+              seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
     live      the same of one frame, rows (1, A + W), style (N, S + 8), nudge (N, Z), and states → poses (N, D), states after
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
-What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes. Poses begin
-without seeds.
+What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.
 """
 
 from __future__ import annotations
@@ -55,6 +56,10 @@ class Inputs(NamedTuple):
     style: Wave
     """Speakers, then emotions."""
     noise: Wave
+    face: Wave = Wave("", 0, False)
+    """Weights, and how far they take the place of FaceDec's own."""
+    seed: Wave = Wave("", 0, False)
+    """Poses, and whether they are given."""
 
 
 @torch.no_grad()
@@ -75,11 +80,20 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
     sizes = ChainSizes(
         pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTION_COUNT, noise=whole.modes,
         window=whole.window, reach=reach, look_ahead=net.delay if isinstance(net, ChainLive) else 0,
+        **_optional(whole),
     )  # fmt: skip
     return LoweredChain(sizes, weights, graphs)
 
 
 EMOTION_COUNT = 8  # cospeech.emotions
+
+
+def _optional(net: Any) -> dict[str, int]:
+    """Of `ChainSizes`: numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
+    if not isinstance(net, Chain):
+        return {}
+    c = net.config
+    return {"faces": FACE * (c.faced > 0), "seeds": c.seeds * (c.unseeded < 1)}
 
 
 def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
@@ -88,8 +102,13 @@ def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
     own = ("T",) if frames else ()
     shapes: dict[str, tuple[Any, ...]] = {"rows": (1, *own, net.audio), "style": ("N", *own, net.styles)}
     shapes |= {"nudge": ("N", *own, net.modes)} if net.modes else {}
+    able = _optional(net) if frames else {}
+    alike = {"face": (1, "T", FACE + 1)} if able.get("faces") else {}
+    alike |= {"seed": (1, "T", net.pose + 1)} if able.get("seeds") else {}
     given = [b.rows(key, shape[-1], many=key != "rows", frames=frames) for key, shape in shapes.items()]
-    inputs = Inputs(*given, *([] if net.modes else [Wave("", 0, True)]))
+    more = {key: b.rows(key, shape[-1], many=False) for key, shape in alike.items()}
+    shapes |= alike
+    inputs = Inputs(*given, *([] if net.modes else [Wave("", 0, True)]), **more)
     b.as_rows(_poses(net, b, inputs), "poses", frames=frames)
     return b.made(shapes, {"poses": ("N", *own, net.pose)})
 
@@ -108,21 +127,30 @@ def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
     ear: Any = net.ear
     speech, words = b.parts(given.rows, ear.inputs, net.word.width)
     heard = _convs(b, speech, ear.convs)
-    seeds = (net.pose + 1) * (net.config.seeds > 0)
-    return _cascade(b, net.cascade, heard, words, given, seeds)
+    skipped = (net.pose + 1) * (net.config.seeds > 0) - given.seed.channels
+    return _cascade(b, net.cascade, heard, words, given, skipped)
 
 
-def _cascade(b: RecurrentGraph, net: Cascade, heard: Wave, words: Wave, given: Inputs, seeds: int) -> Wave:
-    """`cospeech.nn.cascade.Cascade`; of its extra inputs the first, seeds, are zeros."""
-    features = _convs(b, _convs(b, heard, net.face), net.face_features)
+def _cascade(b: RecurrentGraph, net: Cascade, heard: Wave, words: Wave, given: Inputs, skipped: int) -> Wave:
+    """`cospeech.nn.cascade.Cascade`; of its extra inputs the first, seeds, may be ``skipped``: zeros."""
+    features = _convs(b, _seen(b, _convs(b, heard, net.face), given.face), net.face_features)
     style = _hyper(b, given.style, net.style)
     x = _attended(b, b.joined(heard, _read(b, words, net.text), features), net.body_attention)
     x = _styled(b, x, style, net.body_style)
-    state = _recurrent(b, b.joined(given.noise, x), net.body.recurrent, seeds)
+    state = _recurrent(b, b.joined(given.seed, given.noise, x), net.body.recurrent, skipped)
     body = _framewise(b, state, net.body.mlp)
     x = _styled(b, _attended(b, b.joined(x, state), net.hand_attention), style, net.hand_style)
-    hands = _framewise(b, _recurrent(b, b.joined(given.noise, x), net.hands.recurrent, seeds), net.hands.mlp)
-    return b.picked(b.joined(body, hands), net.order.tolist())
+    state = _recurrent(b, b.joined(given.seed, given.noise, x), net.hands.recurrent, skipped)
+    return b.picked(b.joined(body, _framewise(b, state, net.hands.mlp)), net.order.tolist())
+
+
+def _seen(b: RecurrentGraph, own: Wave, given: Wave) -> Wave:
+    """The face that TFFDec sees: FaceDec's own, as far as no other is given."""
+    if not given.channels:
+        return own
+    face, share = b.parts(given, own.channels, 1)
+    apart = b.both("Add", face, b.number("Mul", own, -1.0))
+    return b.both("Add", own, b.both("Mul", apart, share))
 
 
 @_poses.register

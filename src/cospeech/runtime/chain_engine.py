@@ -12,6 +12,7 @@ import numpy as np
 from ..emotions import EMOTIONS
 from ..errors import InputError
 from ..rotations import Array
+from ..skeletons.arkit import ARKIT
 from .onnx_check import check_onnx
 from .session import open_session, run_session
 from .window_engine import LIMIT, WindowEngine, WindowSizes, check_weights
@@ -20,7 +21,7 @@ __all__ = ["ChainEngine", "ChainSizes", "Live"]
 
 _RANGES = {
     "pose": (1, 2000), "audio": (1, 4000), "words": (0, 1024), "speakers": (1, 256), "noise": (0, 256), "window": (1, 4096),
-    "reach": (0, 64), "look_ahead": (0, 64),
+    "reach": (0, 64), "look_ahead": (0, 64), "faces": (0, len(ARKIT)), "seeds": (0, 64),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 GRAPHS = {"make", "classify", "live"}
@@ -46,6 +47,10 @@ class ChainSizes:
     """Frames to either side that the classifier hears."""
     look_ahead: int
     """Frames of speech after a pose's own that the network of frames waits for; 0 where there is none."""
+    faces: int = 0
+    """Numbers of a face that may be given to the network of windows; 0: none is."""
+    seeds: int = 0
+    """Frames of seed poses that may be given to it; 0: none are."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -69,6 +74,12 @@ class ChainSizes:
         return WindowSizes(
             pose=self.pose, audio=self.rows, styles=self.style, modes=self.noise, window=self.window, multiple=1, reach=None
         )  # fmt: skip
+
+    @property
+    def optional(self) -> dict[str, int]:
+        """Inputs of the network of windows that may be left out → numbers per frame, the last of them how far it is given."""
+        widths = {"face": self.faces and self.faces + 1, "seed": self.seeds and self.pose + 1}
+        return {name: width for name, width in widths.items() if width}
 
 
 class ChainEngine:
@@ -96,7 +107,7 @@ class ChainEngine:
             raise InputError(f"weights that no graph has: {sorted(set(weights) ^ used)[0]!r}"[:200], "is the bundle damaged?")
         own = {name: {key: weights[key] for key in keys} for name, keys in wanted.items()}
         self.sizes, self.weights = sizes, weights
-        self.windows = WindowEngine(sizes.windows, own["make"], {"make": graphs["make"]}, low, high)
+        self.windows = WindowEngine(sizes.windows, own["make"], {"make": graphs["make"]}, low, high, sizes.optional)
         self._classify = open_session(graphs["classify"], own["classify"]) if "classify" in graphs else None
         self._live = open_session(graphs["live"], own["live"]) if "live" in graphs else None
         self._states = self._checked_states()

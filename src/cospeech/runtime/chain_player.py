@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..emotions import EMOTIONS, Moods
+from ..errors import InputError
 from ..rotations import Array
 from .chain_bundle import ChainSystem
 from .ear import Ear
 from .fading import Fading
+from .given import GivenFace
 from .manner import Blend, weighted
 from .nudge import SmoothGumbel
 from .sampling import MOST_LAG
@@ -91,10 +93,14 @@ class ChainPlayer:
 
     def units(self, poses: Array, at: Array) -> Array:
         """See `Player`."""
-        s, calibration = self._system.statistics, self._calibration
+        s, (centre, made, gain) = self._system.statistics, self._scales(at)
+        return (centre + gain * (poses - made)) * s.pose_std + s.pose_mean
+
+    def _scales(self, at: Array) -> tuple[Array, Array, Array]:
+        """(n, D) mean pose of the style, that of what the network makes in it, and by what the difference is multiplied."""
+        calibration = self._calibration
         shares = self._style(at)[:, : self._system.engine.sizes.speakers].astype(np.float32)
-        centre, made, gain = shares @ s.centres, shares @ calibration[0], shares @ calibration[1]
-        return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
+        return shares @ self._system.statistics.centres, shares @ calibration[0], self._intensity * (shares @ calibration[1])
 
     @property
     def _calibration(self) -> tuple[Array, Array, np.float32]:
@@ -157,11 +163,21 @@ class LivePlayer(ChainPlayer):
 
 
 class SectionPlayer(ChainPlayer):
-    """In windows (`sections`), each of which hears both ways, faded from one to the next."""
+    """In windows (`sections`), each of which hears both ways, faded from one to the next.
 
-    def __init__(self, *given: Any, **options: Any) -> None:
+    Args:
+        face: in the place of the network's own.
+        before: (seeds, D) standardised poses, of the frames before the first, with which the first window begins.
+
+    Raises:
+        InputError: windows too short for these.
+    """
+
+    def __init__(self, *given: Any, face: GivenFace | None = None, before: Array | None = None, **options: Any) -> None:
         super().__init__(*given, **options)
-        self.setting = sections(self._system.engine.sizes.window)
+        self.setting, self._face, self._before = sections(self._system.engine.sizes.window), face, before
+        if before is not None and len(before) > self.setting.past:
+            raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
         self._windows = Sliding(self.setting, self._quiet, self._drawn, self._window)
 
     @property
@@ -191,8 +207,31 @@ class SectionPlayer(ChainPlayer):
 
     def _window(self, rows: Array, first: int, nudge: Array) -> Array:
         """(N, window, D) where ``first`` is the first new frame."""
-        style = self._style(np.maximum(np.arange(self.setting.window) + (first - self.setting.past), 0))
-        return self._system.engine.windows.make(rows, np.broadcast_to(style, (self.takes, *style.shape)), nudge)
+        frames = np.arange(self.setting.window) + (first - self.setting.past)
+        style, more = self._style(np.maximum(frames, 0)), dict[str, Array]()
+        if self._face is not None:
+            more["face"] = np.concatenate(self._face.at(frames / self._system.fps), 1)
+        began = 0
+        if first == 0 and self._before is not None:  # the first window begins with them
+            began = self.setting.past - len(self._before)
+            more["seed"] = self._seeds(len(frames))
+        styles = np.broadcast_to(style[began:], (self.takes, len(style) - began, style.shape[1]))
+        more = {name: x[began:] for name, x in more.items()}
+        made = self._system.engine.windows.make(rows[began:], styles, nudge[:, began:], more=more)
+        return np.concatenate([np.repeat(made[:, :1], began, 1), made], 1)
+
+    def _seeds(self, frames: int) -> Array:
+        """(frames, D + 1) poses before the first as the network would have made them, and a flag."""
+        assert self._before is not None
+        centre, made, gain = self._scales(np.zeros(1, int))
+        engine, past = self._system.engine.windows, self.setting.past
+        poses = np.clip((self._before - centre) / np.maximum(gain, _LEAST_GAIN) + made, engine.low, engine.high)
+        rows = np.zeros((frames, self.width + 1), np.float32)
+        rows[past - len(poses) : past] = np.concatenate([poses, np.ones((len(poses), 1), np.float32)], 1)
+        return rows
+
+
+_LEAST_GAIN = np.float32(1e-3)  # ours: below, nothing moves that could be gone on from
 
 
 def _speakers(blend: Blend) -> Array:

@@ -21,6 +21,7 @@ from ..rules import MouthMaker, RuleGesturer
 from ..rules.session import check_speech
 from ..speech import Speech
 from .bundle import read_bundle
+from .given import read_given
 from .listener import Listener
 from .manifest import System
 from .mouth import POSE, BundleMouth, shipped_mouth
@@ -31,8 +32,11 @@ from .sampling import Sampled
 from .style import Transfer
 from .systems import open_system
 from .window_bundle import WindowSystem
+from .worn_face import WornFace
 
-__all__ = ["BundleGesturer"]
+__all__ = ["BundleGesturer", "MotionLike"]
+
+MotionLike = str | PathLike[str] | Motion | None
 
 _PARTS = ("face", "body", "hands")
 
@@ -82,6 +86,8 @@ class BundleGesturer:
         face_gain: float | str | Mapping[str, float] = 1.0,
         look_ahead: float | None = None,
         takes: int = 1,
+        face: MotionLike = None,
+        continue_from: MotionLike = None,
     ) -> Performance:
         """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
@@ -91,12 +97,13 @@ class BundleGesturer:
         seeds = [int(seed) + take for take in range(takes)]
         RuleGesturer().session(seed=seeds[0], parts=parts, **options)  # it checks them all
         wish = self._understood(style)
-        given = emotion_track(emotion)
-        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, given))
+        felt, given = emotion_track(emotion), read_given(face, continue_from)
+        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, felt, given))
         options["emotion"] = player.moods or emotion
         shown = "face" in parts  # without a face, moods alone are listened to
         rules = self._speaking(style)
-        faces = [rules.session(seed=k, parts=("face",), moving=shown, **options) for k in seeds]
+        heads = [rules.session(seed=k, parts=("face",), moving=shown, **options) for k in seeds]
+        faces = heads if given.face is None else [WornFace(head, given.face) for head in heads]
         shared = SharedProsody()
         for each in (listener, *faces):
             each.share(shared)
@@ -141,6 +148,10 @@ class BundleGesturer:
             face_gain: see `cospeech.rules.RuleGesturer.generate`.
             look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
                 the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
+            face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
+                and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
+            continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for
+                the same.
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.

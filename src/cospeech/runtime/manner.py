@@ -16,7 +16,7 @@ from ..rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
 from .flow_bundle import FlowSystem
 from .listener import System
 
-__all__ = ["Blend", "Manner", "example", "latents_of", "named", "seen", "stretches", "weighted"]
+__all__ = ["Blend", "Manner", "encoded", "example", "latents_of", "named", "seen", "stretches", "weighted"]
 
 SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
@@ -132,8 +132,12 @@ def stretches(poses: Array, length: int) -> list[Array]:
 
 def _seen(motion: Motion, system: System) -> Array:
     """(T, D) standardised poses."""
+    return encoded(_placed(motion.resample(system.fps).retarget("humanoid")), system)
+
+
+def encoded(body: Motion, system: System) -> Array:
+    """(T, D) standardised poses of motion on our humanoid, at whatever rate."""
     pose: Pose = find_pose(system.pose)
-    body = _placed(motion.resample(system.fps).retarget("humanoid"))
     if pose.source == "points":
         source: object = import_module(_POINTS[pose.name]).points_of(body)
     else:

@@ -19,6 +19,7 @@ from .chain_style import example_chain, mixture_chain, named_chain
 from .ear import Ear
 from .flow_bundle import FlowSystem
 from .flow_player import FlowPlayer, Source
+from .given import NOTHING, OFFLINE, Given, GivenFace, nothing_given, poses_before
 from .listener import Listener
 from .manifest import System
 from .manner import Blend
@@ -44,6 +45,8 @@ class Terms:
     look_ahead: float | None
     emotion: Moods | None = None
     """That is given; None: it is heard."""
+    given: Given = NOTHING
+    """Beside the speech."""
 
 
 class Players(Protocol):
@@ -109,8 +112,9 @@ class FlowPlayers:
         """See `Players`.
 
         Raises:
-            InputError: a look-ahead is given.
+            InputError: a look-ahead is given, or a face, or motion to go on from.
         """
+        nothing_given(terms.given)
         if terms.look_ahead is not None:
             raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
 
@@ -143,7 +147,12 @@ class WindowPlayers:
         return Listener(self._system, controls)
 
     def play(self, blend: Blend, quiet: Array, terms: Terms) -> WindowPlayer:
-        """See `Players`."""
+        """See `Players`.
+
+        Raises:
+            InputError: a face is given, or motion to go on from.
+        """
+        nothing_given(terms.given)
         setting = looking(self._system.engine.sizes, self._system.fps, terms.look_ahead)
         return WindowPlayer(
             self._system, setting, blend, terms.seeds, quiet, temperature=terms.temperature, intensity=terms.intensity
@@ -176,15 +185,31 @@ class ChainPlayers:
         """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
 
         Raises:
-            InputError: no number of seconds from 0 on.
+            InputError: no number of seconds from 0 on; or what is given cannot be.
         """
         seconds, engine = terms.look_ahead, self._system.engine
         check_look_ahead(seconds)
         ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], terms.emotion)
         live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
-        return (LivePlayer if live else SectionPlayer)(
-            self._system, blend, terms.seeds, quiet, ear, temperature=terms.temperature, intensity=terms.intensity
-        )
+        options: dict[str, Any] = {"temperature": terms.temperature, "intensity": terms.intensity}
+        if live and terms.given.anything:
+            raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
+        if live:
+            return LivePlayer(self._system, blend, terms.seeds, quiet, ear, **options)
+        face, before = self._given(terms.given)
+        return SectionPlayer(self._system, blend, terms.seeds, quiet, ear, face=face, before=before, **options)
+
+    def _given(self, given: Given) -> tuple[GivenFace | None, Array | None]:
+        """The face, and (seeds, D) standardised poses, that the network was trained to be given."""
+        sizes = self._system.engine.sizes
+        hint = "train one with model.faced and model.unseeded (docs/models/chain_of_generation.md)"
+        if given.face is not None and not sizes.faces:
+            raise InputError("this chain cannot be given a face", hint)
+        if given.before is None:
+            return given.face, None
+        if not sizes.seeds:
+            raise InputError("this chain cannot be given motion to go on from", hint)
+        return given.face, poses_before(self._system, given.before, sizes.seeds)
 
 
 _WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Players]] = {WindowSystem: WindowPlayers, ChainSystem: ChainPlayers}

@@ -73,15 +73,17 @@ class WindowEngine:
         weights: of its graphs, float32.
         graphs: ``make``, and ``style`` where it recognises styles (`cospeech.models.lowering`).
         low, high: (D,) bounds of every pose that is made.
+        optional: inputs of ``make`` that may be left out, the same for all takes → numbers per frame.
 
     Raises:
         InputError: these do not fit together.
     """
 
     def __init__(
-        self, sizes: WindowSizes, weights: Mapping[str, Array], graphs: Mapping[str, bytes], low: Array, high: Array
-    ) -> None:
-        self.sizes, self.weights = sizes, weights
+        self, sizes: WindowSizes, weights: Mapping[str, Array], graphs: Mapping[str, bytes], low: Array, high: Array,
+        optional: Mapping[str, int] | None = None,
+    ) -> None:  # fmt: skip
+        self.sizes, self.weights, self.optional = sizes, weights, dict(optional or {})
         self.low, self.high = (np.ascontiguousarray(v, np.float32) for v in (low, high))
         if not self.low.shape == self.high.shape == (sizes.pose,) or not (self.low < self.high).all():
             raise InputError(f"bounds of poses of shapes {low.shape}, {high.shape}", f"({sizes.pose},), the lower ones lower")
@@ -102,6 +104,7 @@ class WindowEngine:
         """Inputs and outputs have the names, types and widths that are due."""
         s = self.sizes
         wanted = {"rows": s.audio} | ({"style": s.styles} if s.styles else {}) | ({"nudge": s.modes} if s.modes else {})
+        wanted |= self.optional
         ends = [(self._make.get_inputs(), 3, wanted), (self._make.get_outputs(), 3, {"poses": s.pose})]
         if self._style is not None:
             ends += [(self._style.get_inputs(), 3, {"poses": s.pose}), (self._style.get_outputs(), 2, {"style": s.styles})]
@@ -117,13 +120,14 @@ class WindowEngine:
         """Whether it has a style encoder."""
         return self._style is not None
 
-    def make(self, rows: Array, style: Array, nudge: Array) -> Array:
+    def make(self, rows: Array, style: Array, nudge: Array, *, more: Mapping[str, Array] | None = None) -> Array:
         """Poses of N takes of one speech.
 
         Args:
             rows: (F, A), F a multiple of ``sizes.multiple``.
             style: (N, F, styles).
             nudge: (N, F, modes), added to the logits of the modes.
+            more: of ``optional``, (F, width); zeros where not given.
 
         Returns:
             (N, F, D) float32, within the bounds; numbers for whatever finite numbers go in.
@@ -139,10 +143,22 @@ class WindowEngine:
         given = {"rows": _sane(rows)[None]}
         given |= {"style": _sane(style)} if s.styles else {}
         given |= {"nudge": _sane(nudge)} if s.modes else {}
+        given |= self._more(more or {}, frames)
         (made,) = run_session(self._make, given)
-        if made.shape != (takes if len(given) > 1 else 1, frames, s.pose):
+        if made.shape != (takes if s.styles or s.modes else 1, frames, s.pose):
             raise InputError(f"a graph makes poses of shape {made.shape}", "is the bundle damaged?")
         return np.array(np.broadcast_to(_bounded(made, self.low, self.high), (takes, frames, s.pose)))
+
+    def _more(self, more: Mapping[str, Array], frames: int) -> dict[str, Array]:
+        """All of ``optional``, zeros for what is not given.
+
+        Raises:
+            InputError: others are given, or of other shapes.
+        """
+        made = {name: more.get(name, np.zeros((frames, width))) for name, width in self.optional.items()}
+        if not set(more) <= set(made) or any(np.shape(x) != (frames, self.optional[name]) for name, x in made.items()):
+            raise InputError(f"{[(name, np.shape(x)) for name, x in more.items()]}"[:200], f"{frames} × {self.optional}")
+        return {name: _sane(x)[None] for name, x in made.items()}
 
     def style_of(self, poses: Array) -> Array | None:
         """(F, D) poses, 64 at least → (styles,), how they move; None without a style encoder.

@@ -41,6 +41,7 @@ class Hearing(ABC):
         self._speech = At16kHz()
         self._first, self._heard = 0, nothing  # what is kept, and the index of its first
         self._given = 0  # rows handed out
+        self._none: Floats | None = None  # no rows, of their width; asked for at every other piece of a stream
 
     @property
     def duration(self) -> Fraction:
@@ -87,7 +88,10 @@ class Hearing(ABC):
 
     def _give(self, until: int) -> Floats:
         """Rows up to ``until``; forgets what no later row needs."""
+        if until == self._given and self._none is not None:
+            return self._none
         rows = self._rows(np.arange(self._given, until))
+        self._none = rows[:0] if self._none is None else self._none
         self._given = until
         done = self._needed(until) - self._first
         if done > 0:

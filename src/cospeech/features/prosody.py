@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .mel import BATCH, FPS, HOP, RATE, WINDOW, Bands, Floats, _mel_bands, hann, log_power, power_spectra
+from .mel import BATCH, FPS, HOP, RATE, WINDOW, Bands, Floats, _mel_bands, hann, log_power, overlapping, power_spectra
 
 if TYPE_CHECKING:
     from ..speech import Speech
@@ -166,7 +166,7 @@ class ProsodyStream:
             ready = min(ready, last - self._made)
         if not ready:
             return
-        frames = np.lib.stride_tricks.sliding_window_view(self._tail, PITCH_WINDOW)[::HOP]
+        frames = overlapping(self._tail, PITCH_WINDOW, HOP)
         for at in range(0, ready, BATCH):
             self._batch(frames[at : min(at + BATCH, ready)])
         self._tail = self._tail[ready * HOP :].copy()
@@ -262,23 +262,35 @@ def _window_autocorrelation() -> Floats:
     return (lags / lags[0]).astype(np.float32)
 
 
+_LAGS = int(LAG_RATE / PITCH_RANGE[1]), int(LAG_RATE / PITCH_RANGE[0]) + 1
+"""The shortest and the longest period of a voice, in samples at LAG_RATE."""
+
+
+@cache
+def _pitch_scales() -> tuple[Floats, NDArray[np.int64], Floats]:
+    """The window (800,), the lags at which a voice is looked for, and what each costs."""
+    at = np.arange(_LAGS[0], _LAGS[1] + 1)
+    cost = OCTAVE_COST * np.log2(at * (PITCH_RANGE[0] / LAG_RATE))
+    return hann(PITCH_WINDOW).astype(np.float32), at, cost.astype(np.float32)
+
+
 def _pitch(frames: Floats) -> tuple[Floats, Floats]:
     """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation.
 
     P. Boersma, "Accurate short-term analysis of the fundamental frequency…", IFA Proceedings 17, 1993; no path search.
     """
-    spectra = np.fft.rfft(frames * hann(PITCH_WINDOW).astype(np.float32), PITCH_TRANSFORM)
+    window, at, cost = _pitch_scales()
+    spectra = np.fft.rfft(frames * window, PITCH_TRANSFORM)
     per_bin = RATE / PITCH_TRANSFORM
     low, high = round(PITCH_BAND[0] / per_bin), round(PITCH_BAND[1] / per_bin)
     power = np.zeros((len(frames), PITCH_TRANSFORM // 4 + 1), np.float32)
     power[:, low:high] = np.square(spectra[:, low:high].real) + np.square(spectra[:, low:high].imag)
     lags = np.fft.irfft(power, PITCH_TRANSFORM // 2)
-    shortest, longest = int(LAG_RATE / PITCH_RANGE[1]), int(LAG_RATE / PITCH_RANGE[0]) + 1
+    shortest, longest = _LAGS
     around = lags[:, shortest - 1 : longest + 2] / np.maximum(lags[:, :1], np.float32(1e-12))
     around = around / _window_autocorrelation()[shortest - 1 : longest + 2]
     middle = around[:, 1:-1]
-    at = np.arange(shortest, longest + 1)
-    score = middle - (OCTAVE_COST * np.log2(at * (PITCH_RANGE[0] / LAG_RATE))).astype(np.float32)
+    score = middle - cost
     peaks = (middle >= around[:, :-2]) & (middle > around[:, 2:])
     best = np.where(peaks, score, -np.inf).argmax(axis=1)
     rows = np.arange(len(frames))
@@ -291,7 +303,7 @@ def _pitch(frames: Floats) -> tuple[Floats, Floats]:
 
 def _mend_jumps(pitch: Floats) -> Floats:
     """(T + 4,) raw pitch → (T,): a voiced frame more than a third off the median of those around it takes that."""
-    around = np.lib.stride_tricks.sliding_window_view(pitch, MEDIAN)
+    around = overlapping(pitch, MEDIAN)
     ordered = np.sort(np.where(around > 0, around, np.inf), axis=1)
     voiced = (around > 0).sum(axis=1)
     median = ordered[np.arange(len(around)), np.maximum(voiced - 1, 0) // 2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -208,7 +209,8 @@ class Session:
         mood = self._mood_at(times)
         fear = mood[:, EMOTIONS.index("fear")]
         pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)
-        rotations = self._chosen(pose.rotations)
+        rotations = pose.rotations
+        rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
             heard = self.listener.window(times[0] - 0.6, times[-1] + 0.6)
@@ -229,17 +231,15 @@ class Session:
         values = np.array([p for _, p in self._moods])
         return np.stack([np.interp(times - TICK, at, values[:, k]) for k in range(values.shape[1])], -1)
 
-    def _chosen(self, rotations: Array) -> Array:
-        """Neutral rotations for parts that were not asked for."""
-        s = humanoid()
-        if "hands" not in self.parts:
-            rotations[:, [*s.left_hand, *s.right_hand]] = quat_identity(1)
-        if "body" not in self.parts:
-            eyes = {s.index["leftEye"], s.index["rightEye"]} if "face" in self.parts else set()
-            fingers = {*s.left_hand, *s.right_hand}
-            body = [k for k in range(len(s)) if k not in fingers | eyes]
-            rotations[:, body] = quat_identity(1)
-        return rotations
+
+@cache
+def _resting(parts: tuple[str, ...]) -> list[int]:
+    """Joints that stay neutral: those of parts that were not asked for."""
+    s = humanoid()
+    fingers = [*s.left_hand, *s.right_hand]
+    eyes = [s.index["leftEye"], s.index["rightEye"]] if "face" in parts else []
+    body = [k for k in range(len(s)) if k not in fingers and k not in eyes]
+    return (fingers if "hands" not in parts else []) + (body if "body" not in parts else [])
 
 
 def check_speech(speech: object) -> None:

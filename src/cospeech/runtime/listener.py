@@ -28,6 +28,7 @@ class Listener:
         self._features = hear(system.audio, system.fps)
         self._silence = self._standard(_silence(system))
         self._given = 0
+        self._nothing = self.quiet[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.features.hearing.Hearing`."""
@@ -61,7 +62,9 @@ class Listener:
         return self._rows(self._features.finish())
 
     def _rows(self, columns: Array) -> Array:
-        rows = self._controlled(self._standard(columns)) if len(columns) else self.quiet[:0]
+        if not len(columns):
+            return self._nothing
+        rows = self._controlled(self._standard(columns))
         self._given += len(rows)
         self._controls.forget(self._given)
         return rows

@@ -15,13 +15,12 @@ from ..motion import Motion
 from ..rotations import Array, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from ..skeleton import Skeleton, humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_MIRROR
-from .joints import build_motion, pick, size
+from .joints import build_motion, check_humanoid, humanoid_vectors, pick
 
 __all__ = ["FACE", "MIRROR", "Face"]
 
 _CHAIN = ("neck", "head")
 _WEIGHTS = len(ARKIT)
-_FARTHEST = 100.0  # ours: a weight or radians beyond which a number is a mistake
 _MOST = 0.6  # radians; ours: a talker's head turns less far, and nothing that a network says breaks a neck
 
 MIRROR = (*ARKIT_MIRROR, *range(_WEIGHTS, _WEIGHTS + 3))
@@ -46,8 +45,7 @@ class Face:
         """Raises:
         InputError: a motion of another skeleton, or without a face.
         """
-        if source.skeleton != humanoid():
-            raise InputError(f"a motion on a {source.skeleton.kind!r} skeleton", "retarget('humanoid') first")
+        check_humanoid(source)
         if source.face is None:
             raise InputError("a motion without a face", "this representation is of faces")
         turns = pick(source, _CHAIN)
@@ -64,12 +62,7 @@ class Face:
         Raises:
             InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
         """
-        vectors = size(vectors, self.dimensions, self.name)
-        if not (np.abs(vectors) < _FARTHEST).all():  # false for NaN, too
-            raise InputError(f"{self.name} vectors hold numbers that are not finite or above {_FARTHEST:g}")
-        body = humanoid()
-        if skeleton is not None and skeleton != body:
-            raise InputError(f"{self.name} vectors for a {skeleton.kind!r} skeleton", "decode, then retarget the motion")
+        vectors, body = humanoid_vectors(vectors, self.dimensions, self.name, skeleton), humanoid()
         turn = vectors[:, _WEIGHTS:]
         angle = np.linalg.norm(turn, axis=-1, keepdims=True)
         half = rotvec_to_quat(turn * (0.5 * np.minimum(1.0, _MOST / np.maximum(angle, _MOST))))

@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array, rotvec_to_quat
 from ..rules import arms
@@ -22,7 +21,7 @@ from ..rules.hands import CHANNELS, HAND_SHAPES, Channel
 from ..rules.legs import plant
 from ..skeleton import Skeleton, humanoid
 from .expmap import to_rotvecs
-from .joints import pick, size
+from .joints import check_humanoid, humanoid_vectors, pick
 
 __all__ = ["HUMANOID", "JOINTS", "Humanoid", "hand_basis"]
 
@@ -38,7 +37,6 @@ _LEAST = np.array([-20.0] * 4 + [-10.0] * 4 + [-4.0, -20.0, -30.0, -10.0])
 _MOST = np.array([95.0] * 4 + [110.0] * 4 + [16.0, 60.0, 40.0, 60.0])
 """Degrees that a hand's angles keep within when decoded, whatever a network says: active ranges of adult fingers (Hume et al.
 1990) and what of the rules' motion lies beyond after the projection; spread and thumb ours."""
-_FARTHEST = 100.0  # ours: metres or radians beyond which a number is a mistake
 _FLIP = np.array([1.0, -1.0, -1.0, 1.0])  # a rotation in the mirror, x → −x
 
 
@@ -96,8 +94,7 @@ class Humanoid:
         """Raises:
         InputError: a motion of another skeleton.
         """
-        if source.skeleton != humanoid():
-            raise InputError(f"a motion on a {source.skeleton.kind!r} skeleton", "retarget('humanoid') first")
+        check_humanoid(source)
         place = np.asarray(source.root, float) - source.skeleton.offsets[0]
         turns = to_rotvecs(pick(source, JOINTS)).reshape(len(source), -1)
         return np.concatenate([place, turns, _encode_hands(source)], -1)
@@ -113,12 +110,7 @@ class Humanoid:
         Raises:
             InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
         """
-        vectors = size(vectors, self.dimensions, self.name)
-        if not (np.abs(vectors) < _FARTHEST).all():  # false for NaN, too
-            raise InputError(f"{self.name} vectors hold numbers that are not finite or above {_FARTHEST:g}")
-        body = humanoid()
-        if skeleton is not None and skeleton != body:
-            raise InputError(f"{self.name} vectors for a {skeleton.kind!r} skeleton", "decode, then retarget the motion")
+        vectors, body = humanoid_vectors(vectors, self.dimensions, self.name, skeleton), humanoid()
         frames = len(vectors)
         turned, fingers = _places()
         rotations = np.zeros((frames, len(body), 4), np.float32)

@@ -10,9 +10,11 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array, quat_continuous, quat_normalize
-from ..skeleton import Skeleton
+from ..skeleton import Skeleton, humanoid
 
-__all__ = ["build_motion", "hand_columns", "pick", "size"]
+__all__ = ["build_motion", "check_humanoid", "hand_columns", "humanoid_vectors", "pick", "size"]
+
+_FARTHEST = 100.0  # ours: metres, radians or a weight beyond which a number is a mistake
 
 _HAND = re.compile(r"(left|right)_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE)
 
@@ -63,4 +65,32 @@ def size(vectors: Array, dimensions: int, name: str) -> Array:
     vectors = np.asarray(vectors, float)
     if vectors.ndim != 2 or vectors.shape[1] != dimensions:
         raise InputError(f"{name} vectors of shape {vectors.shape}", f"(frames, {dimensions})")
+    return vectors
+
+
+def check_humanoid(motion: Motion) -> None:
+    """Raises:
+    InputError: a motion of another skeleton than our humanoid.
+    """
+    if motion.skeleton != humanoid():
+        raise InputError(f"a motion on a {motion.skeleton.kind!r} skeleton", "retarget('humanoid') first")
+
+
+def humanoid_vectors(vectors: Array, dimensions: int, name: str, skeleton: Skeleton | None) -> Array:
+    """The vectors of a representation that is on our humanoid alone in float64, checked.
+
+    Args:
+        vectors: (T, dimensions).
+        dimensions: D.
+        name: of the representation.
+        skeleton: for which a motion is wanted; ours, or None.
+
+    Raises:
+        InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
+    """
+    vectors = size(vectors, dimensions, name)
+    if not (np.abs(vectors) < _FARTHEST).all():  # false for NaN, too
+        raise InputError(f"{name} vectors hold numbers that are not finite or above {_FARTHEST:g}")
+    if skeleton is not None and skeleton != humanoid():
+        raise InputError(f"{name} vectors for a {skeleton.kind!r} skeleton", "decode, then retarget the motion")
     return vectors

@@ -31,16 +31,17 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
-from ..nn.cascade import EMOTIONS, Cascade, Given, Layers, Made, Through, Widths
+from ..nn.cascade import EMOTIONS, Cascade, Layers, Made, Signals, Through, Widths
 from ..nn.channel_attention import ChannelAttention
 from ..nn.contrast import RhythmIdentity
 from ..nn.gain import Gain
 from ..nn.gumbel import smooth_gumbel
 from ..nn.judging import JUDGINGS
+from ..nn.manner import manner
 from ..nn.modalities import INPUTS
 from ..nn.objective import Batch, Objective
 from ..nn.patch import PATCH_FRAMES
-from ..nn.pose_judge import FASTER, PoseJudge
+from ..nn.pose_judge import PoseJudge
 from ..nn.recurrent import BothWays
 from ..nn.speech_ears import EARS
 from ..nn.temporal import Memory, SameConv
@@ -50,9 +51,6 @@ from .chain_config import ChainConfig
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
-
-
-TINY = 1e-6  # ours: a variance whose root has a slope
 
 
 class Turn(NamedTuple):
@@ -180,7 +178,7 @@ class Chain(Windowed):
         """
         ear = self.ear(heard, memory)
         extra = torch.cat([seeds, noise] if self.config.seeds else [noise], 1)
-        given = Given(ear, words, style, extra)
+        given = Signals(ear, words, style, extra)
         seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
         return self.cascade(given, memory, seen), ear
 
@@ -279,7 +277,7 @@ class Chain(Windowed):
         terms["face"] = c.face * torch.where(face.isnan(), 0.0, made.face - face.nan_to_num()).square().mean()  # equation 7
         terms["rhythm"] = c.rhythm * self.rhythm(turn.features, turn.heard)  # equation 6
         if c.manner:
-            terms["manner"] = c.manner * (_manner(made.pose) - _manner(pose)).abs().mean()
+            terms["manner"] = c.manner * (manner(made.pose) - manner(pose)).abs().mean()
         if self.judge is not None:
             terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(self._score(made.pose, turn.played))
         return terms
@@ -361,13 +359,6 @@ class Chain(Windowed):
         """(S, n, T, D) poses of the speakers → (S, S + 8): each, in a neutral mood."""
         speakers = self.styles - EMOTIONS
         return torch.cat([torch.eye(speakers), F.one_hot(torch.zeros(speakers, dtype=torch.long), EMOTIONS)], 1).to(stretches)
-
-
-def _manner(pose: Tensor) -> Tensor:
-    """(B, D, T) → (B, 4 D): mean; deviations of pose, velocity and acceleration in the measure of the discriminator."""
-    moved = FASTER * pose.diff(dim=-1)
-    deviations = [(x.var(-1, correction=0) + TINY).sqrt() for x in (pose, moved, FASTER * moved.diff(dim=-1))]
-    return torch.cat([pose.mean(-1), *deviations], 1)
 
 
 class ChainOfGeneration(Chain):

@@ -27,6 +27,7 @@ from ..errors import InputError
 from ..nn.modalities import SEEDS, Given, ManyInputs, weights_of
 from ..nn.norm import BatchNorm1d
 from ..nn.objective import Batch, Objective
+from ..nn.recurrent import BothWaysGru
 from ..nn.temporal import Memory, TextTcn
 from ..nn.words import word_embedding
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
@@ -108,19 +109,6 @@ class _Speaker(nn.Module):
         return self.mean(encoded).mT, self.variance(encoded).mT
 
 
-class _BothWays(nn.Module):
-    """(B, inputs, T) → (B, hidden, T): a GRU both ways, the outputs of its last layer summed."""
-
-    def __init__(self, inputs: int, hidden: int, layers: int, dropout: float) -> None:
-        super().__init__()
-        self.gru = nn.GRU(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
-
-    def forward(self, x: Tensor) -> Tensor:
-        ahead, back = self.gru(x.mT)[0].chunk(2, -1)
-        summed: Tensor = (ahead + back).mT
-        return summed
-
-
 class _Discriminator(nn.Module):
     """(B, T, D) windows of the configuration's length → (B,) logits that one is of people."""
 
@@ -132,7 +120,7 @@ class _Discriminator(nn.Module):
             nn.Conv1d(first, second, 3), BatchNorm1d(second), nn.LeakyReLU(slope),
             nn.Conv1d(second, third, 3),
         )  # fmt: skip
-        self.both_ways = _BothWays(third, JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT)
+        self.both_ways = BothWaysGru(third, JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT)
         self.of_frames, self.of_all = nn.Conv1d(JUDGE_HIDDEN, 1, 1), nn.Linear(frames - 6, 1)
 
     def forward(self, poses: Tensor) -> Tensor:
@@ -186,7 +174,7 @@ class MultiContext(ManyInputs):
         self.emotion = EmotionEncoder(config.emotion) if config.emotion else None
         self.face = face_encoder(config.face) if config.face else None
         heard = pose + 1 + config.audio + config.text + config.speaker + config.emotion + config.face
-        self.both_ways = _BothWays(heard, config.hidden, config.layers, config.dropout)
+        self.both_ways = BothWaysGru(heard, config.hidden, config.layers, config.dropout)
         half = config.hidden // 2
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
         self.discriminator = _Discriminator(pose, config.frames, config.slope) if config.adversarial else None

@@ -18,14 +18,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from ..emotions import EMOTIONS as NAMES
 from ..errors import InputError
+from ..skeletons.arkit import ARKIT
 from .gesture_norm import GestureAdaLN, HyperNetwork
 from .temporal import SLOPE, Conv, ConvStack, Memory, TextTcn
 
-__all__ = ["EMOTIONS", "FACE", "Cascade", "Given", "Layers", "Made", "Through", "Widths"]
+__all__ = ["EMOTIONS", "FACE", "Cascade", "Layers", "Made", "Signals", "Through", "Widths"]
 
-EMOTIONS, FACE = 8, 52
-"""BEAT's emotions; weights of a face as a store has them (BEAT has 51 of them)."""
+EMOTIONS, FACE = len(NAMES), len(ARKIT)
+"""How many emotions there are, BEAT's; and weights of a face as a store has them (BEAT has 51 of them)."""
 _KERNEL = 3  # not stated; ours
 _FACE_LAYERS, _FEATURE_LAYERS = 3, 4  # section 3.2
 
@@ -68,7 +70,7 @@ class Widths:
     extra: int
 
 
-class Given(NamedTuple):
+class Signals(NamedTuple):
     """What a cascade is given, (B, ·, T) each."""
 
     heard: Tensor
@@ -147,7 +149,7 @@ class Cascade(nn.Module):
         """Of a pose: those of the body, those of the hands."""
         self.register_buffer("order", torch.tensor([*body, *hands]).argsort(), persistent=False)
 
-    def forward(self, given: Given, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> Made:
+    def forward(self, given: Signals, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> Made:
         """Poses and faces of all frames.
 
         Args:

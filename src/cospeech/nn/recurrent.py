@@ -1,4 +1,4 @@
-"""Stacked LSTMs as CaMN has them (Liu et al. 2022, authors' code): two directions, if there are two, are summed at the end."""
+"""Stacked LSTMs and GRUs as BEAT's systems have them (Liu et al. 2022, authors' code): two directions are summed at the end."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from torch import Tensor, nn
 
 from .temporal import Memory
 
-__all__ = ["BothWays", "Forwards"]
+__all__ = ["BothWays", "BothWaysGru", "Forwards"]
+
+
+def _summed(made: Tensor) -> Tensor:
+    """(B, T, 2 · hidden) of both directions → (B, hidden, T)."""
+    ahead, back = made.chunk(2, -1)
+    return (ahead + back).mT
 
 
 class BothWays(nn.Module):
@@ -25,12 +31,22 @@ class BothWays(nn.Module):
         self.lstm = nn.LSTM(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
 
     def forward(self, x: Tensor, memory: Memory) -> Tensor:
-        ahead, back = self.lstm(x.mT)[0].chunk(2, -1)
-        return (ahead + back).mT  # type: ignore[no-any-return]
+        return _summed(self.lstm(x.mT)[0])
+
+
+class BothWaysGru(nn.Module):
+    """The same of a GRU."""
+
+    def __init__(self, inputs: int, hidden: int, layers: int, dropout: float) -> None:
+        super().__init__()
+        self.gru = nn.GRU(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return _summed(self.gru(x.mT)[0])
 
 
 class Forwards(nn.Module):
-    """The same, one way: it plays frame by frame; its state is all layers' outputs and cells, (B, 2 · layers · hidden, 1)."""
+    """An LSTM one way: it plays frame by frame; its state is all layers' outputs and cells, (B, 2 · layers · hidden, 1)."""
 
     def __init__(self, inputs: int, hidden: int, layers: int, dropout: float) -> None:
         super().__init__()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from os import PathLike
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .bundling_window import calibration
+from .bundling_window import calibration, relative_error, statistics_of
 from .emotions import EMOTIONS
 from .errors import InputError
 from .models.chain_graph import LoweredChain, lower_chain
@@ -26,7 +25,6 @@ from .runtime.window_bundle import half, unpacked
 
 __all__ = ["bundle_chain"]
 
-DIGITS = 6  # of the measured error
 PROBE = 64  # frames by which it is measured; ours
 APART, STRAYS = 0.7, (1.0, 5.0)
 """How far takes are to lie from each other, in deviations within a window, and by what noise is multiplied for it; ours:
@@ -88,8 +86,7 @@ def _statistics(
     if model is not whole:
         own["live_made"], own["live_gains"], live_stray = _calibrated(model, whole, examples, persistence, None)
     own["strays"] = torch.tensor([stray, live_stray])
-    known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(ChainStatistics)}
-    return ChainStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
+    return statistics_of(ChainStatistics, {**statistics, **examples, **own})
 
 
 def _words(whole: Any) -> Tensor:
@@ -129,8 +126,8 @@ def _calibrated(
 
 
 def _stray(take: Tensor, other: Tensor) -> float:
-    """By what noise is multiplied so that two takes (n, T, D) lie `APART` as far from each other as one moves; they do so nearly
-    in proportion to the noise."""
+    """By what noise is multiplied so that two takes (n, T, D) lie `APART` as far from each other as one moves; they do so
+    nearly in proportion to the noise."""
     apart, moved = (take - other).square().mean().sqrt(), take.var(1).mean().sqrt()
     return float((APART * moved / apart.clamp_min(1e-6)).clamp(*STRAYS))
 
@@ -144,12 +141,11 @@ def _rounding(low: LoweredChain, small: dict[str, Array], measured: ChainStatist
     """How much weights of half the size move poses of each speaker's speech: √mean square, in that of the poses."""
     s, bounds = low.sizes, pose_bounds(measured)
     engines = [ChainEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpacked(small))]
-    error, size = 0.0, 0.0
+    played = []
     for who, speech in enumerate(examples["speech"].numpy()[:, 0]):
         rows = np.pad(speech[:PROBE], ((0, 0), (0, s.words)))
         style = np.zeros((1, len(rows), s.style), np.float32)
         style[..., [who, s.speakers]] = 1
         noise = np.zeros((1, len(rows), s.noise), np.float32)
-        exact, rounded = (engine.windows.make(rows, style, noise) for engine in engines)
-        error, size = error + float(np.square(rounded - exact).sum()), size + float(np.square(exact).sum())
-    return round((error / max(size, 1e-12)) ** 0.5, DIGITS)
+        played.append([engine.windows.make(rows, style, noise) for engine in engines])
+    return relative_error(played)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -14,12 +15,14 @@ from .models.lowering import Lowered, lower
 from .nn.gumbel import smooth_gumbel
 from .nn.objective import Chance
 from .rotations import Array
-from .runtime.manifest import pose_bounds
+from .runtime.manifest import Scales, pose_bounds
 from .runtime.nudge import SECONDS
 from .runtime.window_bundle import WindowStatistics, half, unpacked, write_window
 from .runtime.window_engine import WindowEngine
 
-__all__ = ["bundle_window", "calibration"]
+__all__ = ["bundle_window", "calibration", "relative_error", "statistics_of"]
+
+T = TypeVar("T", bound=Scales)
 
 DIGITS = 6  # of the measured error
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
@@ -72,8 +75,13 @@ def _statistics(
     centres = examples["pose_centre"]
     made, gains = (centres, torch.ones_like(centres)) if model.literal else _calibrated(model, codes, examples, persistence)
     own = {"centres": centres, "codes": codes, "made": made, "gains": gains}
-    known = {f.name: {**statistics, **examples, **own}[f.name] for f in fields(WindowStatistics)}
-    return WindowStatistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()})
+    return statistics_of(WindowStatistics, {**statistics, **examples, **own})
+
+
+def statistics_of(kind: type[T], found: Mapping[str, torch.Tensor]) -> T:
+    """The fields of a kind of statistics, picked out of all that is known."""
+    known = {field.name: found[field.name].numpy() for field in fields(kind)}
+    return kind(**{name: np.ascontiguousarray(value, np.float32) for name, value in known.items()})
 
 
 @torch.no_grad()
@@ -104,10 +112,17 @@ def _rounding(low: Lowered, small: dict[str, Array], measured: WindowStatistics,
     """How much weights of half the size move poses of each speaker's speech: √mean square, in that of the poses."""
     s, bounds = low.sizes, pose_bounds(measured)
     engines = [WindowEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpacked(small))]
-    error, size = 0.0, 0.0
+    played = []
     for code, speech in zip(measured.codes, examples["speech"].numpy(), strict=True):
         rows = speech.reshape(-1, s.audio)[: s.probe * max(1, speech.shape[0] * speech.shape[1] // s.probe)]
         style, nudge = np.broadcast_to(code, (1, len(rows), s.styles)), np.zeros((1, len(rows), s.modes), np.float32)
-        exact, rounded = (engine.make(rows, style, nudge) for engine in engines)
-        error, size = error + float(np.square(rounded - exact).sum()), size + float(np.square(exact).sum())
+        played.append([engine.make(rows, style, nudge) for engine in engines])
+    return relative_error(played)
+
+
+def relative_error(pairs: Iterable[Sequence[Array]]) -> float:
+    """√mean square of how far the second of each pair is from the first, in that of the first."""
+    error, size = 0.0, 0.0
+    for exact, other in pairs:
+        error, size = error + float(np.square(other - exact).sum()), size + float(np.square(exact).sum())
     return round((error / max(size, 1e-12)) ** 0.5, DIGITS)

@@ -118,7 +118,7 @@ class Gesturer(Protocol):
 
     @property
     def for_files(self) -> Mapping[str, Any]:
-        """Options of a session that make the best of a speech of which all is there, as of a file: to hear it both ways, say."""
+        """Options of a session that make the best of a speech that is all there, as a file is: to hear it both ways, say."""
         ...
 
     def generate(self, speech: Speech, **options: Any) -> Motion:

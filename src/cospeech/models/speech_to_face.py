@@ -47,7 +47,9 @@ class SpeechToFaceConfig:
     frames: int = 96
     """T of a training window."""
     channels: int = 128
+    """Of every convolution."""
     kernel: int = 5
+    """Frames that a block's convolution sees, so many dilations apart."""
     dilations: tuple[int, ...] = (1, 2, 4)
     """Of each block."""
     ahead: tuple[int, ...] = (2, 1, 1)
@@ -136,8 +138,8 @@ class SpeechToFace(Windowed):
         pairs = zip(config.dilations, config.ahead, strict=True)
         self.blocks = nn.ModuleList(Block(config, dilation, ahead) for dilation, ahead in pairs)
         self.out = nn.Conv1d(config.channels, pose, 1)
-        for name, width, value in (("pose", pose, 0.0), ("audio", audio, 0.0)):
-            self.register_buffer(f"{name}_mean", torch.full((width,), value))
+        for name, width in (("pose", pose), ("audio", audio)):
+            self.register_buffer(f"{name}_mean", torch.zeros(width))
             self.register_buffer(f"{name}_std", torch.ones(width))
         self.register_buffer("alive", torch.ones(pose))
 

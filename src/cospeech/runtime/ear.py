@@ -18,8 +18,8 @@ __all__ = ["Ear"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
 CAUTION = 0.5
-"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and nothing in the
-logits tells (docs/emotion_from_speech.md)."""
+"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and
+nothing in the logits tells (docs/emotion_from_speech.md)."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
 

@@ -67,9 +67,7 @@ class Judged(Protocol):
         ...
 
 
-def judge(
-    columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Judged, tools: Tools
-) -> Cells:
+def judge(columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Judged, tools: Tools) -> Cells:
     """Scores of motion.
 
     Args:

@@ -36,9 +36,10 @@ def _recurrent_weights(rng: np.random.Generator, inputs: int, ways: int) -> dict
 
 
 def small_chain(
-    pose: int, audio: int, *, live: bool = True, noise: int = NOISE, words: int = WORDS, judges: bool = True, seed: int = 0
-) -> tuple[ChainSizes, dict[str, np.ndarray], dict[str, bytes]]:
-    """Sizes, weights and graphs."""
+    pose: int, audio: int, *, live: bool = True, noise: int = NOISE, words: int = WORDS, judges: bool = True,
+    faces: bool = False, seeds: int = 0, seed: int = 0,
+) -> tuple[ChainSizes, dict[str, np.ndarray], dict[str, bytes]]:  # fmt: skip
+    """Sizes, weights and graphs; ``faces`` and ``seeds``: whether it may be given some."""
     rng, weights, style = np.random.default_rng(seed), {}, len(NAMES) + EMOTIONS
     graphs: dict[str, bytes] = {}
 
@@ -53,11 +54,14 @@ def small_chain(
             {"nudge": ("N", *own, noise)} if noise else {}
         )
         rows, who, *nudge = (b.rows(key, shape[-1], many=key != "rows", frames=whole) for key, shape in shapes.items())
+        beyond = {"face": 53 * faces, "seed": (pose + 1) * (seeds > 0)} if whole else {}
+        beyond = {key: b.rows(key, width, many=False) for key, width in beyond.items() if width}
+        shapes |= {key: (1, "T", x.channels) for key, x in beyond.items()}
         heard = conv(b, rows, CHANNELS, 3, pads=(1, 1)) if whole else conv(b, b.behind(rows, 2), CHANNELS, 3)
         heard = b.each("LeakyRelu", heard, alpha=0.2)
         pool = b.pooled(heard, "ReduceMean") if whole else b.sliding(b.behind(heard, POOLED - 1), "AveragePool", POOLED)
         heard = b.both("Mul", heard, b.each("Sigmoid", conv(b, pool, CHANNELS, 1)))
-        x = b.joined(*nudge, heard, conv(b, who, CHANNELS, 1))
+        x = b.joined(*nudge, *beyond.values(), heard, conv(b, who, CHANNELS, 1))
         ways = 2 if whole else 1
         x = b.lstm(x, _recurrent_weights(rng, x.channels, ways), ways=ways, layers=2, stateful=not whole)
         b.as_rows(conv(b, x, pose, 1), "poses", frames=whole)
@@ -68,7 +72,7 @@ def small_chain(
         graphs["classify"] = b.made({"rows": (1, "T", audio)}, {"logits": (1, "T", style)})
     sizes = ChainSizes(
         pose=pose, audio=audio, words=words, speakers=len(NAMES), noise=noise, window=WINDOW, reach=REACH if judges else 0,
-        look_ahead=LOOK_AHEAD if live else 0,
+        look_ahead=LOOK_AHEAD if live else 0, faces=52 * faces, seeds=seeds,
     )  # fmt: skip
     return sizes, weights, graphs
 

@@ -20,9 +20,11 @@ from . import __version__, cli_corpora, cli_evaluate, cli_train
 from .cli_options import (
     Audio,
     Avatar,
+    Continue,
     Debug,
     Drawn,
     Emotion,
+    Face,
     FaceGain,
     Folder,
     Fps,
@@ -98,6 +100,8 @@ def generate(
     intensity: Intensity = 1.0,
     parts: Parts = ALL_PARTS,
     face_gain: FaceGain = "1",
+    face: Face = None,
+    continue_from: Continue = None,
     skeleton: Skeleton = "humanoid",
     fps: Fps = 30.0,
     avatar: Avatar = None,
@@ -120,8 +124,8 @@ def generate(
         result = generate_files(
             audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
-            parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, skeleton=skeleton, fps=fps,
-            avatar=avatar, report=report, progress=progress,
+            parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
+            continue_from=continue_from, skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
         )  # fmt: skip
     if not quiet:
         _show_outputs(result)

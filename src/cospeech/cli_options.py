@@ -10,9 +10,9 @@ import typer
 from typer import Argument, Option
 
 __all__ = [
-    "Audio", "Avatar", "Debug", "Drawn", "Emotion", "FaceGain", "Folder", "Fps", "Intensity", "Json", "Map", "Model",
-    "Motion", "NewFps", "Output", "Parts", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker", "Style", "Takes",
-    "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
+    "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Json", "Map",
+    "Model", "Motion", "NewFps", "Output", "Parts", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker", "Style",
+    "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
 ]  # fmt: skip
 
 
@@ -90,6 +90,12 @@ FaceGain = Annotated[
         metavar="GAINS",
         help="How strong the mouth is, 0 … 2, or channels are: 1.2,jawOpen:0.8,mouthSmile:0.5 (names of ARKit).",
     ),
+]
+Face = Annotated[
+    Path | None, option("--face", metavar="FILE", help="A face that moves body and hands, for chains: .json .csv .glb.")
+]
+Continue = Annotated[
+    Path | None, option("--continue", metavar="FILE", help="Motion that it goes on from, for chains, so that clips join.")
 ]
 Parts = Annotated[str, option("--parts", metavar="LIST", help="What moves.")]
 Skeleton = Annotated[str, option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]

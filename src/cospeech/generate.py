@@ -29,6 +29,7 @@ from .models import load as load_model
 from .motion import Motion
 from .report import Report
 from .rules.gains import face_gains
+from .runtime.gesturer import MotionLike
 from .runtime.style import example_files
 from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
@@ -77,6 +78,8 @@ class _Options:
     fps: float
     parts: tuple[str, ...]
     face_gain: FaceGain
+    face: MotionLike
+    continue_from: MotionLike
 
 
 def generate_files(
@@ -95,6 +98,8 @@ def generate_files(
     intensity: float = 1.0,
     parts: Iterable[str] = PARTS,
     face_gain: FaceGain = 1.0,
+    face: MotionLike = None,
+    continue_from: MotionLike = None,
     skeleton: str = "humanoid",
     fps: float = 30.0,
     avatar: File | None = None,
@@ -121,6 +126,8 @@ def generate_files(
         intensity: size of the motion, 0 … 2.
         parts: of `PARTS`.
         face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.rules.gains.face_gains`.
+        face: motion with a face, or a file of one, from which body and hands follow and which is shown; for chains.
+        continue_from: motion, or a file of one, at whose last poses it begins; for chains.
         skeleton: of the BVH files.
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
@@ -135,10 +142,14 @@ def generate_files(
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     felt, track = _read_emotion(emotion)
-    options = _Options(style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain)
+    options = _Options(
+        style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
+    )
+    given = [path for path in (face, continue_from) if not isinstance(path, Motion)]
     _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    check_files(audio, names, [path for path in (transcript, avatar, track, *example_files(options.style)) if path], report)
+    read = (transcript, avatar, track, *given, *example_files(options.style))
+    check_files(audio, names, [path for path in read if path], report)
     gesturer = load_model(model)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
@@ -202,10 +213,11 @@ def _chunk(
 
 def _passes(gesturer: Gesturer, options: _Options, seed: int, takes: int) -> Iterator[tuple[range, Performance]]:
     """Which takes are played together, from 0 on, and the session that plays them."""
+    asked = {name: value for name, value in vars(options).items() if value is not None}
     for first in range(0, takes, gesturer.takes_at_once):
         group = range(first, min(first + gesturer.takes_at_once, takes))
         several = {"takes": len(group)} if len(group) > 1 else {}
-        yield group, gesturer.session(seed=seed + first, **several, **gesturer.for_files, **vars(options))
+        yield group, gesturer.session(seed=seed + first, **several, **gesturer.for_files, **asked)
 
 
 def _played(performance: Performance, source: SpeechSource) -> Iterator[list[Motion]]:

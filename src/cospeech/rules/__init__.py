@@ -58,11 +58,17 @@ class RuleGesturer:
         parts: Iterable[str] = _PARTS,
         face_gain: float | str | Mapping[str, float] = 1.0,
         moving: bool = True,
+        face: object = None,
+        continue_from: object = None,
     ) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
 
-        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted.
+        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``face`` and
+        ``continue_from``, which some trained systems can be given, are refused.
         """
+        for what, given in (("a face", face), ("motion to go on from", continue_from)):
+            if given is not None:
+                raise InputError(f"the rule-based gesturer cannot be given {what}", "chains can, see docs/runtime.md")
         parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
         unknown = [p for p in parts if p not in _PARTS]
         if unknown or not parts:

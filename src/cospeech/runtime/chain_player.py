@@ -167,7 +167,8 @@ class SectionPlayer(ChainPlayer):
 
     Args:
         face: in the place of the network's own.
-        before: (seeds, D) standardised poses, of the frames before the first, with which the first window begins.
+        before: (seeds, D) standardised poses, of the frames before the first, with which the first window begins; what is
+            missing from the last of them to the first pose that is made is faded out within half a second.
 
     Raises:
         InputError: windows too short for these.
@@ -176,6 +177,7 @@ class SectionPlayer(ChainPlayer):
     def __init__(self, *given: Any, face: GivenFace | None = None, before: Array | None = None, **options: Any) -> None:
         super().__init__(*given, **options)
         self.setting, self._face, self._before = sections(self._system.engine.sizes.window), face, before
+        self._gap: Array | None = None
         if before is not None and len(before) > self.setting.past:
             raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
         self._windows = Sliding(self.setting, self._quiet, self._drawn, self._window)
@@ -201,6 +203,17 @@ class SectionPlayer(ChainPlayer):
         self._ear.push(np.repeat(quiet, self.setting.window, 0)[:, : self._system.engine.sizes.audio])
         return self._joined(self._windows.finish(quiet))
 
+    def units(self, poses: Array, at: Array) -> Array:
+        """See `Player`; the first call has the first pose."""
+        found = super().units(poses, at)
+        if self._before is None or not len(at):
+            return found
+        if self._gap is None:
+            s = self._system.statistics
+            self._gap = self._before[-1] * s.pose_std + s.pose_mean - found[:, :1]
+        left = np.clip(1 - (at + 1) / (_JOIN * self._system.fps), 0, 1)  # all of it a frame before the first
+        return found + (left * left * (3 - 2 * left)).astype(np.float32)[:, None] * self._gap
+
     def _joined(self, made: list[Array]) -> Array:
         self._made = self._windows.made
         return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
@@ -210,7 +223,8 @@ class SectionPlayer(ChainPlayer):
         frames = np.arange(self.setting.window) + (first - self.setting.past)
         style, more = self._style(np.maximum(frames, 0)), dict[str, Array]()
         if self._face is not None:
-            more["face"] = np.concatenate(self._face.at(frames / self._system.fps), 1)
+            weights, share = self._face.at(frames / self._system.fps)
+            more["face"] = np.concatenate([weights * (share > 0), share], 1)
         began = 0
         if first == 0 and self._before is not None:  # the first window begins with them
             began = self.setting.past - len(self._before)
@@ -231,6 +245,7 @@ class SectionPlayer(ChainPlayer):
         return rows
 
 
+_JOIN = 0.5  # s; ours: as styles are faded
 _LEAST_GAIN = np.float32(1e-3)  # ours: below, nothing moves that could be gone on from
 
 

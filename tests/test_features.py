@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cospeech import InputError
 from cospeech.features import Features, ProsodyStream, analyse, find_pauses, log_mel
-from cospeech.features.mel import mel_filters
+from cospeech.features.mel import mel_filters, overlapping
 from cospeech.features.prosody import BAND_EDGES, DELAY, ENERGY_BAND
 from cospeech.speech import Speech, example
 
@@ -32,6 +32,13 @@ def tone(frequency: float, seconds: float = 1.0, harmonics: int = 1) -> np.ndarr
 @pytest.mark.parametrize("n_mels", [40, 80, 128])
 def test_mel_filters_are_librosas(n_mels):
     np.testing.assert_allclose(mel_filters(n_mels), librosa.filters.mel(sr=RATE, n_fft=400, n_mels=n_mels), atol=1e-8)
+
+
+@pytest.mark.parametrize(("count", "length", "hop"), [(20, 5, 1), (20, 7, 3), (5, 5, 1), (4, 5, 1), (0, 5, 2), (961, 800, 160)])
+def test_overlapping_pieces_are_all_that_fit(count, length, hop):
+    samples = np.random.default_rng(0).normal(size=count + 1).astype(np.float32)[1:]
+    wanted = [samples[at : at + length] for at in range(0, count - length + 1, hop)]
+    np.testing.assert_array_equal(overlapping(samples, length, hop), np.array(wanted).reshape(-1, length))
 
 
 def test_log_mel_is_librosas(speech):

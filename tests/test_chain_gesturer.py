@@ -25,6 +25,7 @@ from cospeech.errors import InputError
 from cospeech.motion import Motion
 from cospeech.rules import RuleGesturer
 from cospeech.runtime.chain_bundle import VOICE
+from cospeech.runtime.ear import CAUTION
 from cospeech.runtime.gesturer import BundleGesturer
 from cospeech.runtime.style import CodeSource
 from cospeech.skeleton import humanoid
@@ -144,7 +145,11 @@ def test_the_face_is_in_the_mood_that_is_heard():
     list(session.finish())
     course = moods.at(np.arange(0, 4.9, 0.1))
     np.testing.assert_allclose(sum(session.emotion.values()), 1)
-    assert max(abs(session.emotion[name] - course[:, k].mean()) for k, name in enumerate(EMOTIONS)) < 0.05
+    played = session._faces[0].emotion
+    assert max(abs(played[name] - course[:, k].mean()) for k, name in enumerate(EMOTIONS)) < 0.05
+    for name in EMOTIONS:  # half of what is heard is played, the rest is neutral
+        due = CAUTION * session.emotion[name] + (1 - CAUTION) * (name == "neutral")
+        assert played[name] == pytest.approx(due, abs=0.1)
     assert session.emotion != gesturer(judges=False).session().emotion
 
 

@@ -136,6 +136,7 @@ def test_widths_are_those_of_the_papers():
         "mel29-linear": 29,
         "mel29": 29,
         "mel27": 27,
+        "mel40": 40,
         "mel20-prosody": 24,
         "prosody": 4,
         "log-mel-400": 64,

@@ -48,7 +48,7 @@ class Hearing(ABC):
         """Seconds heard so far."""
         return self._speech.duration
 
-    def share(self, prosody: SharedProsody) -> None:
+    def share(self, prosody: SharedProsody) -> None:  # noqa: B027  # most hear by themselves
         """Hear with what others hear, too, where the rows are made of that; before anything is pushed."""
 
     def push(self, chunk: Speech) -> Floats:

@@ -20,16 +20,17 @@ import torch
 from torch import Tensor, nn
 
 from ..nn.basic_block import BasicBlock
-from ..nn.cascade import Cascade
+from ..nn.cascade import EMOTIONS, FACE, Cascade
 from ..nn.channel_attention import ChannelAttention, PastAttention
 from ..nn.gesture_norm import GestureAdaLN, HyperNetwork
-from ..nn.modalities import FACE, ManyInputs
+from ..nn.modalities import ManyInputs
 from ..nn.norm import BatchNorm1d
 from ..nn.recurrent import BothWays, Forwards
 from ..nn.temporal import SLOPE, CausalConv, ConvStack, SameConv, TextTcn
 from ..rotations import Array
 from ..runtime.chain_engine import ChainSizes
 from ..runtime.recurrent_graph import RecurrentGraph, Wave
+from .camn import SLOPE as HEARD_SLOPE
 from .camn import Camn, EmotionEncoder, SpeakerEncoder
 from .chain_live import ChainLive
 from .chain_of_generation import Chain, ChainOfGeneration
@@ -78,14 +79,11 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
         graphs["classify"] = b.made({"rows": (1, "T", whole.ear.inputs)}, {"logits": (1, "T", whole.styles)})
     words = (whole.word if isinstance(whole, Chain) else whole.embedding).width
     sizes = ChainSizes(
-        pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTION_COUNT, noise=whole.modes,
+        pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTIONS, noise=whole.modes,
         window=whole.window, reach=reach, look_ahead=net.delay if isinstance(net, ChainLive) else 0,
         **_optional(whole),
     )  # fmt: skip
     return LoweredChain(sizes, weights, graphs)
-
-
-EMOTION_COUNT = 8  # cospeech.emotions
 
 
 def _optional(net: Any) -> dict[str, int]:
@@ -156,7 +154,7 @@ def _seen(b: RecurrentGraph, own: Wave, given: Wave) -> Wave:
 @_poses.register
 def _(net: Camn, b: RecurrentGraph, given: Inputs) -> Wave:
     speech, words = b.parts(given.rows, net.audio - net.embedding.width, net.embedding.width)
-    who, how = b.parts(given.style, net.speakers, EMOTION_COUNT)
+    who, how = b.parts(given.style, net.speakers, EMOTIONS)
     speaker, emotion, text = _speaker(b, who, net.speaker), _emotion(b, how, net.emotion), _read(b, words, net.text)
     heard = _framewise(b, b.joined(_framewise(b, speech, net.speech), emotion, speaker, text), net.speech_fusion)
     face = _framewise(b, _no_face(b, speech), net.face)
@@ -170,7 +168,7 @@ def _(net: Camn, b: RecurrentGraph, given: Inputs) -> Wave:
 @_poses.register
 def _(net: MultiContext, b: RecurrentGraph, given: Inputs) -> Wave:
     speech, words = b.parts(given.rows, net.audio - net.embedding.width, net.embedding.width)
-    who, how = b.parts(given.style, net.speakers, EMOTION_COUNT)
+    who, how = b.parts(given.style, net.speakers, EMOTIONS)
     known = _framewise(b, _mixed(b, who, net.speaker.embedding), net.speaker.encoder)
     spread = b.each("Exp", b.number("Mul", _linear(b, known, net.speaker.variance), 0.5))
     person = b.both("Add", _linear(b, known, net.speaker.mean), b.both("Mul", spread, given.noise))
@@ -271,7 +269,7 @@ def _mixed(b: RecurrentGraph, weights: Wave, embedding: Any) -> Wave:
 
 
 def _speaker(b: RecurrentGraph, weights: Wave, net: SpeakerEncoder) -> Wave:
-    return b.each("LeakyRelu", _linear(b, _mixed(b, weights, net.embedding), net.linear), alpha=SLOPE)
+    return b.each("LeakyRelu", _linear(b, _mixed(b, weights, net.embedding), net.linear), alpha=HEARD_SLOPE)
 
 
 def _emotion(b: RecurrentGraph, weights: Wave, net: EmotionEncoder) -> Wave:

@@ -262,15 +262,17 @@ def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
     assert not list(tmp_path.glob("*.cospeech"))
 
 
+LARGEST = {"chain-of-generation": 8_000_000}
+"""Bytes, of what holds two networks."""
 SPEAKING = SHIPPED / "speech-to-face.cospeech"
 
 
 @pytest.mark.parametrize("path", sorted({*SHIPPED.glob("*.cospeech")} - {SPEAKING}), ids=lambda path: path.stem)
 def test_what_ships_is_small_says_what_it_is_and_moves(path):
-    assert path.stat().st_size <= 5_000_000
+    assert path.stat().st_size <= LARGEST.get(path.stem, 5_000_000)
     with zipfile.ZipFile(path) as file:
         manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
-    assert manifest["model"] == path.stem
+    assert manifest["model"].removesuffix("-live") == path.stem  # of two networks the one that streams
     assert manifest["sizes"].get("int8") or 0 < manifest["rounding"] < 0.01  # of a flow; of a network by windows, 16 bits
     for word in ("synthetic", "cannot do", "Rebuild", "±", "ground truth", "noise", "frozen"):
         assert word in card, word

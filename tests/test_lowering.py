@@ -10,12 +10,14 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
+from cospeech.models.chain_graph import lower_chain  # noqa: E402
 from cospeech.models.lowering import lower  # noqa: E402
 from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
 from cospeech.runtime.onnx_check import OPERATORS  # noqa: E402
 from cospeech.runtime.window_engine import WindowEngine  # noqa: E402
 from runtime_bundles import random_arrays, small_sizes  # noqa: E402
+from test_chain_lowering import network  # noqa: E402
 from windowed_networks import KINDS, given, made_by, make_network  # noqa: E402
 
 torch.set_num_threads(1)
@@ -128,6 +130,8 @@ def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():
     ]
     for sizes in (flow, replace(flow, int8=False), replace(flow, oldest=True)):
         graphs += build_graphs(pack_weights(random_arrays(sizes), sizes), sizes).values()
+    for name in ("chain", "live", "camn", "multi-context"):
+        graphs += lower_chain(network(name)).graphs.values()
     for graph in graphs:
         used |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
     assert used == OPERATORS

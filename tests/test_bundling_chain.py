@@ -59,10 +59,14 @@ def store(tmp_path_factory):
     return Store(folder)
 
 
-def trained(store, folder, name, data=None, **needs):
+def trained(store, folder, name, data=None, config=None, **needs):
     """A run of a few steps."""
     settings = {"steps": 5, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 5, "save_every": 5}
-    sections = {"model": {"name": name, **MODELS[name]}, "needs": needs, "data": {"audio": "mel20-prosody", **(data or {})}}
+    sections = {
+        "model": {"name": name, **MODELS[name], **(config or {})},
+        "needs": needs,
+        "data": {"audio": "mel20-prosody", **(data or {})},
+    }
     train(read_recipe(sections | {"train": settings}), store, folder)
     return folder
 
@@ -150,3 +154,11 @@ def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
     with pytest.raises(InputError, match="word vectors"):
         bundle_run(run, tmp_path / "it.cospeech")
     assert not (tmp_path / "it.cospeech").exists()
+
+
+@pytest.mark.parametrize("part", ["attention", "styled"])
+def test_a_row_of_a_table_is_no_system(store, tmp_path, part):
+    run = trained(store, tmp_path / "run", "chain-of-generation", config={part: False})
+    with pytest.raises(InputError, match="without attention or style"):
+        bundle_run(run, tmp_path / "x.cospeech", which="last")
+    assert not (tmp_path / "x.cospeech").exists()

@@ -54,8 +54,8 @@ def bundle_chain(
         options: of `write_chain`.
 
     Raises:
-        InputError: it hears what the runtime cannot work out, is played alone without its teacher, or is from before runs
-            kept what was said.
+        InputError: it lacks attention or style, hears what the runtime cannot work out, is played alone without its teacher, or
+            is from before runs kept what was said.
     """
     whole = model
     if isinstance(model, ChainLive):
@@ -64,6 +64,10 @@ def bundle_chain(
         whole = model.teacher
     if getattr(getattr(whole, "ear", None), "array", "audio") != "audio":
         raise InputError(f"a run of {facts['model']!r} that hears with {whole.config.ear}", "bundles play without PyTorch")
+    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "styled")):
+        raise InputError(
+            f"a run of {facts['model']!r} without attention or style", "those are rows of a table; train a whole one"
+        )
     if "pose_spread" in examples or not {"speech", "texts"} <= set(examples):
         raise InputError(f"a run of {facts['model']!r} by_clip, or of another version", "train it anew")
     measured = _statistics(model, whole, statistics, examples, SECONDS * options["fps"])

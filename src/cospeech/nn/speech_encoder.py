@@ -182,7 +182,8 @@ def _pretrained(name: str) -> Any:
                 raise InputError(
                     f"{name!r} is a {config.model_type} model", "wav2vec2 without an adapter is what we hear through"
                 )
-            model, found = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True)
+            loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True)
+            model, found = loaded
     except InputError:
         raise
     except Exception as error:  # whatever transformers, its hub and its readers raise

@@ -6,7 +6,8 @@ messages go out on standard output: one letter, the length of what follows (uint
     H  JSON {"rate", "channels", "frames"}     frames is the header's claim, -1 where it makes none
     B  float32 samples, channels interleaved
     E  JSON {"frames"}                         the end: frames that really came
-    X  JSON {"problem", "hint", "ours"}        it failed; `ours` where the file is not to blame
+    X  JSON {"problem", "hint", "ours",        it failed; `ours` where the file is not to blame; `detail` is what the library
+             "detail"}                         that decodes says of it, for `--debug`
 
 The format is found by content: libsndfile first, then, for containers it does not know (MP4, WebM, AAC, …), FFmpeg through
 PyAV, with the demuxer fixed by the first bytes: FFmpeg's own probing would also follow playlists to other files and hosts.
@@ -43,10 +44,10 @@ CONTAINERS = (
 
 
 class Refused(Exception):
-    """What to tell the user: problem and hint; ours where the file is not to blame."""
+    """What to tell the user: problem and hint; ours where the file is not to blame; detail, the words of a library."""
 
-    def __init__(self, problem: str, hint: str = "", ours: bool = False) -> None:
-        self.message = {"problem": problem, "hint": hint, "ours": ours}
+    def __init__(self, problem: str, hint: str = "", ours: bool = False, detail: object = "") -> None:
+        self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}
 
 
 def confine() -> None:
@@ -99,8 +100,7 @@ def decode(path: bytes) -> int:
             file.seek(0)
             if container:
                 return decode_container(file, container)
-            reason = error.error_string.removeprefix("Error : ").rstrip(". ")
-            raise Refused(f"not a sound file that can be read: {reason}", "WAV, FLAC, OGG, MP3 and AIFF can") from None
+            raise Refused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
             return decode_sound(sound, file)
 
@@ -141,8 +141,7 @@ def fill(sound, file, buffer: memoryview, before: int) -> "tuple[int, bool]":  #
             if file.tell() >= os.fstat(file.fileno()).st_size and before + filled > 0:
                 return filled, False
             at = (before + filled // width) / max(sound.samplerate, 1)
-            reason = error.error_string.removeprefix("Error : ").rstrip(". ")
-            raise Refused(f"damaged at {at:.1f} s: {reason}", "re-save it from its source, or cut it there") from None
+            raise Refused(f"damaged at {at:.1f} s", "re-save it from its source, or cut it there", detail=error) from None
         filled += count * width
         if count <= 0:  # a smaller count than asked for may be a hole in a damaged Vorbis stream
             return filled, False
@@ -173,23 +172,28 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
             return frames
     except av.FFmpegError as error:
         problem = f"damaged at {frames / rate:.1f} s" if frames else f"not a {container} file that can be read"
-        raise Refused(f"{problem}: {error.strerror}", "re-save it from its source, or save it as WAV") from None
+        raise Refused(problem, "re-save it from its source, or save it as WAV", detail=error) from None
 
 
 def serve(paths: "list[bytes]") -> None:
     for path in paths:
         try:
             send_json(b"E", frames=decode(path))
-        except Refused as refused:
-            send_json(b"X", **refused.message)
-        except OSError as error:
-            send_json(b"X", problem=f"cannot be read: {error.strerror or error}", hint="", ours=False)
-        except MemoryError:
-            send_json(b"X", problem="its decoder wants more memory than a sound file should", hint="save it as WAV", ours=False)
-        except ImportError as error:
-            send_json(b"X", problem=f"the decoder cannot start: {error}", hint="reinstall cospeech", ours=True)
         except Exception as error:  # whatever a damaged file brings a library to raise
-            send_json(b"X", problem=f"cannot be decoded: {type(error).__name__}: {error}", hint="save it as WAV", ours=False)
+            send_json(b"X", **refusal(error).message)
+
+
+def refusal(error: Exception) -> Refused:
+    """What to tell the user of any error."""
+    if isinstance(error, Refused):
+        return error
+    if isinstance(error, OSError):
+        return Refused(f"cannot be read: {error.strerror or error}")
+    if isinstance(error, MemoryError):
+        return Refused("its decoder wants more memory than a sound file should", "save it as WAV")
+    if isinstance(error, ImportError):
+        return Refused(f"the decoder cannot start: {error}", "reinstall cospeech", ours=True)
+    return Refused("cannot be decoded", "save it as WAV", detail=f"{type(error).__name__}: {error}")
 
 
 if __name__ == "__main__":

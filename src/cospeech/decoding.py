@@ -126,7 +126,8 @@ class Decoder:
         if kind == b"X":
             values = self._json(payload)
             failure = InternalError if values.get("ours") else InputError
-            raise failure(f"{self.name!r}: {values.get('problem')}", str(values.get("hint", "")))
+            detail = RuntimeError(str(values["detail"])) if values.get("detail") else None  # shown by --debug alone
+            raise failure(f"{self.name!r}: {values.get('problem')}", str(values.get("hint", ""))) from detail
         return kind, payload
 
     def _read(self, size: int) -> bytes:

@@ -279,7 +279,7 @@ class Takes:
                 try:
                     run(self._bindings[0][0])
                 except Exception as error:  # classes of onnxruntime's own
-                    raise failed(error) from None
+                    raise failed() from error
                 self._bindings.reverse()
                 if pull != 1:
                     self._pose *= pull

@@ -30,4 +30,9 @@ def open_system(bundle: Bundle) -> System:
     kind = bundle.manifest.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         raise InputError(f"{bundle.name!r} holds a {str(kind)[:40]!r}", f"this version plays {', '.join(_KINDS)}")
-    return _KINDS[kind](bundle)
+    try:
+        return _KINDS[kind](bundle)
+    except InputError as error:
+        if repr(bundle.name) in error.problem:
+            raise
+        raise InputError(f"{bundle.name!r}: {error.problem}", error.hint) from error

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from .decoding import RATES, Decoder, regular_file
 from .errors import InputError
 
-__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech"]
+__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
 
 Samples = NDArray[np.float32]
 
@@ -166,6 +166,19 @@ class Speech:
         whole = self.duration if last == len(self.samples) else Fraction(last, self.rate)
         duration = max(whole - Fraction(first, self.rate), Fraction(0))
         return Speech(self.samples[first:last], self.rate, words, None, self.name, self.start + first / self.rate, duration)
+
+
+def counted_from(speech: Speech, origin: float) -> Speech:
+    """The same speech, its times and those of its words counted from ``origin`` seconds: of a window, from its own start.
+
+    >>> part = Speech(np.zeros(800, np.float32), words=(Word("so", 4.1, 4.3),), start=4.0)
+    >>> counted_from(part, 4.0).start, round(counted_from(part, 4.0).words[0].start, 3)
+    (0.0, 0.1)
+    """
+    if not origin:
+        return speech
+    words = speech.words and tuple(Word(w.text, w.start - origin, w.end - origin) for w in speech.words)
+    return replace(speech, words=words, start=speech.start - origin)
 
 
 def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:

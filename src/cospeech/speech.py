@@ -135,9 +135,21 @@ class Speech:
         return count_frames(self.duration, fps)
 
     def window(self, start: float, end: float) -> Speech:
-        """The speech from ``start`` to ``end`` seconds (cut to what there is) with the words that overlap it, times kept."""
-        first = min(max(round((start - self.start) * self.rate), 0), len(self.samples))
-        last = min(max(round((end - self.start) * self.rate), first), len(self.samples))
+        """The speech from ``start`` to ``end`` seconds, cut to what there is, with the words that overlap it.
+
+        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window of
+        a window, or of a chunk, is given in the same seconds as of the whole.
+
+        Raises:
+            InputError: times that are no numbers, an end that is not after the start, or no sample of this speech in between.
+        """
+        if not start < end:  # false for NaN, too
+            raise InputError(f"a window from {start} to {end} s", "the end comes after the start")
+        bounds = np.clip((np.array([start, end], float) - self.start) * self.rate, 0, len(self.samples))
+        first, last = (round(float(bound)) for bound in bounds)
+        if first == last:
+            there = f"{self.start:g} … {self.start + len(self.samples) / self.rate:g} s"
+            raise InputError(f"no sample of {self.name!r} from {start:g} to {end:g} s", f"times are kept: here it is {there}")
         at = self.start + first / self.rate
         until = self.start + last / self.rate
         words = None if self.words is None else tuple(w for w in self.words if w.start < until and w.end > at)

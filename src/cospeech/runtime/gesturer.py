@@ -123,8 +123,9 @@ class BundleGesturer:
         for each in (listener, *faces):
             each.share(shared)
         return Performance(
-            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
-        )
+            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood,
+            before=given.before,
+        )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleGesturer:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""

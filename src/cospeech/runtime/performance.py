@@ -32,6 +32,7 @@ from .manifest import System
 from .manner import Blend
 from .reader import Reader
 from .sampling import Sampled
+from .seam import Seam
 from .worn_face import WornFace
 
 __all__ = ["PIECE", "Performance", "Player", "Wish"]
@@ -117,6 +118,7 @@ class Performance:
         parts: what is generated.
         wish: the style that the player begins with.
         direct: understands a style, as `BundleGesturer.generate` describes them.
+        before: motion that it goes on from, where some is given.
     """
 
     def __init__(
@@ -130,6 +132,7 @@ class Performance:
         parts: tuple[str, ...],
         wish: Wish,
         direct: Callable[[object], Wish],
+        before: Motion | None = None,
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
         self._listener, self._player = listener, player
@@ -145,6 +148,9 @@ class Performance:
         self._bodies = [_Waiting() for _ in faces]
         self._heads = [_Waiting() for _ in faces]
         self._signs = [QuatStream() for _ in faces]
+        still = [joint for joint in _resting(parts) if "face" not in parts or joint not in _eyes()]
+        placed = "body" in parts
+        self._seams = [] if before is None else [Seam(before, fps, still=still, placed=placed) for _ in faces]
         self._ready: deque[list[Motion]] = deque()
         self._duration, self._frame = Fraction(0), 0
         self._rate: int | None = None
@@ -292,14 +298,16 @@ class Performance:
         """The next frames of every take, as one."""
         start = self._frame / self._fps
         self._frame += count
-        bodies = [kept.take(count) for kept in self._bodies]
-        if "face" not in self._parts:
-            return [Motion(self._fps, rotations, root, None, humanoid(), start) for rotations, root in bodies]
         made = []
-        for (rotations, root), kept in zip(bodies, self._heads, strict=True):
-            eyes, face = kept.take(count)
-            rotations = rotations.copy()
-            rotations[:, _eyes()] = eyes
+        for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
+            rotations, root = body.take(count)
+            face = None
+            if "face" in self._parts:
+                eyes, face = head.take(count)
+                rotations = rotations.copy()
+                rotations[:, _eyes()] = eyes
+            if self._seams:
+                rotations, root = self._seams[take].closed(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
         return made
 

@@ -102,18 +102,11 @@ def test_a_chain_that_hears_both_ways_has_the_bits_of_the_whole_in_pieces():
 @pytest.mark.parametrize("emotion", ["auto", "fear"])
 def test_arms_of_rules_do_not_change_sign_between_pieces(style, emotion):
     """At 60 frames a second, over 11 s, arms turn past half a turn 25 times."""
-    style = style if style in rule_styles() else rule_styles()[-1]
     options = {"style": style, "emotion": emotion, "fps": 60.0, "seed": 3}
     made = list(model("rules").stream(pieces_of(said(11.0), always(1600)), **options))
     assert joined(made) == joined([model("rules").generate(said(11.0), **options)])
     rotations = np.concatenate([piece.rotations for piece in made])
     assert (np.einsum("tji,tji->tj", rotations[1:], rotations[:-1]) >= 0).all()
-
-
-def rule_styles() -> list[str]:
-    from cospeech.rules import STYLES
-
-    return list(STYLES)
 
 
 def test_before_they_are_rounded_faces_and_bodies_of_rules_have_the_same_bits_too(monkeypatch):
@@ -351,21 +344,21 @@ def held(thing: object, at: str, found: Counter[str], seen: set[int]) -> None:
 
 
 @pytest.mark.parametrize("name", ["rules", "chain-of-generation"])
-def test_a_session_holds_no_more_after_minutes_than_after_one(name, monkeypatch):
+def test_a_session_holds_no_more_after_four_minutes_than_after_two(name, monkeypatch):
     monkeypatch.setattr(rule_session, "KEPT", 20.0)
     session, speech, most = model(name).session(), said(15.0), [Counter[str](), Counter[str]()]
     frames, at = 0, 0.0
-    for turn in range(12):  # a minute to begin with, a minute to look at, and another
+    for turn in range(16):  # a minute to begin with, one to look at, another, and one more to look at
         words = tuple(Word(w.text, at + w.start, at + w.end) for w in speech.words)
         for chunk in Speech(speech.samples, words=words, start=at).chunks(1.0):
             frames += sum(len(piece) for piece in session.push(chunk))
-            if turn >= 4:
+            if turn // 4 in (1, 3):
                 found = Counter[str]()
                 held(session, "", found, set())
-                most[turn // 8] |= found
+                most[turn // 12] |= found
         at += 15.0
-    assert {key: (most[0][key], count) for key, count in most[1].items() if count > 1.2 * most[0][key] + 8} == {}
-    assert frames + sum(len(piece) for piece in session.finish()) == 12 * 15 * 30
+    assert {key: (most[0][key], count) for key, count in most[1].items() if count > 1.5 * most[0][key] + 20} == {}
+    assert frames + sum(len(piece) for piece in session.finish()) == 16 * 15 * 30
 
 
 def test_a_word_that_never_ends_keeps_no_others():

@@ -1,9 +1,9 @@
 """A day of speech through one session: ``python benchmarks/soak.py --hours 24 --model rules``.
 
-Is memory flat, do times drift, is every frame given once? The example is said over and over, with its words, a pause after each
-time and a minute of silence now and then; it comes in pieces, and nothing of the motion is kept. After every simulated hour a row
-says how much memory the process has grown since the warm-up, by how much the frames' times are off those that their number
-demands, and how far the sound was ahead of the motion at most. The exit code is 1 when a verdict fails.
+Is memory flat, do times drift, is every frame given once? The example is said over and over, with its words, a pause after
+each time and a minute of silence now and then; it comes in pieces, and nothing of the motion is kept. After every simulated
+hour a row says how much memory the process has grown since the warm-up, by how much the frames' times are off those that their
+number demands, and how far the sound was ahead of the motion at most. The exit code is 1 when a verdict fails.
 """
 
 from __future__ import annotations
@@ -67,8 +67,9 @@ def soak(model: str, hours: float, piece: float, fps: float) -> bool:
             warm = warm or resident()
             most = max(most, resident() - warm)
             work = time.process_time() - begun
-            print(f"{heard / chunk.rate / 3600:7.2f} h  {frames:>9,} frames  {resident():6.1f} MB, {resident() - warm:+5.1f} MB since "
-                  f"the warm-up  drift {drift:.1e} s  sound ahead {ahead:.3f} s  {work:.0f} s of work", flush=True)  # fmt: skip
+            print(f"{heard / chunk.rate / 3600:7.2f} h  {frames:>9,} frames  {resident():6.1f} MB, "
+                  f"{resident() - warm:+5.1f} MB since the warm-up  drift {drift:.1e} s  "
+                  f"sound ahead {ahead:.3f} s  {work:.0f} s of work", flush=True)  # fmt: skip
             mark = 1.0 if mark < 1 else mark + 1.0
     most = max(most, resident() - warm) if warm else np.inf  # shorter than the warm-up: it says nothing
     for made in session.finish():

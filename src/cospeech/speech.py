@@ -137,8 +137,8 @@ class Speech:
     def window(self, start: float, end: float) -> Speech:
         """The speech from ``start`` to ``end`` seconds, cut to what there is, with the words that overlap it.
 
-        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window of
-        a window, or of a chunk, is given in the same seconds as of the whole.
+        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window
+        of a window, or of a chunk, is given in the same seconds as of the whole.
 
         Raises:
             InputError: times that are no numbers, an end that is not after the start, or no sample of this speech in between.

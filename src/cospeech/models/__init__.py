@@ -94,7 +94,7 @@ class Performance(Protocol):
         ...
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear the next piece, at once; gives the motion that has become certain. What is not taken comes with the next call."""
+        """Hear the next piece, at once; gives the motion that is certain now. What is not taken comes with the next call."""
         ...
 
     def finish(self) -> Iterator[Motion]:

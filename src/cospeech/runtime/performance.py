@@ -168,8 +168,10 @@ class Performance:
 
     @property
     def latency(self) -> float:
-        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given: what the
-        network, the features, smoothing and the cubic wait for; where there is a face, at least `cospeech.rules.LATENCY`."""
+        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given.
+
+        What the network, the features, smoothing and the cubic wait for; with a face, at least `cospeech.rules.LATENCY`.
+        """
         return self._latency
 
     @property
@@ -200,7 +202,7 @@ class Performance:
         self._wish = wish
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear a piece, at once; the motion of the first take that has become certain, as `cospeech.rules.Session.push` gives it.
+        """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
 
         Raises:
             InputError: no speech, or at another rate than before, or after `finish`; it was not heard.

@@ -14,4 +14,4 @@ for piece in model.stream(speech.chunks(seconds=0.2), style="natural", fps=30):
     print(f"from {piece.start:6.2f} s: {len(piece):3d} frames, jaw at {piece.face[-1, 17]:.2f}")
 
 assert frames == speech.frames(30)
-print(f"{frames} frames; each was ready {model.look_ahead:.2f} s after its moment of speech was heard")
+print(f"{frames} frames; each was ready at most {model.latency:.2f} s, and a piece, after its moment of speech was heard")

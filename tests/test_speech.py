@@ -220,7 +220,18 @@ def test_a_window_keeps_time_and_words():
     assert cut.words == words[1:]
     assert np.array_equal(cut.samples, speech.samples[12_800:20_000])
     assert cut.window(0.85, 0.9).start == pytest.approx(0.85)
-    assert len(speech.window(5, 6)) == len(speech.window(1, 1)) == 0
+    assert np.array_equal(cut.window(0.85, 9.0).samples, speech.samples[13_600:20_000])
+    assert np.array_equal(speech.window(-np.inf, np.inf).samples, speech.samples)
+    assert [chunk.start for chunk in cut.chunks(0.2)] == pytest.approx([0.8, 1.0, 1.2])
+
+
+@pytest.mark.parametrize(
+    "times", [(5, 6), (1, 1), (1.5, 1.0), (0.0, 0.4), (1.25, 2.0), (np.nan, 1.0), (1.0, np.nan), (0.8, 0.80001)]
+)
+def test_a_window_without_sound_is_an_error(times):
+    cut = Speech(noise(2 * RATE)[:, 0]).window(0.8, 1.25)
+    with pytest.raises(InputError, match=r"window|no sample"):
+        cut.window(*times)
 
 
 @settings(max_examples=50)

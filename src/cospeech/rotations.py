@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "axis_angle_to_quat", "cross", "euler_to_quat", "matrix_to_quat", "matrix_to_rot6d", "quat_between", "quat_conjugate",
-    "quat_continuous", "quat_angle", "quat_identity", "quat_multiply", "quat_normalize", "quat_rotate", "quat_slerp",
-    "quat_to_euler", "quat_to_matrix", "quat_to_rot6d", "quat_to_rotvec", "quat_twist", "rot6d_to_matrix",
+    "QuatStream", "axis_angle_to_quat", "cross", "euler_to_quat", "matrix_to_quat", "matrix_to_rot6d", "quat_between",
+    "quat_conjugate", "quat_continuous", "quat_angle", "quat_identity", "quat_multiply", "quat_normalize", "quat_rotate",
+    "quat_slerp", "quat_to_euler", "quat_to_matrix", "quat_to_rot6d", "quat_to_rotvec", "quat_twist", "rot6d_to_matrix",
     "rotvec_to_quat",
 ]  # fmt: skip
 
@@ -83,6 +83,27 @@ def quat_continuous(q: Array, axis: int = 0) -> Array:
     dots = np.einsum("t...i,t...i->t...", q[1:], q[:-1])
     signs = np.concatenate([np.ones_like(dots[:1]), np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)])
     return np.moveaxis((q * signs[..., None]).astype(q.dtype, copy=False), 0, axis)
+
+
+class QuatStream:
+    """`quat_continuous` of rotations that come in pieces: all pieces together have the signs of the whole.
+
+    >>> turn = QuatStream()
+    >>> q = quat_identity(1)
+    >>> np.concatenate([turn.push(q), turn.push(-q), turn.push(q)])[:, 3].tolist()
+    [1.0, 1.0, 1.0]
+    """
+
+    def __init__(self) -> None:
+        self._last: Array | None = None
+
+    def push(self, q: Array) -> Array:
+        """Rotations ``(T, ..., 4)`` that come next, on the half-spheres of those before; a new array."""
+        if not len(q):
+            return q
+        found = quat_continuous(q) if self._last is None else quat_continuous(np.concatenate([self._last, q]))[1:]
+        self._last = found[-1:].copy()
+        return found
 
 
 def quat_angle(a: Array, b: Array) -> Array:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from .decoding import RATES, Decoder, regular_file
 from .errors import InputError
 
-__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech"]
+__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
 
 Samples = NDArray[np.float32]
 
@@ -135,9 +135,21 @@ class Speech:
         return count_frames(self.duration, fps)
 
     def window(self, start: float, end: float) -> Speech:
-        """The speech from ``start`` to ``end`` seconds (cut to what there is) with the words that overlap it, times kept."""
-        first = min(max(round((start - self.start) * self.rate), 0), len(self.samples))
-        last = min(max(round((end - self.start) * self.rate), first), len(self.samples))
+        """The speech from ``start`` to ``end`` seconds, cut to what there is, with the words that overlap it.
+
+        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window
+        of a window, or of a chunk, is given in the same seconds as of the whole.
+
+        Raises:
+            InputError: times that are no numbers, an end that is not after the start, or no sample of this speech in between.
+        """
+        if not start < end:  # false for NaN, too
+            raise InputError(f"a window from {start} to {end} s", "the end comes after the start")
+        bounds = np.clip((np.array([start, end], float) - self.start) * self.rate, 0, len(self.samples))
+        first, last = (round(float(bound)) for bound in bounds)
+        if first == last:
+            there = f"{self.start:g} … {self.start + len(self.samples) / self.rate:g} s"
+            raise InputError(f"no sample of {self.name!r} from {start:g} to {end:g} s", f"times are kept: here it is {there}")
         at = self.start + first / self.rate
         until = self.start + last / self.rate
         words = None if self.words is None else tuple(w for w in self.words if w.start < until and w.end > at)
@@ -166,6 +178,19 @@ class Speech:
         whole = self.duration if last == len(self.samples) else Fraction(last, self.rate)
         duration = max(whole - Fraction(first, self.rate), Fraction(0))
         return Speech(self.samples[first:last], self.rate, words, None, self.name, self.start + first / self.rate, duration)
+
+
+def counted_from(speech: Speech, origin: float) -> Speech:
+    """The same speech, its times and those of its words counted from ``origin`` seconds: of a window, from its own start.
+
+    >>> part = Speech(np.zeros(800, np.float32), words=(Word("so", 4.1, 4.3),), start=4.0)
+    >>> counted_from(part, 4.0).start, round(counted_from(part, 4.0).words[0].start, 3)
+    (0.0, 0.1)
+    """
+    if not origin:
+        return speech
+    words = speech.words and tuple(Word(w.text, w.start - origin, w.end - origin) for w in speech.words)
+    return replace(speech, words=words, start=speech.start - origin)
 
 
 def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:

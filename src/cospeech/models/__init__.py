@@ -83,16 +83,26 @@ class Performance(Protocol):
         """Speaker → weight, where a mixture of speakers is played."""
         ...
 
+    @property
+    def latency(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given."""
+        ...
+
+    @property
+    def look_ahead(self) -> float:
+        """Seconds of sound after a frame's time on which the frame depends, at most."""
+        ...
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear the next piece; yields the motion that has become certain."""
+        """Hear the next piece, at once; gives the motion that is certain now. What is not taken comes with the next call."""
         ...
 
     def finish(self) -> Iterator[Motion]:
-        """The speech is over; yields the rest of the motion."""
+        """The speech is over, from now on; gives the rest of the motion."""
         ...
 
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
-        """As ``push``; yields lists with a piece of every take, all of one length."""
+        """As ``push``; gives lists with a piece of every take, all of one length."""
         ...
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -119,6 +129,16 @@ class Gesturer(Protocol):
     @property
     def for_files(self) -> Mapping[str, Any]:
         """Options of a session that make the best of a speech that is all there, as a file is: to hear it both ways, say."""
+        ...
+
+    @property
+    def latency(self) -> float:
+        """Of a session with the usual options; see `Performance`."""
+        ...
+
+    @property
+    def look_ahead(self) -> float:
+        """Of a session with the usual options; see `Performance`."""
         ...
 
     def generate(self, speech: Speech, **options: Any) -> Motion:

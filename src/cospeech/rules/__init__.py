@@ -18,10 +18,10 @@ from ..speech import Speech
 from .gains import face_gains
 from .mouth import Mouth, MouthMaker
 from .plan import Gesture
-from .session import LOOK_AHEAD, Session, check_speech
+from .session import LATENCY, LOOK_AHEAD, Session, check_speech, streamed
 from .styles import STYLES, Style, mix_styles
 
-__all__ = ["EMOTIONS", "LOOK_AHEAD", "STYLES", "Gesture", "Mouth", "MouthMaker", "RuleGesturer", "Session", "Style"]
+__all__ = ["EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "Gesture", "Mouth", "MouthMaker", "RuleGesturer", "Session", "Style"]
 
 _PARTS = ("face", "body", "hands")
 
@@ -38,7 +38,7 @@ class RuleGesturer:
         mouth: makes what a face speaks with; where not given, rules make its mouth, from the sound's energy and bands.
     """
 
-    look_ahead = LOOK_AHEAD
+    look_ahead, latency = LOOK_AHEAD, LATENCY
     default_style = next(iter(STYLES))
     takes_at_once = 1
     for_files: Mapping[str, object] = {}
@@ -146,14 +146,16 @@ class RuleGesturer:
         parts: Iterable[str] = _PARTS,
         face_gain: float | str | Mapping[str, float] = 1.0,
     ) -> Iterator[Motion]:
-        """The same motion in pieces, at most `LOOK_AHEAD` seconds behind the speech, which may come in pieces of any size."""
+        """The same motion in pieces, at most `LATENCY` seconds behind the speech, which may come in pieces of any size.
+
+        Raises:
+            InputError: at once, for an option; as the pieces are taken, for a piece of speech.
+        """
         session = self.session(
             style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts,
             face_gain=face_gain,
         )  # fmt: skip
-        for chunk in chunks:
-            yield from session.push(chunk)
-        yield from session.finish()
+        return streamed(session, chunks)
 
 
 def _find_style(style: object) -> Style:

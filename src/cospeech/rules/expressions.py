@@ -10,6 +10,7 @@ from ..rotations import Array
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from .heard import Accent
 from .noise import hashed_uniform
+from .sums import weighted_sum
 
 __all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
 
@@ -94,7 +95,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     ramp = np.minimum(np.maximum(ramp, 0), 1)
     course = ramp * ramp * (3 - 2 * ramp)
-    return np.tanh(course @ amount)  # overlapping rises saturate
+    return np.tanh(weighted_sum(course, amount))  # overlapping rises saturate
 
 
 def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
@@ -103,4 +104,4 @@ def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T
     near = np.maximum(1 - np.abs(times[:, None] - when - 0.25) / 1.05, 0)  # from 0.8 s before the accent on
-    return np.tanh((near * near * (3 - 2 * near)) @ strength)
+    return np.tanh(weighted_sum(near * near * (3 - 2 * near), strength[:, None]))[:, 0]

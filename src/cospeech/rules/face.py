@@ -16,6 +16,7 @@ from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
 from .heard import Accent, Heard
 from .lips import Voice, voice_to_mouth
 from .noise import hashed_normal, smooth_noise
+from .sums import weighted_sum
 from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
 
 __all__ = ["Face"]
@@ -165,7 +166,7 @@ class Face:
         """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
         course = np.clip(_CALM + _SWELL * accent_swell(times, accents) + _DRIFT * drift[:, 0], 0.2, 1.0)
         course *= self.intensity * (0.7 + 0.3 * self.expressiveness)
-        out = (emotion * course[:, None]) @ EXPRESSIONS
+        out = weighted_sum(emotion * course[:, None], EXPRESSIONS)
         out *= 1 - IS_MOUTH * (_MOUTH_YIELDS * talking)[:, None]
         friendly = (
             emotion[:, 0] * _FRIENDLY * self.expressiveness * (1 - 0.7 * talking) * np.clip(0.9 + 0.6 * drift[:, 1], 0, 2)

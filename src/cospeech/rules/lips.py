@@ -103,16 +103,19 @@ def voice_to_mouth(times: Array, heard: Heard) -> Voice:
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
     rows[_PAD:-_PAD] = _rows(heard)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
-    at = np.clip(np.asarray(times, float) * RATE - (heard.start - _PAD), 0.0, len(rows) - 1.0)
-    now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, len(_SPEAK) - 1)
-    talking = _filtered(rows[:, 8:9], at, _SLOW, len(_SLOW) // 2)[:, 0]
+    at, start = np.asarray(times, float) * RATE, heard.start - _PAD
+    now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, start + len(_SPEAK) - 1)
+    talking = _filtered(rows[:, 8:9], at, _SLOW, start + len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))
     shape[:, :7] = now[:, :7]
     return Voice(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)
 
 
 def _filtered(rows: Array, at: Array, kernel: Array, back: int) -> Array:
-    """``kernel`` laid over rows ``at - back`` onwards (fractions interpolate linearly); rows beyond the ends are held."""
+    """``kernel`` laid over rows ``at - back`` onwards (fractions interpolate linearly); rows beyond the ends are held.
+
+    Fractions are those of ``at``, counted from the beginning of the speech: no bit of them depends on where the window begins.
+    """
     first = np.floor(at)
     part = (at - first)[:, None]
     weights = np.zeros((len(at), len(kernel) + 1))

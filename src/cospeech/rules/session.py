@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from fractions import Fraction
+from collections.abc import Iterable, Iterator
 from functools import cache
-from typing import Any
+from math import ceil
+from typing import Protocol
 
 import numpy as np
 
 from ..emotions import EMOTIONS, EmotionTrack
 from ..errors import InputError
+from ..features.at_16_khz import At16kHz
 from ..features.mel import RATE as SAMPLE_RATE
+from ..features.prosody import DELAY
 from ..features.shared import SharedProsody
 from ..motion import Motion
-from ..rotations import Array, quat_identity
+from ..rotations import Array, QuatStream, quat_identity
 from ..skeleton import humanoid
-from ..speech import Speech, Word, count_frames
+from ..speech import Speech, Word, count_frames, counted_from
 from .face import Face
 from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
 from .manners import blend_manners
@@ -27,13 +29,17 @@ from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
 
-__all__ = ["LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech"]
+__all__ = ["KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "streamed"]
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
-"""Seconds of speech beyond a frame that must have been heard before the frame can be made (1.48 s): gestures begin before the
-word that they go with, so somebody has to wait."""
+"""Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
+with, so somebody has to wait."""
+LATENCY = ceil((LOOK_AHEAD - LEVEL_DELAY) / TICK) * TICK + LEVEL_DELAY + DELAY
+"""Seconds of sound at 16 kHz after a frame's time until the frame is given, at most (1.595 s): what it depends on, in whole
+ticks, and what the features of a hundredth wait for."""
 MOUTH_WAITS = LOOK_AHEAD - TICK
 """Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
+KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
 
 
@@ -75,15 +81,16 @@ class Session:
             gains=gains,
         )  # fmt: skip
         self.mouth = mouth
-        self.gestures: list[Gesture] = []
-        """Every stroke planned so far, in the order of planning."""
-        self._duration = Fraction(0)
-        self._words: deque[Word] = deque()
+        self.gestures: deque[Gesture] = deque()
+        """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
+        self._sound = At16kHz()
+        self._origin: float | None = None
+        self._words: list[Word] = []
         self._ticks = 0
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
-        self._resampler: Any = None
-        self._rate: int | None = None
+        self._signs = QuatStream()
+        self._ready: deque[Motion] = deque()
 
     def share(self, prosody: SharedProsody) -> None:
         """Hear with what others hear, too; before anything is pushed."""
@@ -104,36 +111,55 @@ class Session:
     def style_mixture(self) -> None:
         """Styles of rules are numbers of their own, and no mixtures of speakers."""
 
+    @property
+    def latency(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given."""
+        return LATENCY
+
+    @property
+    def look_ahead(self) -> float:
+        """Seconds of sound after a frame's time on which the frame depends, at most."""
+        return LOOK_AHEAD
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear a piece; yields the motion that has become certain (pieces of at most two seconds)."""
+        """Hear a piece, at once.
+
+        Returns:
+            The motion that has become certain, in pieces of at most two seconds. What is not taken of it is kept, and comes
+            first with the next call: every frame is given once, whether the pieces are taken at once, later, or in part.
+
+        Raises:
+            InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
+        """
         check_speech(chunk)
-        if self._rate not in (None, chunk.rate) or self.listener.finished:
-            was = "the speech is over" if self.listener.finished else f"the speech began at {self._rate} Hz"
-            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one session, one rate, one speech")
-        self._rate = chunk.rate
-        self._duration += chunk.duration
-        self._words.extend(chunk.words or ())
-        samples = self._samples(chunk)
+        samples = self._sound.push(chunk)
+        self._origin = chunk.start if self._origin is None else self._origin
+        self._words.extend(counted_from(chunk, self._origin).words or ())
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
             heard = self.listener.known + LEVEL_DELAY
             while self._ticks * TICK + LOOK_AHEAD <= heard:
                 self._decide()
             if self._ticks * TICK - self._frame / self.fps >= _MOST_AT_ONCE:
-                yield from self._emit(self._ticks * TICK)
-        yield from self._emit(self._ticks * TICK)
+                self._make(self._ticks * TICK)
+        self._make(self._ticks * TICK)
+        return self._taken()
 
     def finish(self) -> Iterator[Motion]:
-        """The speech is over: the rest of the motion, to exactly ceil(duration × fps) frames.
+        """The speech is over, from now on.
+
+        Returns:
+            The rest of the motion, to exactly ceil(duration × fps) frames in all; as of `push`.
 
         Raises:
             InputError: there was no speech at all.
         """
-        total = count_frames(self._duration, self.fps)
+        total = count_frames(self._sound.duration, self.fps)
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
-        if self._resampler is not None:
-            self._hear(self._resampler.resample_chunk(np.zeros(0, np.float32), last=True))
+        if self._sound.finished:
+            return self._taken()
+        self._hear(self._sound.finish())
         self.listener.finish()
         if self.mouth is not None:
             self.mouth.finish()
@@ -141,26 +167,21 @@ class Session:
             end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
             while self._ticks * TICK < end:
                 self._decide()
-            yield from self._emit(end, total)
+            self._make(end, total)
+        return self._taken()
 
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, in lists, as sessions of several takes give it; here of one."""
-        for piece in self.push(chunk):
-            yield [piece]
+        return ([piece] for piece in self.push(chunk))
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """As `finish`, in lists."""
-        for piece in self.finish():
-            yield [piece]
+        return ([piece] for piece in self.finish())
 
-    def _samples(self, chunk: Speech) -> Array:
-        if chunk.rate == SAMPLE_RATE:
-            return chunk.samples
-        if self._resampler is None:
-            from soxr import ResampleStream
-
-            self._resampler = ResampleStream(chunk.rate, SAMPLE_RATE, 1, "float32", "HQ")
-        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[no-any-return]
+    def _taken(self) -> Iterator[Motion]:
+        """What is ready: a piece leaves the queue before anybody sees it."""
+        while self._ready:
+            yield self._ready.popleft()
 
     def _hear(self, samples: Array) -> None:
         """Samples at 16 kHz, for all that listens."""
@@ -185,24 +206,29 @@ class Session:
         if self.parts:
             self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
         self._ticks += 1
-        while self._words and self._words[0].end < now - 3:
-            self._words.popleft()
 
-    def _emit(self, until: float, total: int | None = None) -> Iterator[Motion]:
-        """Frames before ``until`` seconds that have not been sent; none ever where no part is wanted."""
+    def _make(self, until: float, total: int | None = None) -> None:
+        """Make the frames before ``until`` seconds that have not been made; none ever where no part is wanted."""
         end = int(np.ceil(until * self.fps - 1e-9))
         end = end if total is None else min(end, total)
         if end <= self._frame:
             return
         times = np.arange(self._frame, end) / self.fps
         if self.parts:
-            yield self._realise(times)
+            self._ready.append(self._realise(times))
         self._frame = end
-        oldest = times[-1] - 0.5
+        self._forget(times[-1])
+
+    def _forget(self, made: float) -> None:
+        """What no frame after this time in seconds asks for."""
         for track in (self.planner.body, *(s.track for s in self.planner.hands)):
-            track.forget(oldest)
-        while len(self._moods) > 1 and self._moods[1][0] < oldest - 1:
+            track.forget(made - 0.5)
+        while len(self._moods) > 1 and self._moods[1][0] < made - 1.5:
             self._moods.popleft()
+        if self._words:  # a long one may begin before a short one that is over
+            self._words = [word for word in self._words if word.end >= made - 3]
+        while self.gestures and self.gestures[0].end < made - KEPT:
+            self.gestures.popleft()
 
     def _realise(self, times: Array) -> Motion:
         tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
@@ -221,7 +247,8 @@ class Session:
             face = self.face.weights(
                 times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze, shifts=shifts, spoken=spoken
             ).astype(np.float32)
-        return Motion(self.fps, rotations.astype(np.float32), pose.root.astype(np.float32), face, humanoid(), float(times[0]))
+        rotations = self._signs.push(rotations.astype(np.float32))
+        return Motion(self.fps, rotations, pose.root.astype(np.float32), face, humanoid(), float(times[0]))
 
     def _mood_at(self, times: Array) -> Array:
         """(N, 8): of the track; or linear between ticks and one tick late, so that the later one has always been decided."""
@@ -250,3 +277,25 @@ def check_speech(speech: object) -> None:
     """
     if not isinstance(speech, Speech):
         raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")
+
+
+def in_short(chunk: Speech) -> Iterable[Speech]:
+    """A piece of speech as it is; a long one in pieces of two seconds."""
+    return chunk.chunks(_MOST_AT_ONCE) if len(chunk) > _MOST_AT_ONCE * chunk.rate else [chunk]
+
+
+class _Pushed(Protocol):
+    """What `streamed` asks of a session."""
+
+    def push(self, chunk: Speech) -> Iterator[Motion]: ...
+
+    def finish(self) -> Iterator[Motion]: ...
+
+
+def streamed(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
+    """The motion of a session to speech that comes in pieces of any size; of long ones, two seconds are worked off at once."""
+    for chunk in chunks:
+        check_speech(chunk)
+        for piece in in_short(chunk):
+            yield from session.push(piece)
+    yield from session.finish()

@@ -56,16 +56,20 @@ class Track:
         if not self._deltas:
             return np.broadcast_to(self._base, (len(times), len(self._base))).copy()
         u = (times[:, None, None] - np.array(self._onsets)[:, None] - self.lags) / np.array(self._lengths)[:, None]
-        return self._base + np.einsum("nmc,mc->nc", minimum_jerk(u), np.array(self._deltas))
+        terms = np.empty((len(times), 1 + len(self._deltas), len(self._base)))
+        terms[:, 0] = self._base
+        terms[:, 1:] = minimum_jerk(u) * np.array(self._deltas)
+        return np.add.reduce(terms, axis=1)  # one after the other, as `forget` adds them
 
     def forget(self, before: float) -> None:
-        """Fold moves that ended before this time into the base, so that memory stays constant."""
+        """Fold moves that ended before this time into the base, so that memory stays constant.
+
+        They are folded in the order in which they were added, up to the first that is not over: so the base is the sum that
+        `at` would have come to, and no bit depends on when they are folded.
+        """
         last = before - float(self.lags.max(initial=0.0))
-        keep = [k for k, (t, d) in enumerate(zip(self._onsets, self._lengths, strict=True)) if t + d >= last]
-        if len(keep) == len(self._deltas):
-            return
-        done = set(range(len(self._deltas))) - set(keep)
-        self._base = self._base + sum(self._deltas[k] for k in sorted(done))
-        self._onsets = [self._onsets[k] for k in keep]
-        self._lengths = [self._lengths[k] for k in keep]
-        self._deltas = [self._deltas[k] for k in keep]
+        over = 0
+        while over < len(self._deltas) and self._onsets[over] + self._lengths[over] < last:
+            self._base = self._base + self._deltas[over]
+            over += 1
+        del self._onsets[:over], self._lengths[:over], self._deltas[:over]

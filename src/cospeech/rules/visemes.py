@@ -11,6 +11,7 @@ import numpy as np
 from ..rotations import Array
 from .graphemes import graphemes_to_phones
 from .heard import Heard
+from .sums import weighted_sum
 
 __all__ = ["MOUTH", "Mouth", "Phones", "phones_of", "phones_to_mouth", "snapped"]
 
@@ -121,7 +122,7 @@ def snapped(phones: Phones, heard: Heard) -> Phones:
     """Open vowels moved towards louder moments nearby, closures towards quieter ones, by at most 60 ms."""
     around = heard.at((phones.centre[:, None] + _SNAP_REACH).ravel(), heard.loudness).reshape(-1, len(_SNAP_REACH))
     weight = _SNAP_PRIOR * np.exp(_SNAP_PULL * _SNAP[phones.viseme][:, None] * around)
-    return phones._replace(centre=phones.centre + (weight @ _SNAP_REACH) / weight.sum(1))
+    return phones._replace(centre=phones.centre + (weight * _SNAP_REACH).sum(1) / weight.sum(1))
 
 
 def phones_to_mouth(times: Array, phones: Phones) -> Mouth:
@@ -139,9 +140,9 @@ def phones_to_mouth(times: Array, phones: Phones) -> Mouth:
     dominance = np.exp(-0.5 * scaled * scaled) * near
     jaw, lips = dominance * _JAW[phones.viseme], dominance * _LIPS[phones.viseme]
     target = _SHAPE[phones.viseme] * phones.reached[:, None]
-    shape = (lips @ target) / (lips.sum(1) + 1e-9)[:, None]
-    shape[:, 0] = (jaw @ target[:, 0]) / (jaw.sum(1) + 1e-9)
+    shape = weighted_sum(lips, target) / (weighted_sum(lips) + 1e-9)
+    shape[:, 0] = (weighted_sum(jaw, target[:, :1]) / (weighted_sum(jaw) + 1e-9))[:, 0]
     flat = np.abs(away) / (np.minimum(phones.half, 0.06) + 0.02)
     closed = (np.exp(-(flat**4)) * _CLOSED[phones.viseme]).max(1)
-    claim = dominance.sum(1)
+    claim = weighted_sum(dominance)[:, 0]
     return Mouth(shape, closed, claim / (claim + 0.1))

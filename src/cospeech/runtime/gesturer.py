@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
 from math import isfinite
 from os import PathLike
 from typing import Any
@@ -18,8 +19,8 @@ from ..poses import find_pose
 from ..poses.controls import control_row, read_controls
 from ..rotations import Array
 from ..rules import MouthMaker, RuleGesturer
-from ..rules.session import check_speech
-from ..speech import Speech
+from ..rules.session import check_speech, streamed
+from ..speech import Speech, counted_from
 from .bundle import read_bundle
 from .given import read_given
 from .listener import Listener
@@ -73,6 +74,20 @@ class BundleGesturer:
         """
         return cls(open_system(read_bundle(path)))
 
+    @cached_property
+    def _usual(self) -> Performance:
+        return self.session()
+
+    @property
+    def latency(self) -> float:
+        """Of a session with the usual options; see `Performance.latency`."""
+        return self._usual.latency
+
+    @property
+    def look_ahead(self) -> float:
+        """Of a session with the usual options; see `Performance.look_ahead`."""
+        return self._usual.look_ahead
+
     def session(
         self,
         *,
@@ -108,8 +123,9 @@ class BundleGesturer:
         for each in (listener, *faces):
             each.share(shared)
         return Performance(
-            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood
-        )
+            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood,
+            before=given.before,
+        )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleGesturer:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""
@@ -191,7 +207,7 @@ class BundleGesturer:
         self.session(style=style, seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)  # it checks
         check_speech(speech)
         listener, player = self._cast(self._understood(style), Terms([int(seed)], temperature, intensity, look_ahead))
-        made = [player.push(listener.push(chunk)) for chunk in speech.chunks(PIECE)]
+        made = [player.push(listener.push(chunk)) for chunk in counted_from(speech, speech.start).chunks(PIECE)]
         made += [player.push(listener.finish()), player.finish(listener.quiet)]
         sampled = Sampled(1, player.width, smooth=self.system.smooth, step=1.0)
         poses, at = sampled.push(np.concatenate(made, 1), listener.frames, listener.frames - 1)
@@ -207,11 +223,12 @@ class BundleGesturer:
         return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
     def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
-        """The same motion in pieces, from speech that comes in pieces of any size."""
-        session = self.session(**options)
-        for chunk in chunks:
-            yield from session.push(chunk)
-        yield from session.finish()
+        """The same motion in pieces, from speech that comes in pieces of any size.
+
+        Raises:
+            InputError: at once, for an option; as the pieces are taken, for a piece of speech.
+        """
+        return streamed(self.session(**options), chunks)
 
 
 _WHOLE = frozenset({"expmap-full"})

@@ -7,6 +7,7 @@ the bits of the whole.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,16 +22,17 @@ from ..errors import InputError
 from ..motion import Motion
 from ..poses import Pose, find_pose
 from ..poses.lift import lift
-from ..rotations import Array, quat_continuous, quat_identity
+from ..rotations import Array, QuatStream, quat_identity
 from ..rules import Session as RuleSession
-from ..rules.session import check_speech
+from ..rules.session import check_speech, in_short
 from ..skeleton import humanoid
-from ..speech import Speech, count_frames
+from ..speech import Speech, count_frames, counted_from
 from .listener import Listener
 from .manifest import System
 from .manner import Blend
 from .reader import Reader
 from .sampling import Sampled
+from .seam import Seam
 from .worn_face import WornFace
 
 __all__ = ["PIECE", "Performance", "Player", "Wish"]
@@ -116,6 +118,7 @@ class Performance:
         parts: what is generated.
         wish: the style that the player begins with.
         direct: understands a style, as `BundleGesturer.generate` describes them.
+        before: motion that it goes on from, where some is given.
     """
 
     def __init__(
@@ -129,6 +132,7 @@ class Performance:
         parts: tuple[str, ...],
         wish: Wish,
         direct: Callable[[object], Wish],
+        before: Motion | None = None,
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
         self._listener, self._player = listener, player
@@ -136,12 +140,21 @@ class Performance:
         self._faces, self._fps, self._parts = faces, fps, parts
         self._wish, self._direct = wish, direct
         behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
-        self._latency = player.latency + behind + listener.delay
+        self._latency = self._look_ahead = player.latency + behind + listener.delay
+        if "face" in parts:
+            self._latency = max(self._latency, *(face.latency for face in faces))
+            self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
         self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
         self._bodies = [_Waiting() for _ in faces]
         self._heads = [_Waiting() for _ in faces]
-        self._duration = Fraction(0)
-        self._frame = 0
+        self._signs = [QuatStream() for _ in faces]
+        still = [joint for joint in _resting(parts) if "face" not in parts or joint not in _eyes()]
+        placed = "body" in parts
+        self._seams = [] if before is None else [Seam(before, fps, still=still, placed=placed) for _ in faces]
+        self._ready: deque[list[Motion]] = deque()
+        self._duration, self._frame = Fraction(0), 0
+        self._rate: int | None = None
+        self._origin, self._over = 0.0, False
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -155,9 +168,17 @@ class Performance:
 
     @property
     def latency(self) -> float:
-        """Seconds of speech at 16 kHz after a frame's time that must have been pushed, at most, until body and hands of it are
-        there: what the network, the features, smoothing and the cubic wait for. The face waits for 1.5 s."""
+        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given.
+
+        What the network, the features, smoothing and the cubic wait for; with a face, at least `cospeech.rules.LATENCY`.
+        """
         return self._latency
+
+    @property
+    def look_ahead(self) -> float:
+        """Seconds of sound after a frame's time on which the frame depends, at most; where there is a face, at least
+        `cospeech.rules.LOOK_AHEAD`."""
+        return self._look_ahead
 
     @property
     def style_mixture(self) -> dict[str, float] | None:
@@ -168,9 +189,9 @@ class Performance:
     def restyle(self, style: object) -> None:
         """Another style from here on: it is faded in over half a second from where the speech that was pushed has come to.
 
-        The same speech and the same changes at the same samples give the same motion, however the speech is cut. A piece
-        counts as pushed when its motion has been taken: `push` is a generator. Motion that was not handed out yet may
-        foresee the change: by as much as the network looks ahead, smoothing and the cubic included (docs/runtime.md).
+        The same speech and the same changes at the same samples give the same motion, however the speech is cut. Motion that
+        was not made yet may foresee the change: by as much as the network looks ahead, smoothing and the cubic included
+        (docs/runtime.md).
 
         Raises:
             InputError: a style that cannot be used; the old one goes on.
@@ -181,45 +202,66 @@ class Performance:
         self._wish = wish
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear a piece; yields the motion of the first take that has become certain."""
-        for takes in self.push_takes(chunk):
-            yield takes[0]
+        """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
+
+        Raises:
+            InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
+        """
+        return (takes[0] for takes in self.push_takes(chunk))
 
     def finish(self) -> Iterator[Motion]:
-        """The rest, to exactly ceil(duration × fps) frames.
+        """The speech is over, from now on; the rest, to exactly ceil(duration × fps) frames.
 
         Raises:
             InputError: there was no speech at all.
         """
-        for takes in self.finish_takes():
-            yield takes[0]
+        return (takes[0] for takes in self.finish_takes())
 
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, of every take."""
-        check_speech(chunk)
-        for piece in chunk.chunks(PIECE) if chunk.duration > PIECE else [chunk]:
+        self._check(chunk)
+        for piece in in_short(counted_from(chunk, self._origin)):
             self._duration += piece.duration
             made = self._player.push(self._listener.push(piece))
             self._keep(made)
             for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
                 self._see(kept, face.push(piece))
             if (count := self._count()) > 0:
-                yield self._taken(count)
+                self._ready.append(self._made(count))
             elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
                 self._decode()
+        return self._taken()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """As `finish`, of every take."""
         total = count_frames(self._duration, self._fps)
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
+        if self._over:
+            return self._taken()
+        self._over = True
         rest = self._player.push(self._listener.finish())
         rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
         self._keep(rest, total, self._listener.frames - 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
             self._see(kept, face.finish())
         if (count := self._count()) > 0:
-            yield self._taken(count)
+            self._ready.append(self._made(count))
+        return self._taken()
+
+    def _check(self, chunk: Speech) -> None:
+        """Before any of those who listen has heard it: that all of them can."""
+        check_speech(chunk)
+        if self._over or self._rate not in (None, chunk.rate):
+            was = "the speech is over" if self._over else f"the speech began at {self._rate} Hz"
+            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one session, one rate, one speech")
+        if self._rate is None:
+            self._rate, self._origin = chunk.rate, chunk.start
+
+    def _taken(self) -> Iterator[list[Motion]]:
+        """What is ready: a piece leaves the queue before anybody sees it."""
+        while self._ready:
+            yield self._ready.popleft()
 
     def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
         """Further poses of the model, and what they make certain."""
@@ -232,11 +274,11 @@ class Performance:
         if not self._rows:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
-        for vectors, kept in zip(rows, self._bodies, strict=True):
+        for vectors, kept, signs in zip(rows, self._bodies, self._signs, strict=True):
             rotations, root = _moving(self._pose, vectors, self._fps)
             if "body" not in self._parts or "hands" not in self._parts:
                 rotations, root = _chosen(rotations, root, self._parts)
-            kept.push((kept.continuing(rotations), root))
+            kept.push((signs.push(rotations), root))
 
     def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
         """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
@@ -254,18 +296,20 @@ class Performance:
             self._decode()
         return min(heads, len(self._bodies[0]))
 
-    def _taken(self, count: int) -> list[Motion]:
+    def _made(self, count: int) -> list[Motion]:
         """The next frames of every take, as one."""
         start = self._frame / self._fps
         self._frame += count
-        bodies = [kept.take(count) for kept in self._bodies]
-        if "face" not in self._parts:
-            return [Motion(self._fps, rotations, root, None, humanoid(), start) for rotations, root in bodies]
         made = []
-        for (rotations, root), kept in zip(bodies, self._heads, strict=True):
-            eyes, face = kept.take(count)
-            rotations = rotations.copy()
-            rotations[:, _eyes()] = eyes
+        for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
+            rotations, root = body.take(count)
+            face = None
+            if "face" in self._parts:
+                eyes, face = head.take(count)
+                rotations = rotations.copy()
+                rotations[:, _eyes()] = eyes
+            if self._seams:
+                rotations, root = self._seams[take].closed(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
         return made
 
@@ -293,12 +337,6 @@ class _Waiting:
         rest = tuple(array[count:] for array in first)
         self._pieces[:1] = [rest] if len(rest[0]) else []
         return tuple(array[:count] for array in first)
-
-    def continuing(self, rotations: Array) -> Array:
-        """Rotations (n, J, 4) that come next, on the half-spheres of those that wait."""
-        if not self._pieces:
-            return quat_continuous(rotations)
-        return quat_continuous(np.concatenate([self._pieces[-1][0][-1:], rotations]))[1:]
 
 
 def _moving(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:

@@ -32,6 +32,16 @@ class WornFace:
         """See `cospeech.rules.Session`."""
         return self._session.emotion
 
+    @property
+    def latency(self) -> float:
+        """See `cospeech.rules.Session`."""
+        return self._session.latency
+
+    @property
+    def look_ahead(self) -> float:
+        """See `cospeech.rules.Session`."""
+        return self._session.look_ahead
+
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.rules.Session`."""
         self._session.share(prosody)

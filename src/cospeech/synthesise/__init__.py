@@ -273,7 +273,12 @@ def _place(places: Counter[tuple[int, str, str]], who: int, emotion: str, split:
 def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float) -> Clip:
     """One take: a humanoid clip with motion, face, words and the semantic scores of the gestures that were planned."""
     session = RuleGesturer().session(style=style, emotion=emotion, seed=seed, fps=fps)
-    motion = Motion.concatenate([*(piece for chunk in speech.chunks(2.0) for piece in session.push(chunk)), *session.finish()])
+    pieces, planned = list[Motion](), dict[Gesture, None]()
+    for chunk in speech.chunks(2.0):
+        pieces += session.push(chunk)
+        planned |= dict.fromkeys(session.gestures)  # of hours, a session remembers the last minutes only
+    pieces += session.finish()
+    motion = Motion.concatenate(pieces)
     return Clip(
         "take",
         "speaker",
@@ -283,7 +288,7 @@ def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float
         face=motion.face,
         face_fps=fps,
         emotion=emotion,
-        semantics=_semantics(session.gestures, float(speech.duration)),
+        semantics=_semantics([*planned, *(g for g in session.gestures if g not in planned)], float(speech.duration)),
     )
 
 

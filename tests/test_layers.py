@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 
 # Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
 LAYERS = [
-    {"errors", "_decode"},
+    {"errors", "_decode", "workplace"},
     {"files", "interrupts", "rotations", "skeletons"},
     {"decoding", "emotions", "recipe", "runlog"},
     {"skeleton", "speech"},

@@ -31,7 +31,6 @@ __all__ = [
     "FORMAT",
     "WHICH",
     "build_model",
-    "clean",
     "load_run",
     "network",
     "read_facts",
@@ -128,12 +127,6 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     except (SafetensorError, ValueError, RecursionError) as error:
         raise InputError(f"{str(path)!r} is damaged: {error}"[:200], "train it again") from None
     return tensors, state
-
-
-def clean(folder: Path) -> None:
-    """Remove what a killed process was about to write."""
-    for path in folder.glob(".*.safetensors.*"):
-        path.unlink(missing_ok=True)
 
 
 def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:

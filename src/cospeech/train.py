@@ -19,7 +19,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .checkpoint import build_model, clean, read_facts, read_tensors, write_facts, write_tensors
+from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .corpora.feed import Feed
 from .corpora.store import Store
 from .errors import CospeechError, InputError, nearest
@@ -284,7 +284,6 @@ def train(
         run = _Run(recipe, store, folder, team, resume)
         log = None
         if team.rank == 0:
-            clean(folder)
             log = RunLog(folder / "log.jsonl", run.done, _board(recipe.train, folder, run.done))
         try:
             stopping = run.loop(log, lambda: bool(heard), progress if team.rank == 0 else None)

@@ -8,7 +8,6 @@ to test, to teach and to practise with. It is **synthetic**: a network trained o
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ from ..files import describe_os_error
 from ..motion import Motion
 from ..rules import EMOTIONS, Gesture, RuleGesturer, Style
 from ..speech import Speech
+from ..workplace import workplace
 from .acting import Actor, act
 from .speakers import Speaker, cast
 from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say
@@ -147,11 +147,11 @@ def synthesise(
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise InputError(f"{str(target)!r} is not empty", "name a new folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".cospeech-", dir=target.parent) as place:
-            write(clips, Path(place) / "raw")
+        with workplace(target.parent) as place:
+            write(clips, place / "raw")
             if target.exists():
                 target.rmdir()
-            shutil.move(str(Path(place) / "raw"), str(target))
+            shutil.move(str(place / "raw"), str(target))
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}") from None
     styles = {person.name: person.style.what for person in people}

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer import Argument, Option
@@ -51,7 +52,7 @@ from .cli_options import (
     number,
     option,
 )  # fmt: skip
-from .errors import CospeechError, InputError, InternalError
+from .errors import CospeechError, CospeechWarning, InputError, InternalError
 from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
 
@@ -316,7 +317,8 @@ def main() -> None:
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
             signal.signal(number, _stop)
     try:
-        code = app(prog_name="cospeech", standalone_mode=False)
+        with _noting():
+            code = app(prog_name="cospeech", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has caught it
             print("interrupted", file=sys.stderr)
     except (CospeechError, typer.TyperException) as problem:
@@ -330,6 +332,23 @@ def main() -> None:
     except Exception as problem:
         code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
     sys.exit(code)
+
+
+@contextmanager
+def _noting() -> Iterator[None]:
+    """Our warnings as lines of their own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", CospeechWarning)
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, CospeechWarning):
+                print(f"note: {' '.join(str(message).split())}", file=sys.stderr)
+            else:
+                usual(message, category, *where)
+
+        warnings.showwarning = show
+        yield
 
 
 def _say(error: CospeechError, code: int) -> int:

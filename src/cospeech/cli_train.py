@@ -77,7 +77,7 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         with _training():
             from .train import train as run
         with progress("training", quiet) as tell:
-            report = run(plan, data, folder, resume=resume, progress=tell)
+            report = run(plan, data, folder, resume=resume, progress=tell, notice=lambda text: typer.echo(text, err=True))
         if quiet or report.rank:
             return
         typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")

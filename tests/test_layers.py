@@ -34,8 +34,9 @@ LAYERS = [
     {"train", "bundling", "evaluation"},
     {"contest", "style_mixing"},
     {"tables"},
+    {"checks"},
     {"generate"},
-    {"convert", "demo", "catalogue"},
+    {"batch", "convert", "demo", "catalogue"},
     {"bench", "cli_corpora", "cli_evaluate", "cli_options", "cli_train"},
     {"studio", "cli"},
 ]

@@ -130,7 +130,9 @@ def register(app: typer.Typer) -> None:
         as_json: Json = False,
         debug: Debug = False,
     ) -> None:
-        """A table of metrics: systems beside the ground truth and the control rows that a metric must put in order.
+        """Compare systems with recordings: a table of metrics.
+
+        Beside them stand the ground truth and control rows, which a metric must put in order to be trusted.
 
         \b
         cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align

@@ -20,7 +20,7 @@ LAYERS = [
     {"retarget", "transcripts", "nn"},
     {"mannequin"},
     {"render"},
-    {"export", "metrics", "rules"},
+    {"export", "metrics", "rules", "motion_files"},
     {"corpora"},
     {"poses"},
     {"runtime"},

@@ -14,8 +14,8 @@ from .checks import check_files
 from .errors import CospeechError, InputError, InternalError
 from .export import FORMATS
 from .files import atomic, describe_os_error
-from .generate import generate_files, open_model, take_path
-from .models import DEFAULT, PARTS, Gesturer
+from .generate import check_asked, generate_files, take_path
+from .models import DEFAULT, PARTS, Gesturer, load
 from .report import Failure, Report, Reports
 from .workplace import scratch, workplace
 
@@ -73,13 +73,18 @@ def generate_speeches(
         InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
     """
     with _found(speeches) as found:
-        jobs = [_job(name, path, outputs, options, several=len(found) > 1) for name, path in found.items()]
+        loaded = load(model)
+        options = {"parts": PARTS, **options}
+        shown = {*options["parts"]} & {*loaded.makes}
+        jobs = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
         if len(jobs) == 1:
             tell = None if progress is None else lambda done, total: progress(done, total, "")
-            return Reports(speeches=[_generate(jobs[0], options, model=model, report=report, progress=tell)], failed=[])
+            return Reports(
+                speeches=[_generate(jobs[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
+            )
         _check(jobs, options, report)
         asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
-        loaded = open_model(model, **asked)
+        check_asked(loaded, **asked)
         with nullcontext() if report is None else atomic(report) as path:  # it is told now where that cannot be written
             result = _each(jobs, options, model, loaded, progress)
             if path is not None:
@@ -162,16 +167,22 @@ def _piped() -> Iterator[Path]:
         yield path
 
 
-def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, Any], *, several: bool) -> _Job:
+def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, Any], shown: set[str], *, several: bool) -> _Job:
     """What to make of a speech.
+
+    Args:
+        name, speech: its name and file.
+        given: the outputs as they were named.
+        options: of `generate_files`.
+        shown: the parts that move.
+        several: whether there are other speeches.
 
     Raises:
         InputError: a file that would be that of several speeches.
     """
     if not given and name == "stdin":
         raise InputError("no file to write for standard input", f"-o FILE, with a suffix of {' '.join(FORMATS)}")
-    parts = {*options.get("parts", PARTS)}
-    usual = [suffix for suffix in _USUAL if parts & {*FORMATS[suffix].holds}] or _USUAL
+    usual = [suffix for suffix in _USUAL if shown & {*FORMATS[suffix].holds}] or _USUAL
     outputs: list[Path] = []
     folders: set[Path] = set()
     for text in given or ["."]:

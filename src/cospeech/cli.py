@@ -201,17 +201,14 @@ def list_(
     debug: Debug = False,
 ) -> None:
     """Show what there is: models, styles, formats and so on."""
-    from .catalogue import catalogue
+    from .catalogue import catalogue, catalogue_text
 
-    rows = catalogue(what)
     if as_json:
         import json
 
-        print(json.dumps(rows, indent=2, ensure_ascii=False))
-        return
-    width = max(len(row["name"]) for row in rows)
-    for row in rows:
-        print(f"{row['name']:<{width}}  {row['what']}")
+        print(json.dumps(catalogue(what), indent=2, ensure_ascii=False))
+    else:
+        print(catalogue_text(what))
 
 
 @app.command()

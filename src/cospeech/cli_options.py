@@ -37,7 +37,7 @@ def whole(text: str) -> int:
 Audio = Annotated[
     list[str],
     Argument(
-        metavar="SPEECH...",
+        metavar="SPEECH",
         help="Sound files: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video. "
         "Or folders of them; or - for standard input.",
     ),

@@ -44,7 +44,7 @@ from .runtime.gesturer import MotionLike
 from .runtime.style import example_files
 from .speech import Speech, SpeechSource, Word, open_speech
 
-__all__ = ["MOST_TAKES", "generate_files", "open_model", "speech_chunks", "take_path"]
+__all__ = ["MOST_TAKES", "check_asked", "generate_files", "speech_chunks", "take_path"]
 
 FaceGain = float | str | Mapping[str, float]
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
@@ -125,7 +125,7 @@ def generate_files(
         report: write the `Report` as JSON here too.
         special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).
-        loaded: the model itself, as `open_model` gives it; ``model`` is its name then.
+        loaded: the model itself, where it is loaded already; ``model`` is its name then.
 
     Raises:
         InputError: something given cannot be used; nothing has been written.
@@ -143,6 +143,7 @@ def generate_files(
     read = (transcript, avatar, track, *given, *example_files(options.style))
     check_files(audio, names, [path for path in read if path], report)
     gesturer = loaded or load_model(model)
+    _check_made(gesturer, model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
@@ -167,8 +168,8 @@ def generate_files(
     return result
 
 
-def open_model(
-    model: str = DEFAULT,
+def check_asked(
+    gesturer: Gesturer,
     *,
     style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto",
@@ -181,14 +182,15 @@ def open_model(
     face_gain: FaceGain = 1.0,
     face: MotionLike = None,
     continue_from: MotionLike = None,
-) -> Gesturer:
-    """A model for several calls of `generate_files`, which can do what it will be asked for.
+) -> None:
+    """Whether a model can do what `generate_files` will ask it for.
 
     Args:
-        model, style, emotion, speaker, seed, intensity, temperature, fps, parts, face_gain, face, continue_from: as there.
+        gesturer: the model.
+        style, emotion, speaker, seed, intensity, temperature, fps, parts, face_gain, face, continue_from: as there.
 
     Raises:
-        InputError: there is no such model, or it cannot do that.
+        InputError: it cannot.
     """
     _check_rivals(style, speaker, None, False)
     felt, _ = _read_emotion(emotion)
@@ -196,9 +198,16 @@ def open_model(
         style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
     )
     _check_options(options, seed, 1, "humanoid", None, [])
-    gesturer = load_model(model)
     next(_passes(gesturer, options, seed, 1))
-    return gesturer
+
+
+def _check_made(gesturer: Gesturer, model: str, options: _Options, files: Sequence[Path]) -> None:
+    """Every file shows something that the model moves."""
+    made = [part for part in options.parts if part in gesturer.makes]
+    if not made:
+        raise InputError(f"{model} makes no {' and no '.join(options.parts)}", f"it makes {' and '.join(gesturer.makes)}")
+    for path in files:
+        check_parts(path, made, f"{model} makes")
 
 
 def take_path(path: File, take: int, takes: int) -> Path:

@@ -170,6 +170,10 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
     Raises:
         InputError: the format is unknown or cannot be read, or the file is damaged.
     """
+    if str(path) == "-":
+        raise InputError("motion does not come by standard input", f"name a file: {' '.join(FORMATS)}")
+    if Path(path).suffix.lower() not in FORMATS and Path(path).is_dir():
+        raise InputError(f"cannot read {str(path)!r}: it is a folder", "name a motion file")
     entry = format_of(path)
     if not entry.readable:
         raise InputError(f"{Path(path).suffix} files can be written but not read", "load a .bvh, .glb, .vrma or .npz")

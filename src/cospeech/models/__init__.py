@@ -117,6 +117,11 @@ class Gesturer(Protocol):
         ...
 
     @property
+    def makes(self) -> tuple[str, ...]:
+        """Of `PARTS`, those that move."""
+        ...
+
+    @property
     def for_files(self) -> Mapping[str, Any]:
         """Options of a session that make the best of a speech that is all there, as a file is: to hear it both ways, say."""
         ...

@@ -140,6 +140,8 @@ def prepare(
         )
     if jobs == 0 or jobs < -1:
         raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
+    if scheduler is not None and backend != "dask":
+        raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
     target = Path(store)

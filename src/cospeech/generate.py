@@ -137,13 +137,11 @@ def generate_files(
     options = _Options(
         style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
     )
-    given = [path for path in (face, continue_from) if not isinstance(path, Motion)]
     _check_options(options, seed, takes, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    read = (transcript, avatar, track, *given, *example_files(options.style))
-    check_files(audio, names, [path for path in read if path], report)
-    gesturer = loaded or load_model(model)
-    _check_made(gesturer, model, options, files)
+    read = (transcript, avatar, track, face, continue_from, *example_files(options.style))
+    check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
+    gesturer = _check_made(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
@@ -201,13 +199,18 @@ def check_asked(
     next(_passes(gesturer, options, seed, 1))
 
 
-def _check_made(gesturer: Gesturer, model: str, options: _Options, files: Sequence[Path]) -> None:
-    """Every file shows something that the model moves."""
+def _check_made(gesturer: Gesturer, model: str, options: _Options, files: Sequence[Path]) -> Gesturer:
+    """The model, which moves something in every file.
+
+    Raises:
+        InputError: it does not.
+    """
     made = [part for part in options.parts if part in gesturer.makes]
     if not made:
         raise InputError(f"{model} makes no {' and no '.join(options.parts)}", f"it makes {' and '.join(gesturer.makes)}")
     for path in files:
         check_parts(path, made, f"{model} makes")
+    return gesturer
 
 
 def take_path(path: File, take: int, takes: int) -> Path:

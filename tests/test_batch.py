@@ -139,6 +139,9 @@ BAD = [
     ("render talk.csv x.png --camera hands", "holds a face only"),
     ("convert rec x.bvh", "it is a folder"),
     ("convert - x.bvh", "standard input"),
+    ("evaluate rules --corpus x --small", "--small without --table"),
+    ("evaluate --table flow-1 --corpus x --takes 3", "--takes beside --table"),
+    ("prepare folder rec s --scheduler tcp://x:1", "for the backend 'loky'"),
 ]  # fmt: skip
 
 

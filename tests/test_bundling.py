@@ -20,7 +20,7 @@ from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.corpora.windows import Windows  # noqa: E402
-from cospeech.errors import InputError  # noqa: E402
+from cospeech.errors import CospeechWarning, InputError  # noqa: E402
 from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
 from cospeech.metrics.movement import Track  # noqa: E402
 from cospeech.models import SHIPPED  # noqa: E402
@@ -169,6 +169,24 @@ def test_a_run_folder_and_its_bundle_play_the_same(run, bundle):
     assert first.rotations.tobytes() == second.rotations.tobytes()
     model, _ = load_run(run)
     assert model.stylist is not None
+
+
+def card(path):
+    with zipfile.ZipFile(path) as archive:
+        return archive.read("card.md").decode()
+
+
+def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path):
+    early = tmp_path / "early"
+    shutil.copytree(run, early)
+    (early / "best.safetensors").unlink()
+    with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
+        bundle_run(early, tmp_path / "early.cospeech")
+    assert "The last parameters, not the best" in card(tmp_path / "early.cospeech")
+    bundle_run(run, tmp_path / "last.cospeech", which="last")
+    assert "not the best" not in card(tmp_path / "last.cospeech")
+    with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
+        cospeech.load(str(early))
 
 
 MIX = {"name": "mix-stage", "modes": 3, "channels": 8, "depth": 3, "style": 3, "patch_channels": 4}

@@ -222,7 +222,7 @@ BAD = [
     ("generate talk.wav -o a.bvh --stlye lively", "--style"),
     ("generate talk.wav -o", "-o"),
     ("generate", "SPEECH"),
-    ("generate talk.wav more.wav -o a.bvh", "more.wav"),
+    ("generate talk.wav more.wav -o a.bvh", "several speeches"),
     ("generat talk.wav", "did you mean 'generate'"),
     ("convert nothing.bvh a.glb", "nothing.bvh"),
     ("convert text.wav a.glb", "text.wav"),

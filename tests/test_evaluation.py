@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 from cospeech.cli_evaluate import register
 from cospeech.corpora import Clip, Points, Semantic
 from cospeech.errors import InputError
-from cospeech.evaluation import DEFAULT, POSE_STATISTICS, evaluate, load_motions, sample_of, stored_clips, track_of
+from cospeech.evaluation import DEFAULT, POSE_STATISTICS, evaluate, sample_of, stored_clips, track_of
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.metric import About
 from cospeech.motion import Motion
+from cospeech.motion_files import load_motions
 from cospeech.rotations import quat_angle
 from cospeech.rules import RuleGesturer
 from cospeech.speech import Speech, example
@@ -125,6 +126,53 @@ def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
         evaluate({"files": tmp_path}, clips(), metrics=("pck",))
     with pytest.raises(InputError, match="folder"):
         load_motions(tmp_path / "nowhere", ["clip0"])
+
+
+def stored(folder, *names):
+    """A folder of motions; each has as many frames as its place in the list."""
+    for k, name in enumerate(names, 1):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        clips()[0].motion[:k].save(path)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("files", "names", "frames"),
+    [
+        (["me/a.bvh", "you/a.bvh"], ["me/a", "you/a"], [[1], [2]]),  # as `cospeech generate FOLDER -o out/` writes them
+        (["me/a.2.bvh", "me/a.bvh", "me/a.1.bvh"], ["me/a"], [[2, 3, 1]]),
+        (["deep/er/me/a.npz", "deep/you/b.npz"], ["me/a", "you/b"], [[1], [2]]),
+        (["a.bvh", "b.bvh"], ["me/a", "you/b"], [[1], [2]]),  # one name, one clip
+        (["me/a.bvh", "me/b.bvh"], ["a", "b"], [[1], [2]]),
+        (["a.npz", "a.bvh", "a.2.npz"], ["a"], [[2, 3]]),  # one take, twice
+        (["x.2.bvh", "x.2.1.bvh", "x.3.bvh"], ["x.2", "x.3"], [[1, 2], [3]]),  # numbers that are names
+        ([".hidden/me/a.bvh", "me/a.bvh"], ["me/a"], [[2]]),
+    ],
+)
+def test_motions_of_speakers_folders_are_found(tmp_path, files, names, frames):
+    found = load_motions(stored(tmp_path, *files), names)
+    assert [[len(motion) for motion in found[name]] for name in names] == frames
+
+
+@pytest.mark.parametrize(
+    ("files", "names", "says"),
+    [
+        (["one/me/a.bvh", "two/me/a.bvh"], ["me/a"], r"several files in .* could be clip 'me/a': one/me/a.bvh, two/me/a.bvh"),
+        (
+            ["a.bvh"],
+            ["me/a", "you/a"],
+            r"no motion for 2 of 2 clips in .*: 'me/a', 'you/a' \(me/a.bvh or me/a.npz; there is a.bvh",
+        ),
+        (["other/a.bvh"], ["me/a"], r"no motion for 1 of 1 clips in .*: 'me/a' \(me/a.bvh or .*; there is other/a.bvh\)"),
+        (["x.bvh", "b.bvh"], ["a", "b", "c", "d", "e"], r"no motion for 4 of 5 clips in .*: 'a', 'c', 'd' and 1 more"),
+        ([], ["a"], r"no motion is in the folder"),
+        (["a.glb"], ["a"], r"no motion is in the folder .* \(\.bvh or \.npz files, named as the clips\)"),
+    ],
+)
+def test_what_is_not_found_is_named(tmp_path, files, names, says):
+    with pytest.raises(InputError, match=says):
+        load_motions(stored(tmp_path, *files), names)
 
 
 def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():

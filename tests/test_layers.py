@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 
 # Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
 LAYERS = [
-    {"errors", "_decode"},
+    {"errors", "_decode", "workplace"},
     {"files", "interrupts", "rotations", "skeletons"},
     {"decoding", "emotions", "recipe", "runlog"},
     {"skeleton", "speech"},
@@ -20,7 +20,7 @@ LAYERS = [
     {"retarget", "transcripts", "nn"},
     {"mannequin"},
     {"render"},
-    {"export", "metrics", "rules"},
+    {"export", "metrics", "rules", "motion_files"},
     {"corpora"},
     {"poses"},
     {"runtime"},
@@ -34,8 +34,9 @@ LAYERS = [
     {"train", "bundling", "evaluation"},
     {"contest", "style_mixing"},
     {"tables"},
+    {"checks"},
     {"generate"},
-    {"convert", "demo", "catalogue"},
+    {"batch", "convert", "demo", "catalogue"},
     {"bench", "cli_corpora", "cli_evaluate", "cli_options", "cli_train"},
     {"studio", "cli"},
 ]

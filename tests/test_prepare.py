@@ -29,6 +29,7 @@ from cospeech.rotations import quat_angle, quat_continuous, quat_normalize
 from cospeech.rules import EMOTIONS
 from cospeech.skeleton import Skeleton, named_skeleton
 from cospeech.speech import Speech, Word
+from leftovers import abandoned
 
 
 def voice(seconds: float, seed: int = 0, pitch: float = 140.0) -> Speech:
@@ -133,7 +134,7 @@ def test_stopped_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path, 
         prepare("beat", raw, tmp_path / "s")
     assert not (tmp_path / "s" / "index.json").exists()
     assert len(list((tmp_path / "s" / ".parts").glob("*.npz"))) == 2
-    (tmp_path / "s" / ".cospeech-left").mkdir()  # as a kill while the parts are put together leaves it
+    abandoned(tmp_path / "s")  # as a kill while the parts are put together leaves it
     prepare("beat", raw, tmp_path / "s")
     assert len(calls) == 5  # the two parts that were there were not made again
     assert same(tmp_path / "s", made[0])
@@ -357,3 +358,27 @@ def test_pats_brings_its_own_spectra_and_words():
         faster(clip, 1.1)
     lacking = replace(clip, extra={})
     assert set(encode(lacking, Plan("pats", "keypoints2d", 15.0))) == {"pose"}
+
+
+@pytest.mark.parametrize("corpus", sorted(DEFAULT_POSES))
+def test_a_wrong_folder_leaves_nothing(tmp_path, corpus):
+    (tmp_path / "wrong" / "deeper").mkdir(parents=True)
+    (tmp_path / "wrong" / "notes.txt").write_text("no corpus\n")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError):
+        prepare(corpus, tmp_path / "wrong", tmp_path / "stores" / "mine")
+    assert sorted(tmp_path.rglob("*")) == before
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine.txt").touch()
+    with pytest.raises(InputError):
+        prepare(corpus, tmp_path / "wrong", tmp_path / "there")
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["mine.txt"]
+
+
+def test_a_corpus_of_which_nothing_is_left_leaves_nothing(tmp_path):
+    (tmp_path / "raw").mkdir()
+    soundfile.write(tmp_path / "raw" / "a.wav", np.zeros(16_000), 16_000)  # sound without motion
+    (tmp_path / "raw" / "b.wav").write_bytes(b"no sound")
+    with pytest.raises(InputError, match="nothing of this folder corpus is left"):
+        prepare("folder", tmp_path / "raw", tmp_path / "stores" / "mine")
+    assert [path.name for path in tmp_path.iterdir()] == ["raw"]

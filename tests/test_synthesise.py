@@ -15,7 +15,7 @@ from cospeech.corpora import CORPORA
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.store import Store
 from cospeech.demo import EXAMPLE
-from cospeech.errors import InputError, InternalError
+from cospeech.errors import CospeechWarning, InputError, InternalError
 from cospeech.features import analyse
 from cospeech.prepare import DEFAULT_POSES, prepare
 from cospeech.speech import Speech, Word
@@ -182,8 +182,15 @@ def test_an_engine_that_fails_is_reported(monkeypatch):
 def test_without_speech_and_engines_there_is_nothing_to_say(tmp_path, monkeypatch):
     monkeypatch.setattr(voices.shutil, "which", lambda name: None)
     with pytest.raises(InputError, match="install espeak-ng or flite"):
-        synthesise(tmp_path / "raw", "trinity", hours=0.01)
+        synthesise(tmp_path / "raw", "trinity", hours=0.01, tts=False)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_without_speech_and_engines_the_example_is_performed(tmp_path, monkeypatch):
+    monkeypatch.setattr(voices.shutil, "which", lambda name: None)
+    with pytest.warns(CospeechWarning, match="everybody performs the example speech"):
+        report = synthesise(tmp_path / "raw", "trinity", hours=0.005)
+    assert report.takes >= 1
 
 
 def test_wrong_options_are_answered_in_one_line(recordings, tmp_path):

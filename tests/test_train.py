@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +19,13 @@ from cospeech.checkpoint import load_run, read_facts, read_tensors, write_tensor
 from cospeech.corpora.feed import POSE_FLOOR, standard_audio, standard_pose  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.windows import Windows, windows_at  # noqa: E402
-from cospeech.errors import CospeechError, InputError  # noqa: E402
+from cospeech.errors import CospeechError, CospeechWarning, InputError  # noqa: E402
 from cospeech.models import NETWORKS  # noqa: E402
+from cospeech.models.feature_net import load_features  # noqa: E402
 from cospeech.nn.schedule import SCHEDULES  # noqa: E402
 from cospeech.recipe import Optimiser, read_recipe  # noqa: E402
 from cospeech.train import train  # noqa: E402
+from leftovers import abandoned  # noqa: E402
 from tiny_store import POSE, make_store  # noqa: E402
 
 WORKER = Path(__file__).with_name("train_worker.py")
@@ -218,7 +222,8 @@ def test_killed_and_resumed_it_is_the_run_that_was_not(ended, store, tmp_path, m
     assert code == -9
     assert read_tensors(killed / "last.safetensors")[1]["step"] == 10
     assert max(row["step"] for row in log(killed)) == 13  # what the log says of steps that are lost will be taken back
-    (killed / ".last.safetensors.x1y2").write_bytes(b"half a file")
+    left = abandoned(killed)
+    (left / "0.safetensors").write_bytes(b"half a file")
     with (killed / "log.jsonl").open("a") as file:
         file.write('{"step": 14, "lo')
     straight = run(killable(model), store, tmp_path / "straight")
@@ -227,16 +232,96 @@ def test_killed_and_resumed_it_is_the_run_that_was_not(ended, store, tmp_path, m
     for name in ("last.safetensors", "best.safetensors"):
         assert (tmp_path / "straight" / name).read_bytes() == (killed / name).read_bytes(), name
     assert log(tmp_path / "straight") == log(killed)
-    assert not [*killed.glob(".last*")]
+    assert not left.exists()
 
 
 def test_interrupted_it_saves_first(ended, store, tmp_path):
     code, folder = ended["interrupted"]
     assert code == 130
-    assert read_tensors(folder / "last.safetensors")[1]["step"] == 8
+    assert read_tensors(folder / "last.safetensors")[1]["step"] == 7
     run(plan(save_every=100), store, tmp_path / "straight")
-    assert run(plan(save_every=100), store, folder, resume=True).resumed == 8
+    assert run(plan(save_every=100), store, folder, resume=True).resumed == 7
     assert (tmp_path / "straight" / "last.safetensors").read_bytes() == (folder / "last.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9])
+def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(store, tmp_path, share):
+    """In the forward or the backward pass of either objective of a GAN, one of which moves its parameters before the other."""
+    recipe, told = plan("tiny-gan", steps=6, ema=0.9, save_every=100, validate_every=3, best="made"), tmp_path / "told.json"
+    job = {"recipe": recipe, "store": str(store), "out": str(tmp_path / "run"), "slow": 60, "slow_after": 2, "share": share}
+    command = [sys.executable, str(WORKER), json.dumps({"jobs": [job | {"told": str(told)}]})]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert (done.returncode, json.loads(done.stdout)) == (0, [130]), done.stderr
+    step, until, said = json.loads(told.read_text())
+    assert until < 0.5 * step
+    assert said[0].startswith("stopping; ")
+    assert said[1:] == ["saved at step 2: --resume goes on"]
+    assert read_tensors(tmp_path / "run" / "last.safetensors")[1]["step"] == 2
+    straight = run(recipe, store, tmp_path / "straight")
+    report = run(recipe, store, tmp_path / "run", resume=True)
+    assert (report.resumed, report.best) == (2, straight.best)
+    for name in ("last.safetensors", "best.safetensors"):
+        assert (tmp_path / "straight" / name).read_bytes() == (tmp_path / "run" / name).read_bytes(), name
+    assert log(tmp_path / "straight") == log(tmp_path / "run")
+
+
+@pytest.mark.parametrize("where", ["setup", "first step", "second step", "validation", "save"])
+def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, where):
+    """What Ctrl-C sends comes in the midst of it; the run that went on is the one that was not stopped."""
+    recipe, calls = plan("tiny-gan", steps=6, validate_every=3, save_every=100, ema=0.9, best="made"), []
+    place = {"setup": "build_model", "save": "write_tensors"}.get(where)
+    target = f"cospeech.train.{place}" if place else f"tiny_models.TinyGan.{'made' if where == 'validation' else 'judged'}"
+    plain = getattr(import_module("cospeech.train"), place) if place else getattr(tiny_models.TinyGan, target.split(".")[-1])
+    due = {"first step": 1, "second step": 2, "validation": 3, "setup": 1, "save": 1}[where]
+
+    def interrupting(*arguments):
+        calls.append(1)
+        if len(calls) == due:
+            signal.raise_signal(signal.SIGINT)
+        return plain(*arguments)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(target, interrupting)
+            with pytest.raises(KeyboardInterrupt):
+                run(recipe, store, tmp_path / "run", notice=calls.append)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    done = {"second step": 2, "validation": 2, "save": 2}.get(where, 0)  # quick steps are ended first
+    last = f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save"
+    assert calls[-1] == last
+    straight, resumed = run(recipe, store, tmp_path / "straight"), run(recipe, store, tmp_path / "run", resume=True)
+    assert (resumed.resumed, resumed.best) == (done, straight.best)
+    for name in ("last.safetensors", "best.safetensors"):
+        assert (tmp_path / "straight" / name).read_bytes() == (tmp_path / "run" / name).read_bytes(), name
+    assert log(tmp_path / "straight") == log(tmp_path / "run")
+
+
+@pytest.mark.parametrize("opened", ["load", "needs", "features"])
+def test_a_run_without_a_validation_yet_has_its_last_parameters(store, tmp_path, opened):
+    run(plan("tiny-cascade", steps=4, validate_every=100), store, tmp_path / "run")
+    (tmp_path / "run" / "best.safetensors").unlink()  # as a run that is stopped in step 5 has it
+    found = []
+
+    def open_it():
+        if opened == "load":
+            found.append(load_run(tmp_path / "run")[0].state_dict())
+        elif opened == "features":
+            with pytest.raises(InputError, match="no feature network"):  # it was opened
+                load_features(tmp_path / "run")
+        else:
+            with pytest.raises(InputError, match="omega"):  # it was opened: the model takes no such
+                run(plan(needs={"omega": str(tmp_path / "run")}), store, tmp_path / "other")
+
+    with pytest.warns(CospeechWarning, match=r"was not validated yet: its last parameters are taken, of step 4"):
+        open_it()
+    last = load_run(tmp_path / "run", "last")[0].state_dict()
+    assert all(torch.equal(value, last[name]) for state in found for name, value in state.items())
+    (tmp_path / "run" / "last.safetensors").unlink()
+    with pytest.raises(InputError, match="has saved nothing yet"):
+        load_run(tmp_path / "run")
 
 
 def test_a_run_may_grow(store, tmp_path):

@@ -1,6 +1,8 @@
 """Trains in processes of its own: ``python train_worker.py '{"jobs": [{"store": …, "out": …, "recipe": {…}}, …]}'``.
 
-A job with ``die`` kills its process after so many steps, one with ``interrupt`` sends it what Ctrl-C sends; each job has a
+A job with ``die`` kills its process after so many steps, one with ``interrupt`` sends it what Ctrl-C sends; one with ``slow``
+takes large products in each step, and with ``share`` it is interrupted after that share of the step behind ``slow_after``, as
+long as the one before; the file ``told`` gets how long that was, how long it took to end, and what was said. Each job has a
 process of its own. With ``rank``, ``size`` and ``meet`` (a file) this is one of several processes that do all jobs together.
 The exit codes are told as JSON.
 """
@@ -11,6 +13,9 @@ import json
 import os
 import signal
 import sys
+import threading
+import time
+from pathlib import Path
 
 import torch
 import torch._dynamo  # the optimisers import it: here once, before the jobs fork
@@ -23,13 +28,28 @@ from cospeech.train import train
 
 
 def do(job: dict) -> None:
+    marks, sent, said = [time.monotonic()], [], []
+
+    def interrupt() -> None:
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
     def progress(done: float, total: float | None, word: str) -> None:
+        marks.append(time.monotonic())
+        if done == job.get("slow_after"):
+            threading.Timer(job["share"] * (marks[-1] - marks[-2]), interrupt).start()
         if done == job.get("die"):
             os.kill(os.getpid(), signal.SIGKILL)
         if done == job.get("interrupt"):
             os.kill(os.getpid(), signal.SIGINT)
 
-    train(read_recipe(job["recipe"]), job["store"], job["out"], resume=job.get("resume", False), progress=progress)
+    tiny_models.SLOW["matrices"] = job.get("slow", 0)
+    resume = job.get("resume", False)
+    try:
+        train(read_recipe(job["recipe"]), job["store"], job["out"], resume=resume, progress=progress, notice=said.append)
+    finally:
+        if "told" in job:
+            Path(job["told"]).write_text(json.dumps([marks[-1] - marks[-2], time.monotonic() - sent[0], said]))
 
 
 def alone(job: dict) -> int:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from .errors import InputError
 from .generate import generate_files
 from .models import DEFAULT, load
 from .speech import Speech
+from .workplace import scratch, workplace
 
 __all__ = ["measure"]
 
@@ -62,11 +61,11 @@ def _motion(speech: Speech) -> Iterator[Row]:
 def _files(speech: Speech) -> Iterator[Row]:
     import soundfile
 
-    with tempfile.TemporaryDirectory(prefix="cospeech-bench-") as folder:
-        audio = Path(folder) / "speech.flac"
+    with workplace(scratch()) as folder:
+        audio = folder / "speech.flac"
         soundfile.write(audio, speech.samples, speech.rate)
         for names in ([".bvh"], [".bvh", ".glb"]):
-            report = generate_files(audio, [Path(folder) / f"talk{suffix}" for suffix in names])
+            report = generate_files(audio, [folder / f"talk{suffix}" for suffix in names])
             yield _row(
                 f"file to {' + '.join(names)}", report.realtime_factor, "", "real-time factor, decoding and writing included"
             )

@@ -9,7 +9,7 @@ from typing import Any
 from .bundling_chain import bundle_chain
 from .bundling_flow import bundle_flow
 from .bundling_window import bundle_window
-from .checkpoint import load_run, read_facts, read_tensors
+from .checkpoint import load_run, read_facts, read_tensors, stands_for
 from .errors import InputError, nearest
 from .runtime.chain_bundle import VOICE
 
@@ -36,7 +36,7 @@ def bundle_run(
     Args:
         run: folder made by `cospeech.train.train`.
         path: file to write, ``NAME.cospeech``.
-        which: "best" or "last" parameters.
+        which: "best" or "last" parameters; see `cospeech.checkpoint.load_run` for a run that has no best.
         small: keep weights in fewer bits: the large products of flows in 8, all weights of networks by windows in 16.
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
@@ -72,14 +72,15 @@ def bundle_run(
     }  # fmt: skip
     write(
         target, model, statistics, examples, small=small, facts=known, pose=store["pose"], fps=float(store["fps"]),
-        audio=audio, smooth=smooth, card=card or _card(facts),
+        audio=audio, smooth=smooth, card=card or _card(facts, early=stands_for(folder, which) != which),
     )  # fmt: skip
 
 
-def _card(facts: dict[str, Any]) -> str:
-    """The plain facts of a run."""
+def _card(facts: dict[str, Any], *, early: bool) -> str:
+    """The plain facts of a run; early: that it stopped before its first validation."""
     store = facts["store"]
     return (
         f"# {facts['model']}\n\nTrained on {store['train_seconds'] / 3600:.2f} h of {store['corpus']} "
         f"({len(store['speakers'])} speakers, {store['pose']}, {store['fps']:g} frames per second).\n"
+        + ("\nThe last parameters, not the best: the run stopped before its first validation.\n" if early else "")
     )

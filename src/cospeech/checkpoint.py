@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from importlib import import_module
 from inspect import signature
@@ -22,7 +23,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from .errors import InputError, nearest
+from .errors import CospeechWarning, InputError, nearest
 from .files import atomic, describe_os_error
 from .models import NETWORKS
 from .recipe import build
@@ -31,11 +32,11 @@ __all__ = [
     "FORMAT",
     "WHICH",
     "build_model",
-    "clean",
     "load_run",
     "network",
     "read_facts",
     "read_tensors",
+    "stands_for",
     "write_facts",
     "write_tensors",
 ]
@@ -130,10 +131,18 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, state
 
 
-def clean(folder: Path) -> None:
-    """Remove what a killed process was about to write."""
-    for path in folder.glob(".*.safetensors.*"):
-        path.unlink(missing_ok=True)
+def stands_for(folder: Path, which: str = "best") -> str:
+    """The checkpoint that is read where one is asked for: "last" for "best" in a run that was not validated before it stopped.
+
+    Raises:
+        InputError: no checkpoint is called so, or the run has saved nothing yet.
+    """
+    if which not in WHICH:
+        raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
+    there = {name for name in WHICH if (folder / f"{name}.safetensors").exists()}
+    if not there:
+        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` goes on with it")
+    return which if which in there or which == "last" else "last"
 
 
 def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:
@@ -141,7 +150,8 @@ def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Modul
 
     Args:
         folder: of the run.
-        which: "best", by validation, or "last"; both are the running average where the run kept one.
+        which: "best", by validation, or "last"; both are the running average where the run kept one. A run that stopped before
+            its first validation has no best: the last are taken then, and a `CospeechWarning` says so.
 
     Returns:
         The model in evaluation mode, and the facts of ``config.json``.
@@ -149,10 +159,12 @@ def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Modul
     Raises:
         InputError: not a run, nothing saved yet, or its files are damaged.
     """
-    if which not in WHICH:
-        raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
     facts = read_facts(Path(folder))
-    tensors, _ = read_tensors(Path(folder) / f"{which}.safetensors")
+    wanted, which = which, stands_for(Path(folder), which)
+    tensors, state = read_tensors(Path(folder) / f"{which}.safetensors")
+    if which != wanted:
+        note = f"the run {str(folder)!r} was not validated yet: its last parameters are taken, of step {state.get('step')}"
+        warnings.warn(note, CospeechWarning, stacklevel=2)
     with torch.random.fork_rng(devices=[]):  # new parameters draw; nobody outside shall notice
         try:
             model = build_model(facts)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer import Argument, Option
@@ -51,12 +52,12 @@ from .cli_options import (
     number,
     option,
 )  # fmt: skip
-from .errors import CospeechError, InputError, InternalError
+from .errors import CospeechError, CospeechWarning, InputError, InternalError
 from .how_to_open import HOW_TO_OPEN
 from .models import DEFAULT, PARTS
 
 if TYPE_CHECKING:
-    from .report import Report
+    from .report import Report, Reports
 
 __all__ = ["app", "main"]
 
@@ -109,26 +110,39 @@ def generate(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Motion for a speech.
+    """Make motion for a speech, or for each of several.
 
     \b
     cospeech generate talk.wav -o talk.bvh -o talk.glb
+    cospeech generate monday.wav tuesday.wav recordings -o out/
+    recorder | cospeech generate - -o talk.bvh
     cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
     cospeech generate talk.wav -o talk.bvh --model mine.cospeech --style clip.bvh
     cospeech generate talk.wav -o talk.glb --emotion moods.csv --face-gain 1.2,jawOpen:0.9
     """
-    from .generate import generate_files
+    from .batch import generate_speeches
 
-    outputs = output or [Path(audio.stem + suffix) for suffix in (".bvh", ".glb")]
     with _progress("generating", quiet) as progress:
-        result = generate_files(
-            audio, outputs, model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
+        results = generate_speeches(
+            audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
             continue_from=continue_from, skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
         )  # fmt: skip
     if not quiet:
-        _show_outputs(result)
+        _show_outputs(results.speeches)
+    if results.failed:
+        raise _failure(results)
+
+
+def _failure(results: Reports) -> CospeechError:
+    """What is said when nothing came of some speeches."""
+    failed, shown = results.failed, 3
+    told = [f"{failure.speech}: {failure.error}" for failure in failed[:shown]]
+    told += [f"and {len(failed) - shown} more"] if len(failed) > shown else []
+    problem = f"{len(failed)} of {len(failed) + len(results.speeches)} speeches failed: {'; '.join(told)}"
+    kind = InternalError if all(failure.ours for failure in failed) else InputError
+    return kind(problem, "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all")
 
 
 @app.command()
@@ -142,7 +156,7 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """One motion file into another.
+    """Turn a motion file into one of another format.
 
     \b
     cospeech convert talk.bvh talk.vrma
@@ -164,13 +178,13 @@ def render(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """A preview of a motion file: video, moving picture or strip of frames.
+    """Draw a motion file: a video, a .gif or a strip of frames.
 
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav
     """
+    from .checks import LISTENS
     from .convert import convert_file
-    from .generate import LISTENS
 
     if target.suffix.lower() not in LISTENS:
         known = " ".join(sorted(LISTENS))
@@ -186,18 +200,15 @@ def list_(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """What there is: models, styles, emotions, formats, skeletons, metrics, corpora."""
-    from .catalogue import catalogue
+    """Show what there is: models, styles, formats and so on."""
+    from .catalogue import catalogue, catalogue_text
 
-    rows = catalogue(what)
     if as_json:
         import json
 
-        print(json.dumps(rows, indent=2, ensure_ascii=False))
-        return
-    width = max(len(row["name"]) for row in rows)
-    for row in rows:
-        print(f"{row['name']:<{width}}  {row['what']}")
+        print(json.dumps(catalogue(what), indent=2, ensure_ascii=False))
+    else:
+        print(catalogue_text(what))
 
 
 @app.command()
@@ -206,13 +217,16 @@ def demo(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Everything at once, from the example speech: .bvh .glb .vrma .csv .json .npz .mp4 .png."""
+    """Make every kind of file from the example speech.
+
+    These are .bvh .glb .vrma .csv .json .npz .mp4 .png.
+    """
     from .demo import make_demo
 
     with _progress("making the demo", quiet) as progress:
         result = make_demo(folder, progress=progress)
     if not quiet:
-        _show_outputs(result)
+        _show_outputs([result])
 
 
 @app.command()
@@ -223,7 +237,10 @@ def bench(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Speed on this machine: real-time factor, latency and memory."""
+    """Measure the speed on this machine.
+
+    A real-time factor is seconds of work per second of speech: below 1 is faster than speech.
+    """
     from .bench import measure
 
     rows = measure(seconds)
@@ -237,13 +254,18 @@ def bench(
         print(f"{row['what']:<{width}}  {row['value']:>9.4g} {row['unit']:<4}  {row['note']}")
 
 
-def _show_outputs(result: Report) -> None:
+def _show_outputs(results: list[Report]) -> None:
     """The files, and where each kind goes, once per kind."""
-    took = result.realtime_factor * result.speech_seconds * result.takes
-    print(f"{result.speech_seconds:.2f} s of speech, {result.frames} frames at {result.fps:g} fps, made in {took:.1f} s")
-    width = max(map(len, result.outputs))
+    if not results:
+        return
+    took = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)
+    seconds, frames = (sum(values) for values in zip(*((r.speech_seconds, r.frames) for r in results), strict=True))
+    what = "" if len(results) == 1 else f"{len(results)} speeches: "
+    print(f"{what}{seconds:.2f} s of speech, {frames} frames at {results[0].fps:g} fps, made in {took:.1f} s")
+    outputs = [name for result in results for name in result.outputs]
+    width = max(map(len, outputs))
     told = set()
-    for name in result.outputs:
+    for name in outputs:
         suffix = Path(name).suffix.lower()
         print(f"  {name}" if suffix in told else f"  {name:<{width}}  {HOW_TO_OPEN[suffix]}")
         told.add(suffix)
@@ -316,7 +338,8 @@ def main() -> None:
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
             signal.signal(number, _stop)
     try:
-        code = app(prog_name="cospeech", standalone_mode=False)
+        with _noting():
+            code = app(prog_name="cospeech", standalone_mode=False)
         if code == INTERRUPTED:  # Typer has caught it
             print("interrupted", file=sys.stderr)
     except (CospeechError, typer.TyperException) as problem:
@@ -330,6 +353,23 @@ def main() -> None:
     except Exception as problem:
         code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
     sys.exit(code)
+
+
+@contextmanager
+def _noting() -> Iterator[None]:
+    """Our warnings as lines of their own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", CospeechWarning)
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, CospeechWarning):
+                print(f"note: {' '.join(str(message).split())}", file=sys.stderr)
+            else:
+                usual(message, category, *where)
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
 
 
 def _say(error: CospeechError, code: int) -> int:

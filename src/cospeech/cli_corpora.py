@@ -84,7 +84,9 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """A corpus as it lies on disk into a store that trains at full speed; stopped, it goes on where it was.
+        """Make a store, which training reads, of a corpus.
+
+        The corpus stays as it lies on disk. Stopped half-way, the same command goes on where it was.
 
         \b
         cospeech prepare beat beat_english_v0.2.1 stores/beat --jobs -1
@@ -122,7 +124,9 @@ def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """A synthetic corpus, made by rule, in the raw layout of a real one: to test, to teach, to practise with.
+        """Make a synthetic corpus: to test, to teach, to practise.
+
+        The rule-based gesturer performs recordings or synthetic voices; the files lie as those of a real corpus do.
 
         \b
         cospeech synthesise raw/beat --layout beat --speech recordings --hours 2

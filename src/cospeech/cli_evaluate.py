@@ -93,6 +93,23 @@ def _table(
     return table
 
 
+_OF_TABLES = frozenset({"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "about", "figure"})
+_OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
+
+
+def _check_given(context: typer.Context, table: str | None) -> None:
+    """No option is given that would change nothing.
+
+    Raises:
+        InputError: one is.
+    """
+    idle = _OF_TABLES if table is None else _OF_CONTESTS
+    for option in context.command.params:
+        if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
+            where = "without --table, whose it is" if table is None else "beside --table, which has its own"
+            raise InputError(f"{option.opts[0]} {where}", "it would change nothing; leave it out")
+
+
 def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:
     """Print a table, and write it where that is wanted."""
     if out is not None:
@@ -106,6 +123,7 @@ def register(app: typer.Typer) -> None:
 
     @app.command()
     def evaluate(
+        context: typer.Context,
         systems: Systems = None,
         *,
         corpus: Store,
@@ -130,13 +148,16 @@ def register(app: typer.Typer) -> None:
         as_json: Json = False,
         debug: Debug = False,
     ) -> None:
-        """A table of metrics: systems beside the ground truth and the control rows that a metric must put in order.
+        """Compare systems with recordings: a table of metrics.
+
+        Beside them stand the ground truth and control rows, which a metric must put in order to be trusted.
 
         \b
         cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
+        _check_given(context, table)
         if table is not None:
             if systems:
                 raise InputError(f"system {systems[0]!r} in a table of a paper", "leave it out: the table has its own rows")

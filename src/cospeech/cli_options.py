@@ -35,17 +35,22 @@ def whole(text: str) -> int:
 
 
 Audio = Annotated[
-    Path, Argument(metavar="SPEECH", help="Sound file: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video.")
+    list[str],
+    Argument(
+        metavar="SPEECH",
+        help="Sound files: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video. "
+        "Or folders of them; or - for standard input.",
+    ),
 ]
 Motion = Annotated[Path, Argument(metavar="MOTION", help="Motion file to read: .bvh .glb .vrma .csv .json .npz.")]
 Output = Annotated[
-    list[Path] | None,
+    list[str] | None,
     option(
         "--output",
         "-o",
         metavar="FILE",
-        help="File to write, the suffix picks the format; may be given several times. "
-        "Without it: SPEECH's name with .bvh and with .glb, in this folder.",
+        help="File to write, the suffix picks the format; may be given several times. Of several speeches: out/ or "
+        "out/{name}.vrma. Without it: SPEECH's name with .bvh and with .glb, in this folder.",
     ),
 ]
 Model = Annotated[str, option("--model", metavar="MODEL", help="Of `cospeech list models`; or a NAME.cospeech, or a run.")]
@@ -68,8 +73,12 @@ Emotion = Annotated[
 ]
 Speaker = Annotated[str | None, option("--speaker", metavar="NAME", help="A speaker by name; for `rules` the same as a style.")]
 Transcript = Annotated[
-    Path | None,
-    option("--transcript", metavar="FILE", help="What is said: .TextGrid .tsv .srt .json, or .txt without times."),
+    str | None,
+    option(
+        "--transcript",
+        metavar="FILE",
+        help="What is said: .TextGrid .tsv .srt .json, or .txt without times; of several speeches: {name}.srt.",
+    ),
 ]
 Transcribe = Annotated[
     bool, option("--transcribe", help="Hear the words with faster-whisper (cospeech[asr]) instead of reading them.")
@@ -92,10 +101,10 @@ FaceGain = Annotated[
     ),
 ]
 Face = Annotated[
-    Path | None, option("--face", metavar="FILE", help="A face that moves body and hands, for chains: .json .csv .glb.")
+    str | None, option("--face", metavar="FILE", help="A face that moves body and hands, for chains: .json .csv .glb.")
 ]
 Continue = Annotated[
-    Path | None, option("--continue", metavar="FILE", help="Motion that it goes on from, for chains, so that clips join.")
+    str | None, option("--continue", metavar="FILE", help="Motion that it goes on from, for chains, so that clips join.")
 ]
 Parts = Annotated[str, option("--parts", metavar="LIST", help="What moves.")]
 Skeleton = Annotated[str, option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]

@@ -16,7 +16,12 @@ __all__ = ["register"]
 
 Tell = Callable[..., None]
 Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
-Recipe = Annotated[Path, Argument(metavar="RECIPE", help="What is trained and how: a TOML file, see docs/training.md.")]
+Recipe = Annotated[
+    Path,
+    Argument(
+        metavar="RECIPE", help="What is trained and how: a TOML file; or laptop, which is small and comes with the program."
+    ),
+]
 Store = Annotated[
     Path | None,
     Option(
@@ -64,9 +69,12 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """Train a model by a recipe; stopped or killed, it goes on with --resume where it was.
+        """Train a model by a recipe.
+
+        Stopped or killed, it goes on with --resume where it was.
 
         \b
+        cospeech train laptop --store stores/laptop
         cospeech train recipes/flow_ted.toml --set train.steps=2000 --out runs/short
         torchrun --nproc-per-node 4 -m cospeech train recipes/flow_ted.toml --store stores/ted
         """
@@ -77,7 +85,7 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         with _training():
             from .train import train as run
         with progress("training", quiet) as tell:
-            report = run(plan, data, folder, resume=resume, progress=tell)
+            report = run(plan, data, folder, resume=resume, progress=tell, notice=lambda text: typer.echo(text, err=True))
         if quiet or report.rank:
             return
         typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")
@@ -104,7 +112,9 @@ def _store(named: Path | None, recipe: str, corpus: str) -> Path:
 def _add_bundle(app: typer.Typer) -> None:
     @app.command()
     def bundle(run: Run, *, output: Bundle, quiet: Quiet = False, debug: Debug = False) -> None:
-        """What a run has learnt as one file that `cospeech generate --model` plays, without PyTorch.
+        """Pack what a run has learnt into one file.
+
+        `cospeech generate --model NAME.cospeech` plays it, without PyTorch.
 
         \b
         cospeech bundle runs/flow_ted -o mine.cospeech

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
-from .errors import InputError, nearest
-from .export import format_of, load
-from .generate import FPS_RANGE, File, check_avatar, check_files, check_range
+from .checks import FPS_RANGE, LISTENS, File, check_avatar, check_files, check_range, check_skeleton
+from .errors import CospeechWarning, InputError
+from .export import check_parts, format_of, load
 from .motion import Motion
 from .recognise import load_map
-from .skeletons import SKELETONS
 
 __all__ = ["convert_file"]
 
@@ -44,10 +44,20 @@ def convert_file(
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
         check_range("fps", fps, FPS_RANGE)
-    if skeleton is not None and skeleton not in SKELETONS:
-        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
+    if skeleton is not None:
+        check_skeleton(skeleton, {Path(target).suffix.lower()})
     motion = load(source)
+    shown = [part for part in format_of(source).holds if part != "face" or motion.face is not None]
+    check_parts(target, shown, f"{str(source)!r} holds")
     options: dict[str, object] = {}
+    if "body" not in shown and Path(target).suffix.lower() in LISTENS:
+        if camera not in (None, "face"):
+            raise InputError(f"camera {camera!r} would show nothing that moves: {str(source)!r} holds a face only", "face does")
+        options["camera"] = "face"
+    if names is not None and "body" not in shown:
+        warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
+    if audio is not None and Path(target).suffix.lower() == ".gif":
+        warnings.warn("the speech changes nothing: a .gif has neither sound nor a waveform", CospeechWarning, stacklevel=2)
     if skeleton is not None or names is not None:
         motion = motion.retarget(skeleton or "humanoid", bone_map=load_map(names) if names else None)
     if fps is not None:

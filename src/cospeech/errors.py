@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-__all__ = ["CospeechError", "InputError", "InternalError", "nearest"]
+__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "nearest"]
 
 
 class CospeechError(Exception):
@@ -27,6 +27,10 @@ class InputError(CospeechError, ValueError):
 
 class InternalError(CospeechError, RuntimeError):
     """We failed although the input was fine (a helper process died, say): exit code 1."""
+
+
+class CospeechWarning(UserWarning):
+    """What was done is not quite what was asked for: a line ``note: …`` on the command line."""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from itertools import pairwise
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,11 +27,12 @@ from .metrics import METRICS, FeatureNet, Sample, Score, Tools, Track, load_metr
 from .metrics.controls import CONTROLS, WRONG, control_rows, faults_of_order
 from .metrics.sample import pose_vectors
 from .motion import Motion
+from .motion_files import load_motions
 from .poses import find_pose
 from .rotations import Array
 from .speech import Speech
 
-__all__ = ["DEFAULT", "POSE_STATISTICS", "Table", "evaluate", "load_motions", "sample_of", "stored_clips", "track_of"]
+__all__ = ["DEFAULT", "POSE_STATISTICS", "Table", "evaluate", "sample_of", "stored_clips", "track_of"]
 
 DEFAULT = (
     "movement", "beat_align", "fgd", "fid_poses", "pck", "pck_2d", "ape", "srgr", "cca", "diversity", "l1_div", "multimodality",
@@ -40,7 +40,6 @@ DEFAULT = (
 )  # fmt: skip
 """The metrics of a table where none are named: the corrected forms. What a corpus has no data for stays empty."""
 
-SUFFIXES = (".bvh", ".npz")
 PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
 TRACK_FPS = 30.0  # frames per second of movement statistics
 FEATURES, WINDOW, HOP = 32, 34, 10  # ours, as many as TED's network; frames of TED's and BEAT's FGD; BEAT's stride
@@ -146,27 +145,6 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: b
         semantics = _semantics(clip.semantics, len(points), points.fps)
         return Sample(fps=points.fps, track=arms, semantics=semantics, **(common | known))
     raise InputError(f"clip {clip.name!r} has no motion", "metrics need joint rotations or key points")
-
-
-def load_motions(folder: str | PathLike[str], names: Sequence[str]) -> dict[str, list[Motion]]:
-    """Motions of a folder by clip name: ``NAME.bvh`` or ``NAME.npz``, and further takes as ``NAME.2.bvh`` and so on.
-
-    Raises:
-        InputError: the folder does not exist, a clip has no file, or one cannot be read.
-    """
-    place = Path(folder)
-    if not place.is_dir():
-        raise InputError(f"there is no folder {str(folder)!r}")
-    files = sorted(path for path in place.iterdir() if path.suffix.lower() in SUFFIXES)
-    found: dict[str, list[Motion]] = {}
-    for name in names:
-        takes = [
-            p for p in files if p.stem == name or (p.stem.rpartition(".")[0] == name and p.stem.rpartition(".")[2].isdigit())
-        ]
-        if not takes:
-            raise InputError(f"no motion for clip {name!r} in {str(folder)!r}", f"{name}.bvh or {name}.npz")
-        found[name] = [Motion.load(path) for path in takes]
-    return found
 
 
 def _fit(motion: Motion, clip: Clip) -> Clip:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
 import stat
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from os import PathLike
 from pathlib import Path
 
 from .errors import InputError
+from .workplace import workplace
 
 __all__ = ["all_or_none", "atomic", "describe_os_error"]
 
@@ -44,7 +43,7 @@ def _destination(path: str | PathLike[str]) -> Path:
 
 @contextmanager
 def atomic(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield the path of an empty temporary file beside ``path``; it takes the name of ``path`` if the block succeeds.
+    """Yield the path of an empty temporary file on the file system of ``path``; it takes its name if the block succeeds.
 
     On any exception, Ctrl-C included, the temporary file is removed and ``path`` stays as it was. Where ``path`` is a link,
     the file that it points to is written.
@@ -53,23 +52,14 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
         InputError: the folder does not exist or cannot be written, or no file can be written there.
     """
     target = _destination(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", suffix=Path(path).suffix[-20:], dir=target.parent)
-    except OSError as error:
-        problem = f"cannot write {os.fsdecode(path)!r}: {describe_os_error(error)}"
-        raise InputError(problem, "does the folder exist?") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    with ExitStack() as stack:
+        temporary = _workplace(stack, target.parent, path) / f"0{Path(path).suffix[-20:]}"
+        temporary.touch()
         yield temporary
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(target)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
 
 
 @contextmanager
@@ -90,19 +80,24 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
         staged[target] = folders[destinations[target].parent] / name
         return staged[target]
 
-    try:
+    with ExitStack() as stack:
         for target in targets:
             destination = destinations[target] = _destination(target)
             if destination.parent not in folders:
-                try:
-                    made = tempfile.mkdtemp(prefix=".cospeech-", dir=destination.parent)
-                except OSError as error:
-                    problem = f"cannot write {str(target)!r}: {describe_os_error(error)}"
-                    raise InputError(problem, "does the folder exist?") from None
-                folders[destination.parent] = Path(made)
+                folders[destination.parent] = _workplace(stack, destination.parent, target)
         yield place
         for target, path in staged.items():
             path.replace(destinations[target])
-    finally:
-        for folder in folders.values():
-            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> Path:
+    """A `workplace` in the folder of a target, open as long as the stack is.
+
+    Raises:
+        InputError: the folder does not exist or cannot be written.
+    """
+    try:
+        return stack.enter_context(workplace(folder))
+    except OSError as error:
+        problem = f"cannot write {os.fsdecode(target)!r}: {describe_os_error(error)}"
+        raise InputError(problem, "does the folder exist?") from None

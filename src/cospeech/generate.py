@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -19,10 +20,20 @@ from pathlib import Path
 
 from . import __version__
 from .alignment import align_with_recogniser
+from .checks import (
+    FPS_RANGE,
+    KEEPS_SKELETON,
+    LISTENS,
+    WEARS_AVATAR,
+    File,
+    check_avatar,
+    check_files,
+    check_range,
+    check_skeleton,
+)
 from .emotions import EmotionTrack, emotion_track, read_emotion_track
-from .errors import InputError, nearest
-from .export import FORMATS, Writer, open_writer
-from .export import format_of as format_of_file
+from .errors import CospeechWarning, InputError, nearest
+from .export import FORMATS, Writer, check_parts, open_writer
 from .files import all_or_none
 from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
@@ -31,40 +42,19 @@ from .report import Report
 from .rules.gains import face_gains
 from .runtime.gesturer import MotionLike
 from .runtime.style import example_files
-from .skeletons import SKELETONS
 from .speech import Speech, SpeechSource, Word, open_speech
 
-__all__ = [
-    "FPS_RANGE",
-    "KEEPS_SKELETON",
-    "LISTENS",
-    "MOST_TAKES",
-    "WEARS_AVATAR",
-    "check_avatar",
-    "check_files",
-    "check_range",
-    "generate_files",
-    "speech_chunks",
-    "take_path",
-]
+__all__ = ["MOST_TAKES", "check_asked", "generate_files", "speech_chunks", "take_path"]
 
-File = str | PathLike[str]
 FaceGain = float | str | Mapping[str, float]
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
 
-FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
 SEED_RANGE = (0, 2**63 - 1)
 MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
 INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
 TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
-LISTENS = frozenset({".mp4", ".gif", ".png"})
-"""Suffixes of pictures, which carry or draw the speech."""
-KEEPS_SKELETON = frozenset({".bvh"})
-"""Suffixes of files that hold any skeleton as it is; the other formats prescribe theirs."""
-WEARS_AVATAR = frozenset({".glb"})
-"""Suffixes of files in which somebody's character can take the place of ours."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +96,7 @@ def generate_files(
     report: File | None = None,
     special: Mapping[str, Mapping[str, object]] | None = None,
     progress: Progress | None = None,
+    loaded: Gesturer | None = None,
 ) -> Report:
     """Generate motion for a sound file, and write it.
 
@@ -134,6 +125,7 @@ def generate_files(
         report: write the `Report` as JSON here too.
         special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).
+        loaded: the model itself, where it is loaded already; ``model`` is its name then.
 
     Raises:
         InputError: something given cannot be used; nothing has been written.
@@ -145,12 +137,11 @@ def generate_files(
     options = _Options(
         style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
     )
-    given = [path for path in (face, continue_from) if not isinstance(path, Motion)]
-    _check_options(options, seed, takes, skeleton, avatar, {path.suffix.lower() for path in files})
+    _check_options(options, seed, takes, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    read = (transcript, avatar, track, *given, *example_files(options.style))
-    check_files(audio, names, [path for path in read if path], report)
-    gesturer = load_model(model)
+    read = (transcript, avatar, track, face, continue_from, *example_files(options.style))
+    check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
+    gesturer = _check_made(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
@@ -173,6 +164,53 @@ def generate_files(
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
     return result
+
+
+def check_asked(
+    gesturer: Gesturer,
+    *,
+    style: StyleLike = None,
+    emotion: str | PathLike[str] | EmotionTrack = "auto",
+    speaker: str | None = None,
+    seed: int = 0,
+    intensity: float = 1.0,
+    temperature: float = 1.0,
+    fps: float = 30.0,
+    parts: Iterable[str] = PARTS,
+    face_gain: FaceGain = 1.0,
+    face: MotionLike = None,
+    continue_from: MotionLike = None,
+) -> None:
+    """Whether a model can do what `generate_files` will ask it for.
+
+    Args:
+        gesturer: the model.
+        style, emotion, speaker, seed, intensity, temperature, fps, parts, face_gain, face, continue_from: as there.
+
+    Raises:
+        InputError: it cannot.
+    """
+    _check_rivals(style, speaker, None, False)
+    felt, _ = _read_emotion(emotion)
+    options = _Options(
+        style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
+    )
+    _check_options(options, seed, 1, "humanoid", None, [])
+    next(_passes(gesturer, options, seed, 1))
+
+
+def _check_made(gesturer: Gesturer, model: str, options: _Options, files: Sequence[Path]) -> Gesturer:
+    """The model, which moves something in every file.
+
+    Raises:
+        InputError: it does not.
+    """
+    made = [part for part in options.parts if part in gesturer.makes]
+    if not made:
+        raise InputError(f"{model} makes no {' and no '.join(options.parts)}", f"it makes {' and '.join(gesturer.makes)}")
+    for path in files:
+        check_parts(path, made, f"{model} makes")
+    return gesturer
 
 
 def take_path(path: File, take: int, takes: int) -> Path:
@@ -309,7 +347,7 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
         )
 
 
-def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, suffixes: set[str]) -> None:
+def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, files: Sequence[Path]) -> None:
     emotion_track(options.emotion)  # it checks, and so does the next
     face_gains(options.face_gain)
     for part in options.parts:
@@ -322,35 +360,14 @@ def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avat
     check_range("fps", options.fps, FPS_RANGE)
     check_range("takes", takes, (1, MOST_TAKES))
     check_range("seed", seed, SEED_RANGE)
-    if skeleton not in SKELETONS:
-        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
+    known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
+    suffixes = {path.suffix.lower() for path in known}
+    for path in known:
+        check_parts(path, options.parts, "the parts that were asked for are")
+    if skeleton != "humanoid":
+        check_skeleton(skeleton, suffixes)
     if avatar is not None:
         check_avatar(avatar, suffixes)
-
-
-def check_avatar(avatar: File, suffixes: set[str]) -> None:
-    """The character is there, and one of the files can show it."""
-    if not suffixes & WEARS_AVATAR:
-        raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
-    if not Path(avatar).is_file():
-        raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
-
-
-def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
-    if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
-        low, high, shown = (str(n) if isinstance(n, int) else f"{n:g}" for n in (*bounds, value))
-        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}")
-
-
-def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:
-    """Every output can be told apart from the others and from what is read."""
-    if not outputs:
-        raise InputError("no file to write", f"name one with a suffix of {' '.join(FORMATS)}")
-    for path in outputs:
-        format_of_file(path)
-    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in (audio, *inputs)}
-    for path in [*outputs, *([Path(report)] if report else [])]:
-        real = os.path.realpath(path)
-        if real in seen:
-            raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")
-        seen[real] = "another output"
+    shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
+    if known and "face" not in shown and options.face_gain not in (1.0, "1"):
+        warnings.warn("face_gain changes nothing: no face is made, or no file holds one", CospeechWarning, stacklevel=3)

@@ -1,25 +1,70 @@
-"""Signals that would end the program, noted so that what is under way can be ended first."""
+"""Signals that would end the program, noted so that what is under way can be ended first, or given up in order."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
-__all__ = ["heeding"]
+__all__ = ["Heed", "Stopped", "heeding"]
+
+
+class Stopped(BaseException):
+    """A signal has asked to stop, within `Heed.at_once`; as KeyboardInterrupt no `Exception`."""
+
+
+class Heed:
+    """What was heard.
+
+    Attributes:
+        heard: the number of the signal, once there was one.
+    """
+
+    def __init__(self) -> None:
+        self.heard: list[int] = []
+        self._at_once = False
+
+    @contextmanager
+    def at_once(self, yes: bool = True) -> Iterator[None]:
+        """Within it a signal raises `Stopped` wherever the program is: for what is thrown away then.
+
+        Args:
+            yes: whether it does; else the signal is noted only.
+        """
+        self._at_once = yes
+        try:
+            if yes and self.heard:
+                raise Stopped
+            yield
+        finally:
+            self._at_once = False
+
+    def note(self, number: int) -> None:
+        """A signal has come."""
+        self.heard.append(number)
+        if self._at_once:
+            self._at_once = False
+            raise Stopped
 
 
 @contextmanager
-def heeding() -> Iterator[list[int]]:
-    """A list that gets the number of a signal that would end the program; a second one ends it at once."""
-    heard: list[int] = []
+def heeding(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
+    """What hears a signal that would end the program; a second one ends it at once.
+
+    Args:
+        tell: called when the first one comes.
+    """
+    heed = Heed()
     before: dict[int, Any] = {}
 
     def note(number: int, frame: object) -> None:
-        heard.append(number)
         put_back()
+        if tell is not None:
+            with suppress(RuntimeError):  # it came while the same stream was being written to
+                tell()
+        heed.note(number)
 
     def put_back() -> None:
         for number, handler in before.items():
@@ -31,6 +76,6 @@ def heeding() -> Iterator[list[int]]:
             if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
                 before[number] = signal.signal(number, note)
     try:
-        yield heard
+        yield heed
     finally:
         put_back()

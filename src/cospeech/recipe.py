@@ -17,7 +17,10 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from .errors import InputError, nearest
 from .files import describe_os_error
 
-__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe"]
+__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe", "shipped"]
+
+SHIPPED = Path(__file__).with_name("recipes")
+"""Where the recipes lie that come with the program: ``NAME.toml``."""
 
 _LARGEST = 1 << 20  # bytes of a recipe; ours
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
@@ -260,11 +263,21 @@ def _override(sections: dict[str, Any], text: str) -> None:
     place[key] = value
 
 
+def shipped() -> list[str]:
+    """Names of the recipes that come with the program."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def _file(path: str) -> Path:
+    """The file of a recipe: of a name without a suffix, where no such file is there, the one that ships."""
+    return SHIPPED / f"{path}.toml" if path in shipped() and not Path(path).is_file() else Path(path)
+
+
 def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Recipe:
     """A recipe from a file.
 
     Args:
-        path: of the TOML file.
+        path: of the TOML file; or the name of one that comes with the program (`SHIPPED`).
         overrides: ``"section.key=value"``, put in place of what the file has.
 
     Raises:
@@ -272,13 +285,14 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
     """
     shown = str(path)
     try:
-        with Path(path).open("rb") as file:
+        with _file(shown).open("rb") as file:
             data = file.read(_LARGEST + 1)
         if len(data) > _LARGEST:
             raise InputError(f"{shown!r} is larger than {_LARGEST >> 20} MB", "is it a recipe?")
         sections: dict[str, Any] = tomllib.loads(data.decode("utf-8"))
     except OSError as error:
-        raise InputError(f"cannot read {shown!r}: {describe_os_error(error)}", "is the name right?") from None
+        hint = f"a TOML file, or one that comes with the program: {', '.join(shipped())}"
+        raise InputError(f"cannot read {shown!r}: {describe_os_error(error)}", hint) from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["Report"]
+__all__ = ["Failure", "Report", "Reports"]
 
 
 class Report(BaseModel):
@@ -29,3 +29,22 @@ class Report(BaseModel):
     )
     outputs: list[str] = Field(description="files written")
     version: str = Field(description="version of cospeech")
+
+
+class Failure(BaseModel):
+    """A speech of several of which nothing was made."""
+
+    model_config = ConfigDict(frozen=True)
+
+    speech: str = Field(description="its file")
+    error: str = Field(description="what is wrong, and how to mend it")
+    ours: bool = Field(description="whether it is a failure of ours, not something wrong with the speech")
+
+
+class Reports(BaseModel):
+    """Facts of a run over several speeches."""
+
+    model_config = ConfigDict(frozen=True)
+
+    speeches: list[Report] = Field(description="one of each speech, in order")
+    failed: list[Failure] = Field(description="those of which nothing was made")

@@ -1,7 +1,8 @@
 """The one training loop: a model says what is optimised (`cospeech.nn.objective`), this does it.
 
 A step is, for each objective that is due: loss, gradients, their average over the processes, clipping, Adam. All that is random
-is a function of seed and step, so that a run that was killed and resumed is the run that was not.
+is a function of seed and step, so that a run that was killed and resumed is the run that was not. A run that is asked to stop
+gives up a step that takes long, puts back what was before it, and saves that.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from copy import deepcopy
 from dataclasses import dataclass
 from math import isfinite
 from os import PathLike
@@ -19,15 +21,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .checkpoint import build_model, clean, read_facts, read_tensors, write_facts, write_tensors
+from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .corpora.feed import Feed
 from .corpora.store import Store
 from .errors import CospeechError, InputError, nearest
-from .interrupts import heeding
+from .interrupts import Heed, Stopped, heeding
 from .nn.objective import Batch, Chance
 from .nn.part import Part, under
 from .nn.processes import Team, average, join, mean_values, surroundings
 from .nn.running import RunningAverage
+from .nn.signals import let_signals_in
 from .recipe import Recipe, Train
 from .runlog import Board, RunLog
 from .training_set import check_same, open_set
@@ -35,6 +38,8 @@ from .training_set import check_same, open_set
 __all__ = ["TrainReport", "train"]
 
 Tell = Callable[[float, float | None, str], None]
+Saved = tuple[dict[str, Tensor], dict[str, Any]]
+PROMPT = 0.5  # seconds; ours: who has asked to stop waits for the end of a step that takes no longer
 VALIDATION = 2**40  # "steps" from here on are validation batches: ours, no run gets that far
 
 
@@ -78,6 +83,7 @@ class _Run:
         self.held: Feed | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
         self.average = RunningAverage(self.model, self.settings.ema)
         self.done = 0
+        self.saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
         self.best: dict[str, Any] | None = None
         self.latest: dict[str, dict[str, dict[str, float]]] = {}
         if there and (folder / "last.safetensors").exists():
@@ -89,16 +95,22 @@ class _Run:
             write_facts(folder, work.facts, {"statistics": work.statistics, "examples": work.examples()})
 
     def _restore(self) -> None:
-        tensors, state = read_tensors(self.folder / "last.safetensors")
+        saved = read_tensors(self.folder / "last.safetensors")
         try:
-            self.model.load_state_dict(under("model.", tensors))
-            self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
-            self.average.restore(under("ema.", tensors))
-            for part in self.parts:
-                part.restore(tensors)
+            self._put_back(saved)
+            self.saved = self.done
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
             raise InputError(f"cannot go on with {str(self.folder)!r}: {reason}"[:200], "begin another run") from None
+
+    def _put_back(self, saved: Saved) -> None:
+        """Be as the run was when `state` was taken."""
+        tensors, state = saved
+        self.model.load_state_dict(under("model.", tensors))
+        self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
+        self.average.restore(under("ema.", tensors))
+        for part in self.parts:
+            part.restore(tensors)
 
     def seed(self, step: int) -> None:
         """Layers that draw by themselves, dropout say, depend on seed, step and process alone; see `surroundings`."""
@@ -128,6 +140,8 @@ class _Run:
             with self.autocast():
                 terms = part.objective.loss(batch, step)
             total = torch.stack([term.float() for term in terms.values()]).sum()
+            if self.slow:
+                let_signals_in(total)
             gradients = part.gradients(total)
             average(gradients, self.team)
             norm = torch.nn.utils.get_total_norm(gradients)
@@ -210,35 +224,73 @@ class _Run:
         if self.held is None:
             with self.average.instead():
                 self._save_best()
+        write_tensors(self.folder / "last.safetensors", *self.state())
+        self.saved = self.done
+
+    def state(self) -> Saved:
+        """Tensors and facts of everything that a step changes; not copied."""
         tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
         tensors |= {f"ema.{name}": tensor for name, tensor in self.average.values.items()}
         for part in self.parts:
             tensors |= part.state()
-        state = {"step": self.done, "best": self.best, "latest": self.latest}
-        write_tensors(self.folder / "last.safetensors", tensors, state)
+        return tensors, {"step": self.done, "best": self.best, "latest": self.latest}
 
-    def loop(self, log: RunLog | None, stopped: Callable[[], bool], progress: Tell | None) -> bool:
+    def _keep(self) -> Saved | None:
+        """A copy of `state`, to go back to; None where last.safetensors is that, or the step is over before anybody minds."""
+        validates = self.held is not None and (self.done + 1) % self.settings.validate_every == 0
+        if self.saved == self.done or not (self.slow or validates or self.done + 1 == self.settings.steps):
+            return None
+        tensors, state = self.state()
+        return {name: tensor.detach().to("cpu", copy=True) for name, tensor in tensors.items()}, deepcopy(state)
+
+    def loop(self, log: _Rows, heed: Heed, progress: Tell | None) -> bool:
         """All steps that are left; whether it was stopped before."""
-        began = since = perf_counter()
-        mark, last, stopping = self.done, self.settings.steps, False
-        while self.done < last and not stopping:
-            stopping = self.step(stopped())
-            end = stopping or self.done == last
-            if log is not None and (self.done % self.settings.log_every == 0 or end):
-                now = perf_counter()
-                speed = (self.done - mark) * self.settings.batch / (now - since)
-                log.write(self.done, self.row() | {"seconds": now - began, "windows_per_second": speed})
-                mark, since = self.done, now
-            if self.held is not None and (self.done % self.settings.validate_every == 0 or self.done == last):
-                figures = self.validate()
-                if log is not None:
-                    log.write(self.done, {"validation": figures})
+        last, stopping, alone = self.settings.steps, False, self.team.size == 1
+        while self.done < last and not stopping and not (alone and heed.heard):
+            began, kept = perf_counter(), self._keep() if alone else None
+            try:
+                with heed.at_once(kept is not None or (alone and self.saved == self.done)):
+                    stopping = self.step(bool(heed.heard))
+                    end = stopping or self.done == last
+                    log.step(self, end)
+                    if self.held is not None and (self.done % self.settings.validate_every == 0 or self.done == last):
+                        log.write(self.done, {"validation": self.validate()})
+            except Stopped:
+                if kept is not None:
+                    self._put_back(kept)
+                else:
+                    self.done = self.saved
+                break
+            self.slow = perf_counter() - began > PROMPT
             if self.done % self.settings.save_every == 0 or end:
                 self.save()
             if progress is not None:
                 progress(self.done, last, self._told())
+        if alone and heed.heard and self.saved != self.done:
+            self.save()
         mean_values([self.done], self.team)  # nobody leaves before all is saved
-        return stopping
+        return stopping or bool(alone and heed.heard and self.done < last)
+
+
+class _Rows:
+    """What goes into the log, if this process writes one."""
+
+    def __init__(self, log: RunLog | None, run: _Run) -> None:
+        self._log, self._mark, self._settings = log, run.done, run.settings
+        self._began = self._since = perf_counter()
+
+    def write(self, step: int, row: dict[str, Any]) -> None:
+        if self._log is not None:
+            self._log.write(step, row)
+
+    def step(self, run: _Run, end: bool) -> None:
+        """The figures of a step, where they are due."""
+        if self._log is None or not (run.done % self._settings.log_every == 0 or end):
+            return
+        now = perf_counter()
+        speed = (run.done - self._mark) * self._settings.batch / (now - self._since)
+        self.write(run.done, run.row() | {"seconds": now - self._began, "windows_per_second": speed})
+        self._mark, self._since = run.done, now
 
 
 def _board(settings: Train, folder: Path, step: int) -> Board | None:
@@ -253,6 +305,18 @@ def _board(settings: Train, folder: Path, step: int) -> Board | None:
     return board
 
 
+def _logged(run: _Run, heed: Heed, progress: Tell | None) -> bool:
+    """The loop, with its log; whether it was stopped."""
+    log = None
+    if run.team.rank == 0:
+        log = RunLog(run.folder / "log.jsonl", run.done, _board(run.settings, run.folder, run.done))
+    try:
+        return run.loop(_Rows(log, run), heed, progress)
+    finally:
+        if log is not None:
+            log.close()
+
+
 def train(
     recipe: Recipe,
     store: Store | str | PathLike[str],
@@ -260,6 +324,7 @@ def train(
     *,
     resume: bool = False,
     progress: Tell | None = None,
+    notice: Callable[[str], None] | None = None,
 ) -> TrainReport:
     """Train a model, alone or as one of the processes that ``torchrun`` has started.
 
@@ -272,28 +337,30 @@ def train(
         out: run folder, made where it is missing; docs/training.md says what it holds.
         resume: go on with the run in ``out``, where there is one.
         progress: told (steps done, of how many, a word about the loss).
+        notice: told at once that it stops, when a signal asks for it, and then what was saved.
 
     Raises:
         InputError: recipe and store do not fit, or there is a run already, or one that cannot be gone on with.
         CospeechError: a loss or a gradient is no number any more; what was saved stays.
-        KeyboardInterrupt: Ctrl-C, after the step was ended and saved; a second one ends it at once.
+        KeyboardInterrupt: Ctrl-C, after what was done is saved; a second one ends it at once. Of several processes each ends
+            the step first.
     """
-    began, folder = perf_counter(), Path(out)
-    store = store if isinstance(store, Store) else Store(store)
-    with heeding() as heard, join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
-        run = _Run(recipe, store, folder, team, resume)
-        log = None
-        if team.rank == 0:
-            clean(folder)
-            log = RunLog(folder / "log.jsonl", run.done, _board(recipe.train, folder, run.done))
+    began, folder, run = perf_counter(), Path(out), None
+    tell = notice or (lambda text: None)
+    with heeding(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as heed:
         try:
-            stopping = run.loop(log, lambda: bool(heard), progress if team.rank == 0 else None)
-        finally:
-            if log is not None:
-                log.close()
-    if stopping:
-        if heard:
-            signal.raise_signal(heard[0])  # what it would have done
+            with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
+                with heed.at_once(team.size == 1):
+                    run = _Run(recipe, store if isinstance(store, Store) else Store(store), folder, team, resume)
+                stopping = _logged(run, heed, progress if team.rank == 0 else None)
+        except Stopped:
+            stopping = True
+        if stopping:
+            done = run.saved if run is not None else 0
+            tell(f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save")
+    if stopping or run is None:
+        if heed.heard:
+            signal.raise_signal(heed.heard[0])  # what it would have done
         raise KeyboardInterrupt
     count = sum(p.numel() for p in run.model.parameters())
     return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)

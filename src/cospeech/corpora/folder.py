@@ -16,7 +16,7 @@ from ..files import describe_os_error
 from .clip import Clip, Dropped
 from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
 
-__all__ = ["MOTION", "SOUND", "WORDS", "read"]
+__all__ = ["MOTION", "SOUND", "WORDS", "read", "sounds"]
 
 SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
 MOTION = (".bvh", ".glb", ".vrma", ".npz")
@@ -37,6 +37,12 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     if next(_groups(root, []), None) is None:
         raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
     return _read(root)
+
+
+def sounds(root: Path) -> Iterator[tuple[str, Path]]:
+    """Name → sound file of everything that `read` would read, in its order; nothing is opened."""
+    for name, files in _groups(root, []):
+        yield name, next(files[suffix] for suffix in SOUND if suffix in files)
 
 
 def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, Path]]]:

@@ -7,6 +7,7 @@ The suffix picks the module. A `Writer` takes motion in pieces, so that hours of
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from contextlib import AbstractContextManager
 from importlib import import_module
 from os import PathLike
@@ -18,7 +19,7 @@ from ..files import atomic
 from ..motion import Motion
 from ..skeleton import Skeleton
 
-__all__ = ["FORMATS", "Format", "Writer", "load", "open_writer", "save"]
+__all__ = ["FORMATS", "Format", "Writer", "check_parts", "load", "open_writer", "save"]
 
 
 class Format(NamedTuple):
@@ -27,14 +28,16 @@ class Format(NamedTuple):
     module: str
     what: str
     readable: bool
+    holds: tuple[str, ...] = ("face", "body", "hands")
+    """Parts of a character."""
 
 
 FORMATS: dict[str, Format] = {
-    ".bvh": Format("cospeech.export.bvh", "skeleton animation, centimetres, T-pose rest", True),
+    ".bvh": Format("cospeech.export.bvh", "skeleton animation, centimetres, T-pose rest", True, ("body", "hands")),
     ".glb": Format("cospeech.export.glb", "skinned character with 52 morph targets, animated", True),
     ".vrma": Format("cospeech.export.vrma", "VRM animation 1.0, for any VRM avatar", True),
-    ".csv": Format("cospeech.export.live_link_csv", "Live Link Face recording, 61 channels", True),
-    ".json": Format("cospeech.export.arkit_json", "ARKit-52 weights in BEAT's face layout", True),
+    ".csv": Format("cospeech.export.live_link_csv", "Live Link Face recording, 61 channels", True, ("face",)),
+    ".json": Format("cospeech.export.arkit_json", "ARKit-52 weights in BEAT's face layout", True, ("face",)),
     ".npz": Format("cospeech.export.npz", "SMPL-X poses in BEAT2's layout", True),
     ".mp4": Format("cospeech.export.mp4", "preview video with the speech", False),
     ".gif": Format("cospeech.export.gif", "moving preview picture", False),
@@ -126,6 +129,30 @@ def format_of(path: str | PathLike[str]) -> Format:
     return FORMATS[suffix]
 
 
+def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -> None:
+    """Whether a file can show anything of some parts of a character.
+
+    Args:
+        path: of the file to be.
+        parts: of face, body and hands, what there is to show.
+        whose: the beginning of the message: ``"--parts face makes"``, say.
+
+    Raises:
+        InputError: its format holds none of them; the message names those that do.
+    """
+    holds = format_of(path).holds
+    if not {*parts} & {*holds}:
+        fit = " ".join(suffix for suffix, entry in FORMATS.items() if {*parts} & {*entry.holds})
+        problem = (
+            f"{str(path)!r} would not move: {whose} {_listed(parts)} only, {Path(path).suffix} files hold {_listed(holds)}"
+        )
+        raise InputError(problem, f"for {_listed(parts)}: {fit}")
+
+
+def _listed(parts: Collection[str]) -> str:
+    return " and ".join(parts)
+
+
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:
     """A writer for ``path``, chosen by its suffix; use it in a ``with`` block."""
     return import_module(format_of(path).module).Writer(path, skeleton=skeleton, fps=fps, **options)
@@ -143,6 +170,10 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
     Raises:
         InputError: the format is unknown or cannot be read, or the file is damaged.
     """
+    if str(path) == "-":
+        raise InputError("motion does not come by standard input", f"name a file: {' '.join(FORMATS)}")
+    if Path(path).suffix.lower() not in FORMATS and Path(path).is_dir():
+        raise InputError(f"cannot read {str(path)!r}: it is a folder", "name a motion file")
     entry = format_of(path)
     if not entry.readable:
         raise InputError(f"{Path(path).suffix} files can be written but not read", "load a .bvh, .glb, .vrma or .npz")

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
+from ..workplace import scratch, workplace
 
 if TYPE_CHECKING:
     from ..motion import Motion
@@ -127,6 +127,11 @@ class Gesturer(Protocol):
         ...
 
     @property
+    def makes(self) -> tuple[str, ...]:
+        """Of `PARTS`, those that move."""
+        ...
+
+    @property
     def for_files(self) -> Mapping[str, Any]:
         """Options of a session that make the best of a speech that is all there, as a file is: to hear it both ways, say."""
         ...
@@ -196,13 +201,13 @@ def _open(name: str) -> Any:
     path = shipped if name in MODELS else Path(name)
     if path.suffix == BUNDLE:
         return BundleGesturer.open(path)
-    with TemporaryDirectory(prefix="cospeech-") as folder:
+    with workplace(scratch()) as folder:
         try:
             from ..bundling import bundle_run
 
-            bundle_run(path, Path(folder) / f"run{BUNDLE}")
+            bundle_run(path, folder / f"run{BUNDLE}")
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
                 raise
             raise InputError(f"a run needs {error.name} to become a bundle", "pip install 'cospeech[train]'") from None
-        return BundleGesturer.open(Path(folder) / f"run{BUNDLE}")
+        return BundleGesturer.open(folder / f"run{BUNDLE}")

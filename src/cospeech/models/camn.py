@@ -149,7 +149,9 @@ def huber(y: Tensor, made: Tensor, beta: float) -> Tensor:
 
 
 class Camn(ManyInputs):
-    """CaMN (Liu et al. 2022). Poses and audio are standardised vectors.
+    """CaMN (Liu et al. 2022): body, then hands, from sound, words, emotion and a face that is given.
+
+    Poses and audio are standardised vectors.
 
     Args:
         config: sizes and weights.

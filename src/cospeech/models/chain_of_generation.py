@@ -362,7 +362,9 @@ class Chain(Windowed):
 
 
 class ChainOfGeneration(Chain):
-    """The paper's: it sees all of a clip, both ways.
+    """Chain of Generation (Xu et al. 2024): speaker and mood heard in the voice, then a face, a body, hands.
+
+    The paper's: it sees all of a clip, both ways.
 
     Args:
         config: sizes and weights.

@@ -14,7 +14,7 @@ __all__ = ["CMixGan"]
 
 
 class CMixGan(MixGan):
-    """CMix-GAN: one motion for one speech, of one speaker.
+    """CMix-GAN (Ahuja et al. 2020): one motion for one speech, of one speaker.
 
     Args:
         config: sizes and weights.

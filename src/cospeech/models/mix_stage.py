@@ -294,7 +294,7 @@ class MixGan(Windowed):
 
 
 class MixStage(MixGan):
-    """Mix-StAGE: one motion for one speech, in the style of a speaker or of a mixture of them.
+    """Mix-StAGE (Ahuja et al. 2020): one motion for one speech, in the style of a speaker or of a mixture of them.
 
     Args:
         config: sizes and weights.

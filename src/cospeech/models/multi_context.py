@@ -143,7 +143,9 @@ class _Made(NamedTuple):
 
 
 class MultiContext(ManyInputs):
-    """Multi-context (Yoon et al. 2020, in BEAT's form). Poses and audio are standardised vectors.
+    """Multi-context (Yoon et al. 2020, in BEAT's form): one motion for one speech, from sound, words and speaker.
+
+    Poses and audio are standardised vectors.
 
     Args:
         config: sizes and weights.

@@ -215,7 +215,9 @@ class _Translated(NamedTuple):
 
 
 class Munit(Windowed):
-    """MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020, section 5.1).
+    """MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020): style passed on from speaker to speaker.
+
+    Section 5.1 of the latter.
 
     Poses and audio are standardised vectors; a style is that of a window of poses of whoever it is.
 

@@ -106,7 +106,9 @@ class Block(nn.Module):
 
 
 class SpeechToFace(Windowed):
-    """Face from speech, in the manner of one of the speakers of the data, or between them.
+    """The face alone, learnt from real speakers: the mouth of all the other models, too.
+
+    In the manner of one of the speakers of the data, or between them.
 
     Poses and audio are standardised vectors; what by, `told` says before training begins.
 

@@ -18,6 +18,9 @@ class StageConfig(MixStageConfig):
 
 
 class Stage(MixStage):
-    """StAGE: no mixture, and therefore no H."""
+    """StAGE (Ahuja et al. 2020): Mix-StAGE with a single generator; one motion for one speech, in the style of a speaker.
+
+    No mixture, and therefore no H.
+    """
 
     Config = StageConfig

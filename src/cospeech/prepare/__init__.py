@@ -12,7 +12,7 @@ import json
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from itertools import count
@@ -140,6 +140,8 @@ def prepare(
         )
     if jobs == 0 or jobs < -1:
         raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
+    if scheduler is not None and backend != "dask":
+        raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
     target = Path(store)
@@ -149,14 +151,12 @@ def prepare(
     twins_for = twin_maker(twins, lambda: read(raw), mirror)
     plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*twins]}
-    parts = _parts_folder(target, {"plan": asdict(plan)} | settings)
     dropped: list[dict[str, Any]] = []
-    tasks = _tasks(read(raw), twins_for, _changes(mirror, speeds, pitches), parts, dropped)
-    with _workers(jobs, backend, scheduler) as (run, together):
-        made = _make_parts(tasks, plan, run, together, progress)
-    report = _assemble(target, made, plan, dropped)
-    shutil.rmtree(parts, ignore_errors=True)
-    return report
+    with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
+        tasks = _tasks(read(raw), twins_for, _changes(mirror, speeds, pitches), parts, dropped)
+        with _workers(jobs, backend, scheduler) as (run, together):
+            made = _make_parts(tasks, plan, run, together, progress)
+        return _assemble(target, made, plan, dropped)
 
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:
@@ -166,8 +166,39 @@ def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) ->
     return found + [lambda clip, p=pitch: shifted(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
 
 
-def _parts_folder(target: Path, settings: dict[str, Any]) -> Path:
-    """The folder of the parts, empty unless it was begun with the same settings."""
+class _NothingLeft(InputError):
+    """Everything was read, and nothing of it can be in a store."""
+
+
+@contextmanager
+def _parts_folder(target: Path, settings: dict[str, Any]) -> Iterator[Path]:
+    """Yield the folder of the parts, empty unless it was begun with the same settings.
+
+    It stays where there is something to go on with; else it goes, and with it the folders that were made for it.
+    """
+    missing = [folder for folder in (target, *target.parents) if not folder.exists()]
+    parts, keep = _begin_parts(target, settings), False
+    try:
+        yield parts
+    except _NothingLeft:
+        raise
+    except BaseException:
+        keep = next(parts.glob("*.npz"), None) is not None
+        raise
+    finally:
+        if not keep:
+            shutil.rmtree(parts, ignore_errors=True)
+        for folder in missing:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
+
+
+def _begin_parts(target: Path, settings: dict[str, Any]) -> Path:
+    """Make the folder of the parts.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     parts = target / ".parts"
     text = json.dumps({"format": FORMAT} | settings, sort_keys=True)
     note = parts / "settings.json"
@@ -175,8 +206,6 @@ def _parts_folder(target: Path, settings: dict[str, Any]) -> Path:
         if parts.is_dir() and not (note.is_file() and note.read_text("utf-8") == text):
             shutil.rmtree(parts)
         parts.mkdir(parents=True, exist_ok=True)
-        for left in target.glob(".cospeech-*"):  # of an assembly that was killed
-            shutil.rmtree(left)
     except OSError as error:
         raise InputError(f"cannot write to {str(target)!r}: {describe_os_error(error)}") from None
     with atomic(note) as temporary:
@@ -311,7 +340,7 @@ def _assemble(
             dropped.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
     if not pieces:
         first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
-        raise InputError(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
+        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     if plan.wav2vec is not None:
         names["wav2vec"] = wav2vec_names(plan.wav2vec)

@@ -41,6 +41,7 @@ class RuleGesturer:
     look_ahead, latency = LOOK_AHEAD, LATENCY
     default_style = next(iter(STYLES))
     takes_at_once = 1
+    makes = _PARTS
     for_files: Mapping[str, object] = {}
 
     def __init__(self, mouth: MouthMaker | None = None) -> None:

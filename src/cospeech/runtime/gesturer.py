@@ -61,6 +61,7 @@ class BundleGesturer:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles, self.default_style = system.styles, system.style
+        self.makes = ("face",) if system.pose == POSE else _PARTS
         self._players = players_of(system, transfer)
         self.for_files = self._players.for_files
         self._rules = RuleGesturer(mouth)

@@ -8,7 +8,7 @@ to test, to teach and to practise with. It is **synthetic**: a network trained o
 from __future__ import annotations
 
 import shutil
-import tempfile
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,11 +20,12 @@ import numpy as np
 
 from ..corpora import CORPORA
 from ..corpora.clip import Clip, Semantic
-from ..errors import InputError, nearest
+from ..errors import CospeechWarning, InputError, nearest
 from ..files import describe_os_error
 from ..motion import Motion
 from ..rules import EMOTIONS, Gesture, RuleGesturer, Style
-from ..speech import Speech
+from ..speech import Speech, example
+from ..workplace import workplace
 from .acting import Actor, act
 from .speakers import Speaker, cast
 from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say
@@ -113,7 +114,8 @@ def synthesise(
     Args:
         raw: the folder to be; it appears when everything is in it.
         layout: a name of `LAYOUTS`.
-        speech: a folder of recordings, words beside them; alternates with synthesised speech.
+        speech: a folder of recordings, words beside them; alternates with synthesised speech. Without it, and without an
+            engine that speaks, the example speech that comes with the program is performed again and again.
         hours: of motion, roughly (takes are not cut).
         speakers: how many; those of `LAYOUTS` where not given.
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
@@ -135,8 +137,8 @@ def synthesise(
     target, chosen = Path(raw), LAYOUTS[layout]
     people = cast(chosen.speakers if speakers is None else speakers, seed)
     take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
-    real = [] if speech is None else _up_to(pieces_of(recordings(speech), take), min(hours * 3600, _MOST_HELD))
     engines = installed_voices(seed) if tts else []
+    real = _up_to(pieces_of(_spoken(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
     if not real and not engines:
         raise InputError("there is nothing to say", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
@@ -147,15 +149,26 @@ def synthesise(
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise InputError(f"{str(target)!r} is not empty", "name a new folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".cospeech-", dir=target.parent) as place:
-            write(clips, Path(place) / "raw")
+        with workplace(target.parent) as place:
+            write(clips, place / "raw")
             if target.exists():
                 target.rmdir()
-            shutil.move(str(Path(place) / "raw"), str(target))
+            shutil.move(str(place / "raw"), str(target))
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}") from None
     styles = {person.name: person.style.what for person in people}
     return SynthesisReport(layout, made.takes, made.seconds, styles, dict(made.emotions), len(made.speeches))
+
+
+def _spoken(speech: str | PathLike[str] | None, alone: bool) -> Iterator[Speech]:
+    """The recordings to perform; where there are none, and nothing else can speak, the one that comes with the program."""
+    if speech is not None:
+        yield from recordings(speech)
+    elif alone:
+        sound, words = example()
+        note = "neither espeak-ng nor flite is installed, and no --speech is named: everybody performs the example speech"
+        warnings.warn(note, CospeechWarning, stacklevel=3)
+        yield Speech.load(sound, transcript=words)
 
 
 def _up_to(speeches: Iterator[Speech], seconds: float) -> list[Speech]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -17,6 +16,7 @@ from ..corpora import folder
 from ..corpora.clip import Clip
 from ..errors import InputError, InternalError
 from ..speech import Speech, Word
+from ..workplace import scratch, workplace
 from .texts import SENTENCES
 
 __all__ = ["ENGINES", "Voice", "installed_voices", "pieces_of", "reader_of", "recordings", "say"]
@@ -79,10 +79,10 @@ def say(voice: Voice, seconds: float, seed: int) -> Speech:
     parts: list[Speech] = []
     length = 0.0
     order = [int(k) for k in rng.permutation(len(SENTENCES))]
-    with tempfile.TemporaryDirectory() as place:
+    with workplace(scratch()) as place:
         while length < seconds:
             text = SENTENCES[order[len(parts) % len(order)]]
-            spoken = _speak(voice, text, Path(place) / f"{len(parts)}.wav")
+            spoken = _speak(voice, text, place / f"{len(parts)}.wav")
             parts.append(replace(spoken, words=align(tokenise(text), spoken)))
             length += float(spoken.duration) + _PAUSE
     return _joined(parts, f"{voice.engine} {voice.name}")

@@ -252,7 +252,7 @@ class Stages:
                 if step % every == 0:
                     self.tell(f"{label}: step {step:g} of {total:g}, {text}")
 
-            train(recipe, self.store, folder, resume=True, progress=progress)
+            train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
         return folder
 
     def _done(self, folder: Path, recipe: Recipe) -> bool:
@@ -269,13 +269,13 @@ class Stages:
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Player:
         """A row's run, trained where it is not there."""
         folder = self.run(name, seed, more)
-        from ..checkpoint import load_run, read_tensors
+        from ..checkpoint import load_run, read_tensors, stands_for
 
         net, facts = load_run(folder)
         tensors, _ = read_tensors(folder / "statistics.safetensors")
         statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
         stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
-        print_ = _digest((folder / "best.safetensors").read_bytes())
+        print_ = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
         return Player(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
 
     def features(self) -> FeatureNet:

@@ -1,0 +1,26 @@
+"""A backward pass that can be stopped: it is one long call, in which Python would hear no signal."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+__all__ = ["let_signals_in"]
+
+
+def let_signals_in(total: Tensor) -> None:
+    """Have Python run for a moment before each operation of the backward pass of a loss, so that it sees to signals.
+
+    The gradients stay the same, bit for bit. It takes some microseconds per operation.
+    """
+    seen, waiting = set(), [total.grad_fn]
+    while waiting:
+        node = waiting.pop()
+        if node is None or node in seen or type(node).__name__ == "AccumulateGrad":  # of a parameter, which outlives the loss
+            continue
+        seen.add(node)
+        node.register_prehook(_pass)
+        waiting += [following for following, _ in node.next_functions]
+
+
+def _pass(gradients: tuple[Tensor, ...]) -> None:
+    """Changes nothing; Python's handlers of signals run when a function of Python is called."""

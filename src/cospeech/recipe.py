@@ -10,16 +10,16 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from os import PathLike
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError, nearest
-from .files import describe_os_error
+from .limits import RECIPE_BYTES
+from .opening import read_regular
+from .parsing import parse_toml
 
 __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe"]
 
-_LARGEST = 1 << 20  # bytes of a recipe; ours
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
@@ -270,19 +270,7 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
     Raises:
         InputError: no such file, not TOML, or not a recipe; see `read_recipe`.
     """
-    shown = str(path)
-    try:
-        with Path(path).open("rb") as file:
-            data = file.read(_LARGEST + 1)
-        if len(data) > _LARGEST:
-            raise InputError(f"{shown!r} is larger than {_LARGEST >> 20} MB", "is it a recipe?")
-        sections: dict[str, Any] = tomllib.loads(data.decode("utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read {shown!r}: {describe_os_error(error)}", "is the name right?") from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{shown!r} is not TOML: {error}"[:200], "see docs/training.md") from None
+    sections = parse_toml(read_regular(path, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
     for text in overrides:
         _override(sections, text)
     return read_recipe(sections)

@@ -7,8 +7,8 @@ not overlapping, inside the speech, without silences. Entries of several words a
 from __future__ import annotations
 
 import html
-import json
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator
 from os import PathLike
@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .alignment import align, bare, spread, tokenise
-from .decoding import regular_file
 from .errors import InputError
-from .files import describe_os_error
+from .limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
+from .opening import read_regular
+from .parsing import parse_json
 from .speech import Word
 
 if TYPE_CHECKING:
@@ -28,9 +29,7 @@ __all__ = ["align", "load_words", "settle"]
 
 Entry = tuple[str, float, float]  # text, start, end
 
-LARGEST = 64 << 20  # bytes; ours: a day of speech with word times as JSON is some 30 MB
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
-LATEST = 1e7  # seconds; ours: 115 days, beyond which a time is a mistake
 SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
 # Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
 NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
@@ -54,12 +53,11 @@ def load_words(
     Raises:
         InputError: it cannot be read, makes no sense, or lies wholly past the end of the speech.
     """
-    file = regular_file(path, "a transcript")
-    name = file.name
-    text = _read_text(file)
+    data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
+    text = _decode(data, name)
     if speech_seconds is None and speech is not None:
         speech_seconds = speech.seconds
-    reader = _READERS.get(file.suffix.lower()) or _sniff(text)
+    reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
         tokens = tokenise(text)
         if not tokens:
@@ -84,12 +82,16 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
     """
     words: list[Word] = []
     for text, start, end in entries:
-        if not (math.isfinite(start) and math.isfinite(end) and abs(start) < LATEST and abs(end) < LATEST):
+        if not (
+            math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
+        ):
             raise InputError(f"{text[:40]!r} is at {start:g} … {end:g} s", "times are in seconds")
         if end < start:
             raise InputError(f"{text[:40]!r} ends before it starts: {start:g} … {end:g} s", "are its columns swapped?")
         tokens = _tokens(text)
         words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
+        if len(words) > WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
     words = _without_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
     if seconds is None:
         return tuple(words)
@@ -118,15 +120,8 @@ def _without_overlaps(words: list[Word]) -> list[Word]:
     return [Word(word.text, start, end) for word, start, end in zip(words, starts, ends, strict=True)]
 
 
-def _read_text(file: Path) -> str:
+def _decode(data: bytes, name: str) -> str:
     """The text of a file in UTF-8 or UTF-16, with or without a byte order mark."""
-    try:
-        size = file.stat().st_size
-        data = file.read_bytes() if size <= LARGEST else b""
-    except OSError as error:
-        raise InputError(f"cannot read {file.name!r}: {describe_os_error(error)}") from None
-    if size > LARGEST:
-        raise InputError(f"{file.name!r} has {size >> 20} MiB", f"a transcript has at most {LARGEST >> 20} MiB")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
     elif b"\0" in data[:200:2] + data[1:200:2] and len(data) % 2 == 0:
@@ -137,9 +132,9 @@ def _read_text(file: Path) -> str:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
-        raise InputError(f"{file.name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
+        raise InputError(f"{name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
     if "\0" in text:
-        raise InputError(f"{file.name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
+        raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -155,8 +150,9 @@ def _number(text: object) -> float:
 
 # ---- TextGrid: https://www.fon.hum.uva.nl/praat/manual/TextGrid_file_formats.html ----
 
-PRAAT_TOKEN = re.compile(r'"((?:[^"]|"")*)"|(<[a-z]+>)|![^\n]*|[^\s"]+')
-PRAAT_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$")
+# "++", "*+": what was taken is not given back, so that each character is looked at once
+PRAAT_TOKEN = re.compile(r'"([^"]*+(?:""[^"]*+)*+)"|(<[a-z]++>)|![^\n]*+|[^\s"]++')
+PRAAT_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?$")
 
 
 def read_textgrid(text: str) -> Iterator[Entry]:
@@ -217,6 +213,7 @@ def _word_tier(tiers: list[tuple[str, list[Entry]]]) -> list[Entry]:
 # ---- tables and subtitles ----
 
 TIME = r"(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2})[,.](\d{1,3})"
+NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
 CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
 
 
@@ -252,7 +249,8 @@ def read_srt(text: str) -> Iterator[Entry]:
     for cue, end in zip(cues, ends, strict=True):
         spoken = re.split(r"\n[ \t]*(?:\n|$)", text[cue.end() : end].removeprefix("\n"), maxsplit=1)[0]
         parts = cue.groups()
-        yield html.unescape(re.sub(r"<[^<>\n]*>", "", spoken)).replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
+        said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))
+        yield said.replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
 
 
 def _clock(parts: tuple[str | None, ...]) -> float:
@@ -270,17 +268,7 @@ LIST_KEYS = ("words", "w", "segments", "result", "results", "word_segments", "fr
 
 def read_json(text: str) -> Iterator[Entry]:
     """A list of {word, start, end}; or that list, or segments that hold such lists, named as recognisers do."""
-    try:
-        document = json.loads(text, parse_constant=_no_constant)
-    except RecursionError:
-        raise InputError("JSON nested too deeply", "a list of words with start and end is enough") from None
-    except ValueError as error:
-        raise InputError(f"not JSON: {str(error)[:80]}", "a list of words with start and end") from None
-    yield from _json_entries(document, 0)
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a time")
+    yield from _json_entries(parse_json(text, "the transcript", TRANSCRIPT_JSON_VALUES), 0)
 
 
 def _json_entries(node: object, depth: int) -> Iterator[Entry]:

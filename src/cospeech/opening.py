@@ -52,7 +52,7 @@ def open_regular(path: str | PathLike[str], what: str, limit: int) -> BinaryIO:
         size = file.stat().st_size
         if size > limit:
             shown = f"{limit >> 20} MiB" if limit >= 1 << 20 else f"{limit >> 10} KiB"
-            raise InputError(f"{os.fsdecode(path)!r} has {size:,} bytes, more than {shown}", f"is it {what}?")
+            raise InputError(f"{os.fsdecode(path)!r} is larger than {shown}: {size:,} bytes", f"is it {what}?")
         return file.open("rb")
     except OSError as error:
         raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None

@@ -91,7 +91,7 @@ def check_zip(file: BinaryIO, members: int, name: str) -> None:
     at = tail.rfind(_ZIP_END)
     file.seek(0)
     if at < 0 or len(tail) - at < 22:
-        raise InputError(f"{name} is not a zip", "is it cut off?")
+        raise InputError(f"{name} is not a readable zip", "is it cut off?")
     if tail[max(0, at - 20) : at].startswith(b"PK\x06\x07"):  # zip64 has a second list, which would count
         raise InputError(f"{name} is a zip of more than 4 GiB", "is it what it is called?")
     if int.from_bytes(tail[at + 12 : at + 16], "little") > members * 1024:  # ours: an entry has 46 bytes and a name

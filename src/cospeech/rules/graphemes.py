@@ -93,7 +93,7 @@ _RULES = [  # (letters, phones, must match before, must match after); "#" and "$
 _LONGEST, _WHOLE = (
     64,
     256,
-)  # letters of a part, and of a word with all its parts; what is longer is none, and must not take long
+)  # letters of a part, and of a word; what is longer is none, and must not take long
 _BY_LETTER: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
 for _letters, _phones, _before, _after in sorted(_RULES, key=lambda rule: -len(rule[0])):
     _compiled = (re.compile(f"(?:{_before})$"), re.compile(_after))

@@ -155,7 +155,7 @@ def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
         for cells in reader:
             if any(cell.strip() for cell in cells):
                 rows.append((reader.line_num, cells))
-            if len(rows) > EMOTION_ROWS + 1:
+            if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
                 raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
     except csv.Error as error:
         raise InputError(f"{shown!r} line {reader.line_num}: {error}", "is it CSV?") from None

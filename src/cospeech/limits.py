@@ -89,8 +89,8 @@ LONGEST_MESSAGE_BYTES = 1 << 24
 
 TRANSCRIPT_BYTES = 64 << 20
 """Of a transcript: a day of speech with word times as JSON is some 30 MB."""
-TRANSCRIPT_JSON_VALUES = 10_000_000
-"""Commas, lists and objects in a transcript as JSON; a day of Whisper's has 5 million."""
+TRANSCRIPT_JSON_VALUES = 4_000_000
+"""Commas, lists and objects in a transcript as JSON; a day of Whisper's has 2 million."""
 WORDS = 500_000
 """Of a transcript: a day and a half of fast speech without a pause."""
 EMOTION_BYTES = 16 << 20
@@ -182,7 +182,7 @@ LIMITS = (
     Limit("decoder", DECODER_CPU_SECONDS, "seconds of work", "a day of MP3 takes 100"),
     Limit("decoder, one message", LONGEST_MESSAGE_BYTES, "bytes", "a block is 512 KiB"),
     Limit("transcript", TRANSCRIPT_BYTES, "bytes", "a day of word times as JSON has 30 MB"),
-    Limit("transcript as JSON", TRANSCRIPT_JSON_VALUES, "commas, lists and objects", "a day of speech has 5 million"),
+    Limit("transcript as JSON", TRANSCRIPT_JSON_VALUES, "commas, lists and objects", "a day of speech has 2 million"),
     Limit("transcript", WORDS, "words", "a day and a half of speech without a pause"),
     Limit("emotion track", EMOTION_BYTES, "bytes", "an hour has 2 MB"),
     Limit("emotion track", EMOTION_ROWS, "rows", "an hour at 25 rows a second"),

@@ -11,6 +11,8 @@ import math
 import os
 import re
 from collections.abc import Iterable, Iterator
+from io import StringIO
+from itertools import chain, islice, pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,7 +83,7 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
         InputError: a time is not a number, an entry ends before it starts, or all lie past the end.
     """
     words: list[Word] = []
-    for text, start, end in entries:
+    for count, (text, start, end) in enumerate(entries):
         if not (
             math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
         ):
@@ -90,7 +92,7 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
             raise InputError(f"{text[:40]!r} ends before it starts: {start:g} … {end:g} s", "are its columns swapped?")
         tokens = _tokens(text)
         words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
-        if len(words) > WORDS:
+        if len(words) > WORDS or count > 2 * WORDS:  # between two words there may be a silence
             raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
     words = _without_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
     if seconds is None:
@@ -172,11 +174,15 @@ def read_textgrid(text: str) -> Iterator[Entry]:
     if take(str) != "<exists>":
         raise InputError("a TextGrid without tiers", "add a word tier")
     tiers: list[tuple[str, list[Entry]]] = []
+    read = 0
     for _ in range(_count(take(float))):
         kind, name = str(take(str)), str(take(str))
         take(float), take(float)
         entries: list[Entry] = []
         for _ in range(_count(take(float))):
+            read += 1
+            if read > 4 * WORDS:  # a word and the sounds that it is made of
+                raise InputError(f"a TextGrid of more than {4 * WORDS:,} entries", "cut it into pieces")
             start = float(take(float))
             end = float(take(float)) if kind == "IntervalTier" else start
             entries.append((str(take(str)), start, end))
@@ -219,17 +225,22 @@ CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
 
 def read_tsv(text: str) -> Iterator[Entry]:
     """start, end, word, separated by tabs; a first line of names is skipped. Whisper's (milliseconds) is recognised."""
-    lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
-    scale = 1.0
-    for place, (number, line) in enumerate(lines):
-        cells = [cell.strip() for cell in line.split("\t")]
-        if place == 0 and not any(_is_number(cell) for cell in cells[:2]):
-            whole = all(cell.isdigit() for _, other in lines[1:] for cell in other.split("\t")[:2])
-            scale = 0.001 if [c.lower() for c in cells] == ["start", "end", "text"] and whole else 1.0
+    scale, first = 1.0, True
+    for number, line in _lines(text):
+        cells, head, first = [cell.strip() for cell in line.split("\t")], first, False
+        if head and not any(_is_number(cell) for cell in cells[:2]):
+            if [c.lower() for c in cells] == ["start", "end", "text"]:
+                others = islice(_lines(text), 1, None)
+                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in other.split("\t")[:2]) else 1.0
             continue
         if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
             raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs")
         yield cells[2] if len(cells) > 2 else "", _number(cells[0]) * scale, _number(cells[1]) * scale
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are not blank, one at a time."""
+    return ((number, line) for number, line in enumerate(map(str.rstrip, StringIO(text)), 1) if line)
 
 
 def _is_number(cell: str) -> bool:
@@ -242,11 +253,11 @@ def _is_number(cell: str) -> bool:
 
 def read_srt(text: str) -> Iterator[Entry]:
     """SubRip and WebVTT: what stands between one line of times and the next blank line."""
-    cues = list(CUE.finditer(text))
-    if not cues:
+    if CUE.search(text) is None:
         raise InputError("no subtitle has a time", "'00:00:01,000 --> 00:00:02,000' belongs above each")
-    ends = [cue.start() for cue in cues[1:]] + [len(text)]
-    for cue, end in zip(cues, ends, strict=True):
+    for cue, following in pairwise(chain(CUE.finditer(text), [None])):
+        assert cue is not None
+        end = len(text) if following is None else following.start()
         spoken = re.split(r"\n[ \t]*(?:\n|$)", text[cue.end() : end].removeprefix("\n"), maxsplit=1)[0]
         parts = cue.groups()
         said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))

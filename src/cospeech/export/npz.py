@@ -11,6 +11,7 @@ opens by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, 
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Iterable
 from os import PathLike
@@ -33,6 +34,7 @@ from .spool import Spool
 __all__ = ["Writer", "load"]
 
 _JOINTS = 55
+_MOST_NAMES = 1000  # columns of a face; ours: ARKit has 52
 _JAW = 22  # SMPL-X joint order, see ecosystem of `smplx` joint_names
 _JAW_OPEN = 0.35  # radians at jawOpen = 1; ours: FLAME's mouth is wide open at some 20 degrees
 _PELVIS = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, joint 0 at zero betas, metres
@@ -115,19 +117,34 @@ def load(path: str | PathLike[str]) -> Motion:
         rate_key = "mocap_frame_rate" if "mocap_frame_rate" in arrays else "mocap_framerate"
         if rate_key not in arrays:
             raise InputError(f"{name} has no 'mocap_frame_rate'", "BEAT2 files of SMPL-X carry it")
-        check_frames(name, (arrays.shape("poses") or (0,))[0], _JOINTS, size_of(file))
+        _check_shapes(arrays, rate_key, size_of(file), name)
         poses, trans, rate = arrays.read("poses"), arrays.read("trans"), arrays.read(rate_key)
         face = _face(arrays, name)
     return _motion(poses, trans, rate, face, name)
+
+
+def _check_shapes(arrays: Arrays, rate_key: str, size: int, name: str) -> None:
+    """Whether the arrays of a file of ``size`` bytes go together, by their heads: before any of them is unpacked."""
+    poses, trans = arrays.shape("poses"), arrays.shape("trans")
+    frames = poses[0] if poses else 0
+    if poses != (frames, _JOINTS * 3) or trans != (frames, 3):
+        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], "expected (frames, 165) and (frames, 3)")
+    check_frames(name, frames, _JOINTS, size)
+    if math.prod(arrays.shape(rate_key)) != 1:
+        raise InputError(f"{name} has frames per second of shape {arrays.shape(rate_key)}"[:200], "expected one number")
+    face = arrays.shape("arkit") if "arkit" in arrays else (frames, len(ARKIT))
+    names = arrays.shape("arkit_names") if "arkit_names" in arrays else (len(ARKIT),)
+    if len(face) != 2 or face[0] != frames or face[1] > _MOST_NAMES or (face[1],) != names:
+        raise InputError(f"'arkit' of {name} is of shape {face}, its names {names}"[:200], f"expected ({frames}, 52)")
 
 
 def _face(arrays: Arrays, name: str) -> Array | None:
     if "arkit" not in arrays:
         return None
     weights = arrays.read("arkit")
-    names = [str(n) for n in arrays.read("arkit_names").reshape(-1)] if "arkit_names" in arrays else list(ARKIT)
-    if weights.ndim != 2 or weights.shape[1] != len(names) or weights.dtype.kind != "f":
-        raise InputError(f"'arkit' of {name} is {weights.dtype} of shape {weights.shape}", "expected (frames, 52)")
+    names = [str(n) for n in arrays.read("arkit_names")] if "arkit_names" in arrays else list(ARKIT)
+    if weights.dtype.kind != "f":
+        raise InputError(f"'arkit' of {name} is {weights.dtype}", "expected floats")
     face = np.zeros((len(weights), len(ARKIT)))
     for k, shape in enumerate(names):
         if shape in ARKIT_INDEX:
@@ -138,10 +155,9 @@ def _face(arrays: Arrays, name: str) -> Array | None:
 
 
 def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array | None, name: str) -> Motion:
-    frames = len(poses) if poses.ndim else 0
-    fits = poses.shape == (frames, _JOINTS * 3) and trans.shape == (frames, 3) and (face is None or len(face) == frames)
-    if not fits or rate.size != 1 or {poses.dtype.kind, trans.dtype.kind} != {"f"}:
-        raise InputError(f"{name}: poses {poses.shape}, trans {trans.shape}", "expected (frames, 165) and (frames, 3)")
+    frames = len(poses)
+    if {poses.dtype.kind, trans.dtype.kind} != {"f"}:
+        raise InputError(f"{name}: poses are {poses.dtype}, trans {trans.dtype}", "expected floats")
     if rate.dtype.kind not in "fiu" or not (
         np.isfinite(rate).all() and MOTION_RATES[0] <= float(rate.reshape(())) <= MOTION_RATES[1]
     ):

@@ -44,7 +44,7 @@ from cospeech.runtime.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_
 from cospeech.runtime.gesturer import BundleGesturer
 from cospeech.runtime.onnx_check import check_onnx
 from cospeech.skeleton import Skeleton
-from cospeech.speech import Word, open_speech
+from cospeech.speech import Word, example, open_speech
 from cospeech.transcripts import load_words
 from hostile_files import (
     answer,
@@ -127,7 +127,7 @@ GREEDY = {
     "far CSV": (".csv", lambda _: face_csv([f"00:00:{k // 30:02d}:{k % 30:02d}" for k in range(1500)] + ["11:00:00:00"])),
     "far GLB": (".glb", lambda folder: far_glb(folder, ".glb", 900, 5000.0)),
     "far VRMA": (".vrma", lambda folder: far_glb(folder, ".vrma", 900, 5000.0)),
-    "NPZ of zeros": (".npz", lambda _: npz_that_unpacks(poses=np.zeros((250_000, 165), "f4"), trans=np.zeros((250_000, 3), "f4"))),
+    "NPZ of zeros": (".npz", lambda _: npz_that_unpacks(poses=np.zeros((250_000, 165)), trans=np.zeros((250_000, 3)))),
     "NPZ of many weights": (".npz", lambda _: npz_that_unpacks(arkit=np.zeros((1_000_000, 52), "f4"))),
     "NPZ of many rates": (".npz", lambda _: npz_that_unpacks(mocap_frame_rate=np.zeros(50_000_000))),
     "NPZ of a long path": (".npz", lambda _: npz_that_unpacks(trans=np.zeros((20_000_000, 3), "f4"))),
@@ -167,9 +167,13 @@ def test_accessors_that_share_their_bytes_have_a_budget(sharing):
     ]
     views = {"bufferViews": [{"buffer": 0, "byteLength": 4 * size}], "buffers": [{"byteLength": 4 * size}]}
     file = GltfFile({"asset": {"version": "2.0"}, "accessors": accessors * 1000, **views}, bytes(4 * size), "'a.glb'")
-    with pytest.raises(InputError, match="numbers in 160,000 bytes"):
+
+    def read_all() -> None:
         for k in range(1000):
             file.accessor(k, 1)
+
+    with pytest.raises(InputError, match="numbers in 160,000 bytes"):
+        read_all()
 
 
 def test_a_bvh_in_one_line(tmp_path):
@@ -270,8 +274,10 @@ HEAD = "{'descr': '<f4', 'fortran_order': False, 'shape': (9, 165), }"
 @pytest.mark.parametrize(
     "head",
     [
-        HEAD[:-3] + "(" * 5000, "{'descr': '''", HEAD.replace("9", "9" * 5000), HEAD.replace("'<f4'", "'|O'"), "\\\n" * 4000, "",
-        HEAD.replace("'<f4'", "[('a', '<f4')]"), HEAD.replace("<f4", "<f" + "4" * 9), HEAD.replace("(9, 165)", "(" * 200 + ")" * 200),
+        HEAD[:-3] + "(" * 5000, "{'descr': '''", HEAD.replace("9", "9" * 5000), HEAD.replace("'<f4'", "'|O'"),
+        "\\\n" * 4000, "",
+        HEAD.replace("'<f4'", "[('a', '<f4')]"), HEAD.replace("<f4", "<f" + "4" * 9),
+        HEAD.replace("(9, 165)", "(" * 200 + ")" * 200),
         HEAD.replace("9, 165", "0, " + "9" * 15), HEAD.replace("<f4", "<U0"), "1" * 9990, "{'a':1}\n)" * 900, b"\xff" * 900,
         HEAD.replace("9, 165", ", ".join("1" * 33)), HEAD.replace("9, 165", "1" * 480), HEAD.replace("9, 165", "1, " * 2000),
     ],
@@ -287,7 +293,10 @@ def test_an_array_with_a_head_that_is_no_head(tmp_path, head):
     assert answer(lambda: open_array(tmp_path / "a.npy", "<f4", (9, 165))) == "refused"
 
 
-@pytest.mark.parametrize("array", [np.zeros((3, 2)), np.array("smplx"), np.array(5, "i2"), np.zeros((0, 4), "f2"), np.asfortranarray(np.ones((2, 3)))])  # fmt: skip
+@pytest.mark.parametrize(
+    "array",
+    [np.zeros((3, 2)), np.array("smplx"), np.array(5, "i2"), np.zeros((0, 4), "f2"), np.asfortranarray(np.ones((2, 3)))],
+)
 def test_arrays_that_numpy_writes_are_read(array):
     out = io.BytesIO()
     np.save(out, array)
@@ -336,7 +345,7 @@ def test_rates_that_are_none(rate):
     with pytest.raises(InputError, match="samples per second"):
         Speech(np.zeros(16_000, np.float32), rate)
     with pytest.raises(InputError, match="samples per second"):
-        open_speech(cospeech.example()[0], rate=rate)
+        open_speech(example()[0], rate=rate)
 
 
 @pytest.mark.parametrize(
@@ -403,18 +412,7 @@ def test_zips_of_too_many_members(tmp_path, kind):
 
 
 def generate(**given: object) -> None:
-    generate_files(cospeech.example()[0], [Path(str(given.pop("out", "a.bvh")))], **given)
-
-
-def cli(*words: str) -> None:
-    from typer.testing import CliRunner
-
-    from cospeech.cli import app
-
-    result = CliRunner().invoke(app, list(words))
-    if isinstance(result.exception, Exception) and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    raise InputError(result.output or "nothing")
+    generate_files(example()[0], [Path(str(given.pop("out", "a.bvh")))], **given)
 
 
 OPENERS = {  # suffix → whoever opens a path that a user names
@@ -489,7 +487,7 @@ def test_what_our_own_files_take_is_allowed(tmp_path):
     for suffix in (".glb", ".vrma"):
         save(still, tmp_path / f"a{suffix}", **({"character": stand_in()} if suffix == ".glb" else {}))
         size = (tmp_path / f"a{suffix}").stat().st_size
-        assert 100 * frames * 56 < most_joint_frames(100 * size)  # a hundred times as long, the constant 2 million left behind
+        assert 10 * frames * 56 < most_joint_frames(10 * size)  # ten times as long, too
         assert len(Motion.load(tmp_path / f"a{suffix}")) == frames
 
 
@@ -504,7 +502,8 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     for suffix in (".bvh", ".csv", ".json", ".glb", ".vrma"):
         save(motion, folder / f"a{suffix}", **({"character": stand_in()} if suffix == ".glb" else {}))
         made[suffix] = (folder / f"a{suffix}").read_bytes()
-    made["textgrid"] = cospeech.example()[1].read_bytes()[:3000]
+    tier = "".join(f'{k / 2} {k / 2 + 0.5} "{word}"\n' for k, word in enumerate(("Hello", "", "<sil>", "a b")))
+    made["textgrid"] = f'"ooTextFile"\n"TextGrid"\n0 2 <exists> 1\n"IntervalTier" "words" 0 2 4\n{tier}'.encode()
     made["tsv"] = b"start\tend\tword\n0.1\t0.5\tHello,\n0.5\t1,25\tworld (laughs)\n1.5\t2\t<sil>\n"
     made["srt"] = (
         b"1\n00:00:01,000 --> 00:00:02,500\n<i>Hello</i> &amp; &#228;\nworld\n\n2\n00:00:03,000 --> 00:00:04,000\nBye\n"
@@ -515,9 +514,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     made["named"] = b"time,emotion,weight\n0,neutral,1\n2.5,happiness,0.7\n9,anger,1\n"
     made["shares"] = b"time,happiness,anger\n0,0,0\n2.5,0.5,0.2\n9,1,1\n"
     made["map"] = b'[bones]\nleftUpperArm = "L_Arm"\nhips = "pelvis"\nleftHand = ""\n'
-    made["recipe"] = (
-        b'[model]\nname = "moglow"\n[data]\nfps = 20.0\nspeakers = ["a", "b"]\n[train]\nlr = 1e-3\nbetas = [0.9, 0.99]\n'
-    )
+    made["recipe"] = b'[model]\nname = "moglow"\n[data]\nfps = 20.0\nspeakers = ["a", "b"]\n[train]\nbetas = [0.9, 0.99]\n'
     made["split"] = b"id,type\n1_wayne_0_1_1,train\n1_wayne_0_2_2,test\n"
     made["info"] = b"anim_bvh,validation\na.bvh,TRUE\nb.bvh,FALSE\n"
     return made
@@ -562,8 +559,8 @@ def test_hostile_texts(good, tmp_path, name):
             path = tmp_path / f"a{suffix}"
             path.write_text(hostile_text(text, chance) or " ", "utf-8")
             ends.append(bounded(read, path))
-    assert ends.count("refused") > EACH / 10
-    assert ends.count("read") > (0 if name == "recipe" else EACH / 100)
+    assert ends.count("refused") > (0 if name == "txt" else EACH / 10)  # almost anything is a text
+    assert ends.count("read") > EACH / 100
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".vrma"])
@@ -653,12 +650,10 @@ def test_hostile_speech():
     chance, ends = random.Random("hostile speech"), []
     odd = (1e-300, 1e300, 10**30, -1, 0, 0.5, 1.0, float("nan"), float("inf"), "x", None, True, Fraction(1, 3), 100, 1e7)
     for _ in range(EACH):
-        given = {
-            name: chance.choice(odd) for name in chance.sample(["rate", "seconds", "start", "duration"], chance.choice((1, 2)))
-        }
-        words = tuple(
-            Word(chance.choice(("a", "a1" * 3000, "-", "")), *sorted(chance.choices((0.0, 0.5, 1e9, -1.0), k=2))) for _ in "ab"
-        )
+        names = chance.sample(["rate", "seconds", "start", "duration"], chance.choice((1, 2)))
+        given = dict(zip(names, chance.choices(odd, k=len(names)), strict=True))
+        spans = [sorted(chance.choices((0.0, 0.5, 1e9, -1.0), k=2)) for _ in range(2)]
+        words = tuple(Word(chance.choice(("a", "a1" * 3000, "-", "")), start, end) for start, end in spans)
 
         def one(given=given, words=words) -> None:
             speech = Speech(np.zeros(1600, np.float32), **({"rate": 16_000} | given), words=words)

@@ -62,6 +62,6 @@ def read_regular(path: str | PathLike[str], what: str, limit: int) -> bytes:
     """The whole of a regular file of at most ``limit`` bytes (see `open_regular`)."""
     with open_regular(path, what, limit) as file:
         try:
-            return file.read(limit)
+            return file.read(os.fstat(file.fileno()).st_size)  # not the limit: so much memory would be taken at once
         except OSError as error:
             raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None

@@ -39,7 +39,7 @@ def open_file(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> Iterat
 def read_bytes(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> bytes:
     """The whole of a regular file of at most ``limit`` bytes (see `open_file`)."""
     with open_file(path, limit=limit) as file:
-        return file.read(limit + 1)
+        return file.read(size_of(file))  # not the limit: so much memory would be taken at once
 
 
 def size_of(file: BinaryIO) -> int:

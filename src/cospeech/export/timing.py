@@ -15,8 +15,8 @@ _NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
 def frame_rate(times: Array, fallback: float) -> float:
     """Frames per second of ascending time stamps ``(T,)`` in seconds, snapped to a common rate within 0.2 %.
 
-    ``fallback`` is the answer for fewer than two rows. The step that counts is one of the file's own, the middle one by
-    length (of two the shorter): gaps and dropped frames are longer, and fewer.
+    ``fallback`` is the answer for fewer than two rows. The step that counts is one of the file's own, than which a quarter are
+    shorter: gaps and dropped frames are longer, and stamps that are rounded jitter about it.
 
     Raises:
         InputError: time goes backwards, or no frame rate that motion has.
@@ -26,10 +26,11 @@ def frame_rate(times: Array, fallback: float) -> float:
     steps = np.diff(times)
     if np.any(steps < 0):
         raise InputError(f"time goes backwards at row {int(np.argmax(steps < 0)) + 2}", "is the recording damaged?")
-    middle = float(np.sort(steps)[(len(steps) - 1) // 2])
-    if not 1e-4 <= middle <= 1:  # ours: 10,000 … 1 frames per second
-        raise InputError(f"the time stamps are spread {middle:g} s apart", "is the clock of the recording damaged?")
-    regular = np.abs(steps - middle) < 0.25 * middle  # without gaps; the middle step itself is always among them
+    moving = np.sort(steps[steps > 0])
+    step = float(moving[(len(moving) - 1) // 4]) if len(moving) else 0.0
+    if not 1e-4 <= step <= 1:  # ours: 10,000 … 1 frames per second
+        raise InputError(f"the time stamps are spread {step:g} s apart", "is the clock of the recording damaged?")
+    regular = np.abs(steps - step) < 0.25 * step  # without gaps; the step itself is always among them
     rate = 1 / float(np.mean(steps[regular]))
     for common in (float(round(rate)), *_NTSC):
         if common > 0 and abs(rate - common) < 2e-4 * common:

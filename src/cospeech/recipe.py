@@ -24,6 +24,7 @@ _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: 
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
 
+_LARGEST = 2**1000  # ours: whole numbers beyond are no floats
 T = TypeVar("T")
 
 
@@ -188,7 +189,7 @@ def _fit(value: Any, hint: Any, where: str) -> Any:
             return tuple(
                 _fit(v, inner[0] if endless else h, where) for v, h in zip(value, inner if not endless else value, strict=True)
             )
-    elif hint is float and type(value) in (int, float):
+    elif hint is float and type(value) in (int, float) and (isinstance(value, float) or abs(value) <= _LARGEST):
         return float(value)
     elif hint is Any or type(value) is hint:
         return value

@@ -198,8 +198,7 @@ def test_skeletons_of_five_thousand_joints(shape):
     count = 5000
     parents = tuple(range(-1, count - 1)) if shape == "chain" else (-1, *[0] * (count - 1))
     skeleton = Skeleton(tuple(f"b{k}" for k in range(count)), parents, np.full((count, 3), 0.01))
-    with pytest.raises(InputError, match="cannot find hips"):
-        recognise(skeleton)
+    assert answer(lambda: recognise(skeleton)) == "refused"
     assert skeleton.forward(skeleton.rest, np.zeros(3))[0].shape == (count, 3)
     if shape == "one name":
         with pytest.raises(InputError, match="joint names repeat: a"):
@@ -217,7 +216,7 @@ QUADRATIC = {  # what is done with n of something; each was quadratic
 
 @pytest.mark.parametrize("name", QUADRATIC)
 def test_scanners_look_at_each_character_once(name):
-    assert answer(lambda: QUADRATIC[name](200_000)) == "read"
+    assert answer(lambda: QUADRATIC[name](600_000)) == "read"
 
 
 def test_a_long_word_does_not_become_gigabytes():
@@ -230,7 +229,7 @@ def test_three_words_in_hours_of_speech_are_aligned_in_moderate_memory():
     """The search looked at all of the speech for each of them."""
     rng = np.random.default_rng(0)
     speech = Speech((0.1 * rng.standard_normal(1200 * 16_000)).astype(np.float32))
-    with bounded_memory():
+    with bounded_memory(300 << 20):
         words = align("one two three", speech)
     assert [word.text for word in words] == ["one", "two", "three"]
 

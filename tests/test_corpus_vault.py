@@ -55,7 +55,7 @@ def test_a_crash_costs_one_file(file):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped on this system")
 def test_a_hang_is_ended(file, monkeypatch):
-    monkeypatch.setattr(module, "_TIMEOUT", 0.3)
+    monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
     with Vault("hdf5") as vault:
         vault.hdf5(file)
         assert vault._process is not None

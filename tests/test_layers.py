@@ -11,8 +11,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 
 # Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
 LAYERS = [
-    {"errors", "_decode", "workplace"},
-    {"files", "interrupts", "rotations", "skeletons"},
+    {"errors", "limits", "_decode", "workplace"},
+    {"files", "interrupts", "rotations", "skeletons", "parsing"},
+    {"opening"},
     {"decoding", "emotions", "recipe", "runlog"},
     {"skeleton", "speech"},
     {"motion", "features", "recognise_shape"},

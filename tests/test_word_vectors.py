@@ -148,7 +148,7 @@ def quantised() -> bytes:
 
 
 BROKEN = {
-    "empty": (b"", "no word vectors|missing"),
+    "empty": (b"", "no word vectors|missing|is empty"),
     "quantised": (quantised(), "is quantised"),
     "packed bin": (gzip.compress(Model().bytes()), "gunzip"),
     "newer": (struct.pack("<2i", 793712314, 13) + Model().bytes()[8:], "version 13"),

@@ -8,8 +8,9 @@ What is recorded, through the command line alone, so that the code behind it may
 * 20 training steps of every recipe, at a small size.
 
 Each entry has a SHA-256 of its numbers and a fingerprint (means and fixed random projections). `compare` prints for each entry
-``equal``, or by how much the fingerprint moved relative to its size; beyond ``--tolerance`` the exit code is 1. Another machine may
-run other kernels, so a file compares code on one machine. Synthetic data throughout. Takes about eight minutes on two cores.
+``equal``, or by how much the fingerprint moved relative to its size; beyond ``--tolerance`` the exit code is 1.
+Another machine may run other kernels, so a file compares code on one machine. Synthetic data throughout. It takes about eight
+minutes on two cores.
 """
 
 from __future__ import annotations

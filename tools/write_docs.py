@@ -15,9 +15,11 @@ from pathlib import Path
 
 from cospeech.catalogue import catalogue
 from cospeech.how_to_open import HOW_TO_OPEN
+from cospeech.limits import LIMITS, Limit
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = ("generate", "convert", "render", "list", "demo", "bench", "prepare", "synthesise", "evaluate", "train", "bundle")
+BINARY = {30: "GiB", 20: "MiB", 10: "KiB", 0: "bytes"}
 BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
 
 CLI_HEAD = """\
@@ -65,7 +67,20 @@ def formats() -> str:
     return table(["suffix", "what it holds", "cospeech can", "where it goes"], rows)
 
 
+def limits() -> str:
+    return table(["what", "limit", "why"], [[row.what, amount(row), row.why] for row in LIMITS])
+
+
+def amount(limit: Limit) -> str:
+    """A limit as people read it: ``256 MiB``, ``40,000,000 frames × joints``."""
+    if limit.unit.startswith("bytes"):
+        power = next(n for n in (30, 20, 10, 0) if limit.value >= 1 << n)
+        return f"{limit.value / (1 << power):g} {BINARY[power]}{limit.unit[5:]}"
+    return f"{limit.value:,.10g} {limit.unit}"
+
+
 TABLES: dict[str, Callable[[], str]] = {
+    "limits": limits,
     "models": named("models"),
     "styles": named("styles"),
     "emotions": named("emotions"),

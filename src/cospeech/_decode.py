@@ -22,10 +22,8 @@ import sys
 __all__: list[str] = []
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
-MEMORY = 1 << 30  # ours: bytes of address space; decoding needs some 300 MiB of it, most of that libraries
 STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
 HOLE = 0.05  # seconds; ours: below two frames of motion nobody sees that speech and motion part
-CPU_SECONDS = 3600  # ours: a day of MP3 takes some 100 s; ends a decoder whose parent is gone and that never writes again
 
 # First bytes → FFmpeg's name for the demuxer. Offset 4 for ISO media ("....ftyp").
 CONTAINERS = (
@@ -50,14 +48,17 @@ class Refused(Exception):
         self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}
 
 
-def confine() -> None:
-    """Bound memory and time, leave no core dump, let Ctrl-C be the parent's business."""
+def confine(memory: int, cpu_seconds: int) -> None:
+    """Bound memory (bytes) and time, leave no core dump, let Ctrl-C be the parent's business.
+
+    The time ends a decoder whose parent is gone and that never writes again.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         import resource
     except ImportError:  # Windows
         return
-    for kind, limit in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, CPU_SECONDS)):
+    for kind, limit in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, cpu_seconds)):
         try:
             resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
         except (ValueError, OSError):  # not on this system
@@ -198,7 +199,7 @@ def refusal(error: Exception) -> Refused:
 
 if __name__ == "__main__":
     sys.path[:] = sys.argv[1].split(os.pathsep)
-    confine()
+    confine(int(sys.argv[2]), int(sys.argv[3]))
     try:
         serve(sys.stdin.buffer.read().split(b"\0")[:-1])
     except BrokenPipeError:  # the parent has heard enough

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .features.prosody import Features, ProsodyStream, analyse, find_pauses
+from .limits import WORDS
 from .speech import RATE, Speech, SpeechSource, Word, open_speech
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ COMMA = 1.0  # for punctuation without a pause; those recordings came without pu
 DIGRAPHS = re.compile(r"([a-z])\1|th|sh|ch|ph|wh|ck|ng|gh|qu|ea|ou|ow|ai|ay|ie|ei|oa|au|aw|ue|ew")
 # Scripts without blanks between words: Thai, Lao, kana, Han
 UNSPACED = r"\u0e00-\u0eff\u3040-\u30ff\u3400-\u9fff\uf900-\ufaff\U00020000-\U0003ffff"
-PIECES = re.compile(rf"[{UNSPACED}]|[^{UNSPACED}]+")
+PIECES = re.compile(rf"[{UNSPACED}]|[^{UNSPACED}\s]+|\s+")
 VOWELS = frozenset("aeiouyœøæıаеёиоуыэюяіїєαεηιουωאאוי")
 ENDS = frozenset(".,;:!?…–—。、，！？；：؟،۔।")
 
@@ -55,14 +56,28 @@ def tokenise(text: str) -> list[str]:
     >>> tokenise("Hello, world - 你好。")
     ['Hello,', 'world-', '你', '好。']
     """
-    tokens: list[str] = []
-    for piece in text.split():
-        for part in PIECES.findall(piece):
-            if any(c.isalnum() for c in part) or not tokens:
-                tokens.append(part)
-            else:
-                tokens[-1] += part
-    return [token for token in tokens if bare(token)]
+    return [token for token in _tokens(text) if bare(token)]
+
+
+def _tokens(text: str) -> Iterator[str]:
+    """Pieces of a text, each with the signs that follow it, from the first to the last.
+
+    Raises:
+        InputError: there are too many.
+    """
+    count, parts = 0, list[str]()
+    for match in PIECES.finditer(text):
+        part = match[0]
+        if part.isspace():
+            continue
+        if parts and any(c.isalnum() for c in part):
+            yield "".join(parts)
+            count, parts = count + 1, []
+        parts.append(part)
+        if count >= WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
+    if parts:
+        yield "".join(parts)
 
 
 def bare(token: str) -> str:
@@ -202,7 +217,8 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
         ends = np.arange(first, until + 1)
         # Up to SLOWEST times its length, and far enough that every end has a start that can be reached.
         longest = max(int(SLOWEST * expected[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
-        taken = np.arange(1, min(longest, until - low) + 1)
+        nearest = max(1, first - low - len(cost) + 1)  # what is shorter begins behind all places where a word may begin
+        taken = np.arange(nearest, min(longest, until - low) + 1)
         starts = ends[:, None] - taken
         possible = (starts >= low) & (starts < low + len(cost))
         starts = np.clip(starts, low, low + len(cost) - 1)

@@ -25,7 +25,9 @@ from torch import Tensor, nn
 
 from .errors import CospeechWarning, InputError, nearest
 from .files import atomic, describe_os_error
+from .limits import RUN_BYTES
 from .models import NETWORKS
+from .opening import read_regular, regular_file
 from .recipe import build
 
 __all__ = [
@@ -43,7 +45,6 @@ __all__ = [
 
 FORMAT = "cospeech-run-1"
 WHICH = ("best", "last")
-_LARGEST = 1 << 26  # bytes of a config.json; ours
 
 
 def network(name: str) -> Any:
@@ -95,10 +96,8 @@ def read_facts(folder: Path) -> dict[str, Any]:
     """
     path = folder / "config.json"
     try:
-        if path.stat().st_size > _LARGEST:
-            raise ValueError
-        facts = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
+        facts = json.loads(read_regular(path, "the facts of a run", RUN_BYTES))
+    except (ValueError, RecursionError):  # an `InputError` is a ValueError
         raise InputError(f"{str(folder)!r} is not a run: no readable config.json", "`cospeech train` makes one") from None
     if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise InputError(f"{str(folder)!r} is not a run of this version ({FORMAT})", "train it again")
@@ -121,12 +120,14 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         InputError: there is no such file, or it is damaged.
     """
     try:
-        with safe_open(path, "pt") as file:
+        with safe_open(regular_file(path, "a checkpoint"), "pt") as file:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # it is no mapping
             state = json.loads((file.metadata() or {}).get("state", "{}"))
     except OSError as error:
         raise InputError(f"cannot read {str(path)!r}: {describe_os_error(error)}", "has the run saved yet?") from None
     except (SafetensorError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"{str(path)!r} is damaged: {error}"[:200], "train it again") from None
     return tensors, state
 

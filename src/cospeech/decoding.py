@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 import struct
 import subprocess
 import sys
@@ -16,45 +15,28 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from os import PathLike
 from pathlib import Path
 
 from .errors import InputError, InternalError
-from .files import describe_os_error
+from .limits import (
+    BLOCK_TIMEOUT,
+    CHANNELS,
+    DECODER_CPU_SECONDS,
+    DECODER_MEMORY,
+    LONGEST_MESSAGE_BYTES,
+    OPEN_TIMEOUT,
+    SOUND_RATES,
+)  # fmt: skip
 
-__all__ = ["RATES", "Decoder", "regular_file"]
-
-RATES = (8_000, 384_000)  # Hz; telephone … the highest that recorders offer
-MOST_CHANNELS = 1024  # libsndfile's own limit
-OPEN_TIMEOUT = 30.0  # ours, seconds: the whole of a long MP3 is scanned before its first sample
-BLOCK_TIMEOUT = 10.0  # ours, seconds without a block; one takes some milliseconds
-LONGEST_MESSAGE = 1 << 24  # bytes; a block is 512 KiB, FFmpeg's frames are smaller
-
-
-def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
-    """The path, made absolute, if a regular file with something in it is there."""
-    name = os.fsdecode(path)
-    try:
-        about = Path(name).stat()
-    except (OSError, ValueError) as error:
-        reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
-        raise InputError(f"cannot read {name!r}: {reason}", "is the name right?") from None
-    if stat.S_ISDIR(about.st_mode):
-        raise InputError(f"cannot read {name!r}: it is a folder", f"name {what}")
-    if not stat.S_ISREG(about.st_mode):
-        raise InputError(f"cannot read {name!r}: it is a pipe or a device", "save it to a file first")
-    if about.st_size == 0:
-        raise InputError(f"{name!r} is empty", "was it saved, recorded or downloaded to its end?")
-    if not os.access(name, os.R_OK):
-        raise InputError(f"cannot read {name!r}: Permission denied", "may you read it?")
-    return Path(name).absolute()
+__all__ = ["Decoder"]
 
 
 def _command() -> list[str]:
-    """How the decoder is started: isolated (-I), without site-packages hooks (-S), with our own search path."""
+    """How the decoder is started: isolated (-I), without site-packages hooks (-S), with our own search path and limits."""
     if not sys.executable:
         raise InternalError("no Python executable to run the decoder with", "run cospeech in an ordinary Python")
-    return [sys.executable, "-I", "-S", str(Path(__file__).with_name("_decode.py")), os.pathsep.join(sys.path)]
+    script, paths = str(Path(__file__).with_name("_decode.py")), os.pathsep.join(sys.path)
+    return [sys.executable, "-I", "-S", script, paths, str(DECODER_MEMORY), str(DECODER_CPU_SECONDS)]
 
 
 class Decoder:
@@ -95,10 +77,12 @@ class Decoder:
             rate, channels, claim = (int(values[key]) for key in ("rate", "channels", "frames"))  # type: ignore[call-overload]
         except (KeyError, TypeError, ValueError):
             raise self._broken("sent a header that makes no sense") from None
-        if not RATES[0] <= rate <= RATES[1]:
-            raise InputError(f"{self.name!r} has a sample rate of {rate} Hz", f"{RATES[0]} … {RATES[1]} Hz can be read")
-        if not 1 <= channels <= MOST_CHANNELS:
-            raise InputError(f"{self.name!r} has {channels} channels", f"1 … {MOST_CHANNELS} can be read")
+        if not SOUND_RATES[0] <= rate <= SOUND_RATES[1]:
+            raise InputError(
+                f"{self.name!r} has a sample rate of {rate} Hz", f"{SOUND_RATES[0]} … {SOUND_RATES[1]} Hz can be read"
+            )
+        if not 1 <= channels <= CHANNELS:
+            raise InputError(f"{self.name!r} has {channels} channels", f"1 … {CHANNELS} can be read")
         self._width = 4 * channels
         return rate, channels, claim
 
@@ -120,7 +104,7 @@ class Decoder:
     def _message(self) -> tuple[bytes, bytes]:
         head = self._read(5)
         kind, size = head[:1], struct.unpack("<I", head[1:])[0]
-        if size > LONGEST_MESSAGE:
+        if size > LONGEST_MESSAGE_BYTES:
             raise self._broken(f"announced {size} bytes")
         payload = self._read(size)
         if kind == b"X":

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from os import PathLike, fsdecode
-from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from .errors import InputError, nearest
-from .files import describe_os_error
+from .limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
+from .opening import read_regular
 from .rotations import Array
 
 __all__ = ["EMOTIONS", "EmotionTrack", "Moods", "emotion_track", "read_emotion_track"]
@@ -23,8 +24,6 @@ EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contem
 BLEND = 0.5
 """Seconds in which a named emotion takes over from the one before it; ours: faces show one in about so long."""
 
-_MOST_BYTES, _MOST_ROWS = 16 << 20, 100_000  # ours: an hour at 25 rows a second; beyond, it is another file
-_LATEST = 1e7  # s; ours, four months
 _SUM = 1e-6  # how far the weights of a moment may be from 1
 
 
@@ -135,8 +134,8 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
         if len(cells) != len(header):
             raise InputError(f"{place}: {len(cells)} cells", f"{len(header)}, as in the header")
         time = _number(cells[0], f"{place}: time")
-        if not 0 <= time <= _LATEST:
-            raise InputError(f"{place}: time {time:g}", f"seconds, 0 … {_LATEST:,.0f}")
+        if not 0 <= time <= PLAUSIBLE_SECONDS:
+            raise InputError(f"{place}: time {time:g}", f"seconds, 0 … {PLAUSIBLE_SECONDS:,.0f}")
         if keys and time <= keys[-1][0]:
             raise InputError(f"{place}: time {time:g} after {keys[-1][0]:g}", "each row is later than the one before")
         keys.append((time, read(cells[1:], place)))
@@ -148,24 +147,16 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
 def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
     """(line, cells) of every line that is not blank."""
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot read {shown!r}: {describe_os_error(error)}", "is the name right?") from None
+        text = read_regular(path, "an emotion track", EMOTION_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{shown!r} is no UTF-8 text at byte {error.start}", "save it as CSV in UTF-8") from None
-    except ValueError as error:  # a null character in the name
-        raise InputError(f"cannot read {shown!r}: {error}", "is the name right?") from None
-    if len(data) > _MOST_BYTES:
-        raise InputError(f"{shown!r} is larger than {_MOST_BYTES >> 20} MiB", "is it an emotion track?")
-    reader, rows = csv.reader(text.splitlines()), []
+    reader, rows = csv.reader(io.StringIO(text, newline=None)), []
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
                 rows.append((reader.line_num, cells))
-            if len(rows) > _MOST_ROWS + 1:
-                raise InputError(f"{shown!r} has more than {_MOST_ROWS:,} rows", "is it an emotion track?")
+            if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
+                raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
     except csv.Error as error:
         raise InputError(f"{shown!r} line {reader.line_num}: {error}", "is it CSV?") from None
     return rows

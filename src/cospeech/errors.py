@@ -4,6 +4,8 @@ from collections.abc import Iterable
 
 __all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "nearest"]
 
+_LONGEST = 2000  # characters; ours: above what lists of all known names take
+
 
 class CospeechError(Exception):
     """Base of every error raised on purpose.
@@ -17,8 +19,16 @@ class CospeechError(Exception):
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:
+        problem, hint = _line(problem), _line(hint)
         self.problem, self.hint = problem, hint
         super().__init__(f"{problem} ({hint})" if hint else problem)
+
+
+def _line(text: str) -> str:
+    """A text as one line; a very long one, in which a file may have said anything, is shortened in its middle."""
+    if "\n" in text or "\r" in text:
+        text = " ".join(text.split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 4 :]}"
 
 
 class InputError(CospeechError, ValueError):

@@ -10,6 +10,7 @@ from os import PathLike
 import numpy as np
 
 from .errors import InputError
+from .limits import JOINT_FRAMES, MOTION_RATES
 from .rotations import Array, quat_continuous, quat_slerp
 from .skeleton import Skeleton, humanoid
 from .skeletons.arkit import ARKIT, ARKIT_MIRROR
@@ -17,7 +18,6 @@ from .skeletons.arkit import ARKIT, ARKIT_MIRROR
 __all__ = ["Motion"]
 
 _UNIT = 0.02  # of a squared length; ours: float16 is off by 0.001, what was interpolated without care by more
-_MOST_FPS = 10_000.0  # ours: ten times the fastest motion capture; beyond is a mistake that would fill the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Motion:
         start: time of the first frame in seconds (chunks of a stream carry theirs).
 
     Raises:
-        InputError: shapes disagree, rotations are not of unit length, fps is not above 0 and at most 10,000, or a value is
-            not a finite number.
+        InputError: shapes disagree, rotations are not of unit length, fps is not 0.0001 … 10,000, or a value is not a finite
+            number.
     """
 
     fps: float
@@ -106,11 +106,18 @@ class Motion:
         )
 
     def resample(self, fps: float) -> Motion:
-        """The same motion at another rate: slerp for rotations, linear for the rest; the duration is kept to a frame."""
+        """The same motion at another rate: slerp for rotations, linear for the rest; the duration is kept to a frame.
+
+        Raises:
+            InputError: no rate of motion, or it would become larger than motion in memory may be.
+        """
         _check_rate(fps)
         if fps == self.fps or len(self) == 0:
             return replace(self, fps=fps)
         count = max(1, int(np.ceil(len(self) * fps / self.fps - 1e-9)))
+        if count > len(self) and count * len(self.skeleton) > JOINT_FRAMES:
+            problem = f"{len(self):,} frames at {self.fps:g} fps would become {count:,} at {fps:g}"
+            raise InputError(problem, f"at most {JOINT_FRAMES // len(self.skeleton):,}: cut the motion into pieces")
         at = np.minimum(np.arange(count) * (self.fps / fps), len(self) - 1)
         low = np.minimum(at.astype(int), len(self) - 1)
         high = np.minimum(low + 1, len(self) - 1)
@@ -164,8 +171,13 @@ class Motion:
 
 def _check_rate(fps: object) -> None:
     """A number of frames per second that motion can have."""
-    if not isinstance(fps, Real) or not 0 < float(fps) <= _MOST_FPS:  # false for NaN, too
-        raise InputError(f"{fps!r} frames per second", f"a number above 0, {_MOST_FPS:g} at most, such as 30")
+    try:
+        fits = isinstance(fps, Real) and not isinstance(fps, bool) and MOTION_RATES[0] <= float(fps) <= MOTION_RATES[1]
+    except OverflowError:  # a whole number beyond all floats
+        fits = False
+    if not fits:  # NaN, too
+        shown = repr(fps)[:40] if not isinstance(fps, int) or abs(fps) < 1e9 else "too many"  # digits of an int have a limit
+        raise InputError(f"{shown} frames per second", f"{MOTION_RATES[0]:g} … {MOTION_RATES[1]:g}, such as 30")
 
 
 def _numbers(name: str, value: object) -> Array:

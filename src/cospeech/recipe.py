@@ -15,18 +15,20 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError, nearest
-from .files import describe_os_error
+from .limits import RECIPE_BYTES
+from .opening import read_regular
+from .parsing import parse_toml
 
 __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe", "shipped"]
 
 SHIPPED = Path(__file__).with_name("recipes")
 """Where the recipes lie that come with the program: ``NAME.toml``."""
 
-_LARGEST = 1 << 20  # bytes of a recipe; ours
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
 
+_LARGEST = 2**1000  # ours: whole numbers beyond are no floats
 T = TypeVar("T")
 
 
@@ -191,7 +193,7 @@ def _fit(value: Any, hint: Any, where: str) -> Any:
             return tuple(
                 _fit(v, inner[0] if endless else h, where) for v, h in zip(value, inner if not endless else value, strict=True)
             )
-    elif hint is float and type(value) in (int, float):
+    elif hint is float and type(value) in (int, float) and (isinstance(value, float) or abs(value) <= _LARGEST):
         return float(value)
     elif hint is Any or type(value) is hint:
         return value
@@ -283,20 +285,11 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
     Raises:
         InputError: no such file, not TOML, or not a recipe; see `read_recipe`.
     """
-    shown = str(path)
-    try:
-        with _file(shown).open("rb") as file:
-            data = file.read(_LARGEST + 1)
-        if len(data) > _LARGEST:
-            raise InputError(f"{shown!r} is larger than {_LARGEST >> 20} MB", "is it a recipe?")
-        sections: dict[str, Any] = tomllib.loads(data.decode("utf-8"))
-    except OSError as error:
+    file = _file(str(path))
+    if not file.exists():
         hint = f"a TOML file, or one that comes with the program: {', '.join(shipped())}"
-        raise InputError(f"cannot read {shown!r}: {describe_os_error(error)}", hint) from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{shown!r} is not TOML: {error}"[:200], "see docs/training.md") from None
+        raise InputError(f"cannot read {str(path)!r}: No such file or directory", hint)
+    sections = parse_toml(read_regular(file, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
     for text in overrides:
         _override(sections, text)
     return read_recipe(sections)

@@ -8,14 +8,15 @@ where the arms meet, and all between them is spine.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from os import PathLike
 
-from .decoding import regular_file
-from .errors import CospeechError, InputError
+from .errors import InputError
+from .limits import BONE_MAP_BYTES
+from .opening import read_regular
+from .parsing import parse_toml
 from .recognise_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
@@ -180,12 +181,7 @@ def load_map(path: str | PathLike[str]) -> dict[str, str]:
         InputError: it cannot be read, is not TOML, or does not hold that table.
     """
     name = repr(str(path))
-    try:
-        table = tomllib.loads(regular_file(path, "a bone map").read_text("utf-8")).get("bones")
-    except CospeechError:
-        raise
-    except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
-        raise InputError(f"{name} is not TOML: {str(error).splitlines()[0]}", "see `--map` in the docs") from None
+    table = parse_toml(read_regular(path, "a bone map", BONE_MAP_BYTES), name, "see `--map` in the docs").get("bones")
     if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
         raise InputError(f"{name} holds no table of names", '[bones] leftUpperArm = "their name"')
     return table

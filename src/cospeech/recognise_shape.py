@@ -18,6 +18,7 @@ __all__ = ["by_shape"]
 
 _ALIKE = 0.1  # ours: the two limbs of a pair differ by less in every bone
 _WIDE = 0.25  # ours: shoulders are at least this part of an arm apart, the inner ends of collar bones are not
+_MOST = 32  # ours: so many limbs of one joint are compared, the longest; persons have three where the legs meet
 _LONG = 0.3  # ours: a limb is at least this part of the longest chain in the tree
 
 
@@ -97,7 +98,8 @@ class _Body:
         """``(joint, limb, other limb)``: the longest alike limbs that meet, one pair per joint, at most two pairs."""
         found = []
         for joint, below in enumerate(self.skeleton.children):
-            alike = [(a, b) for a, b in combinations(below, 2) if self._alike(a, b)]
+            long = sorted(sorted(below, key=lambda limb: -self.reach[limb])[:_MOST])
+            alike = [(a, b) for a, b in combinations(long, 2) if self._alike(a, b)]
             if alike:
                 a, b = max(alike, key=lambda pair: self.reach[pair[0]])
                 found.append((joint, a, b))

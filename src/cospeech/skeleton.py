@@ -1,5 +1,6 @@
 """Skeleton: names, parents, offsets and the T-pose; forward kinematics; named groups of joints."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -47,8 +48,8 @@ class Skeleton:
         if not (np.isfinite(offsets).all() and np.isfinite(rest).all()):
             raise InputError("a skeleton's offsets or rest hold values that are not finite")
         if len(set(names)) != len(names):
-            twice = sorted({n for n in names if names.count(n) > 1})
-            raise InputError(f"joint names repeat: {', '.join(twice)}")
+            twice = sorted(name for name, count in Counter(names).items() if count > 1)
+            raise InputError(f"joint names repeat: {', '.join(twice)[:200]}")
         if parents[0] != -1 or any(not 0 <= p < k for k, p in enumerate(parents) if k):
             raise InputError("a skeleton has one root, first, and parents stand before their children")
         for name, value in (("names", names), ("parents", parents), ("offsets", offsets), ("rest", rest)):
@@ -87,11 +88,10 @@ class Skeleton:
         depth = [0] * len(self)
         for k, p in enumerate(self.parents):
             depth[k] = depth[p] + 1 if p >= 0 else 0
-        levels = []
-        for d in range(1, max(depth) + 1):
-            joints = np.array([k for k in range(len(self)) if depth[k] == d])
-            levels.append((joints, np.array([self.parents[k] for k in joints])))
-        return tuple(levels)
+        order = np.argsort(depth, kind="stable")  # by depth, and in the skeleton's order within
+        cuts = np.flatnonzero(np.diff(np.array(depth)[order])) + 1
+        parents = np.array(self.parents)
+        return tuple((joints, parents[joints]) for joints in np.split(order, cuts)[1:])
 
     def group(self, *prefixes: str) -> tuple[int, ...]:
         """Indices of the joints whose name starts with one of ``prefixes``, in skeleton order."""

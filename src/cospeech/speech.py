@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
 from math import isfinite
+from numbers import Rational
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -22,15 +23,17 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from .decoding import RATES, Decoder, regular_file
+from .decoding import Decoder
 from .errors import InputError
+from .limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
+from .opening import regular_file
 
 __all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
 
 Samples = NDArray[np.float32]
 
 RATE = 16_000  # Hz; what the features are computed at (wideband speech)
-MOST_SECONDS_IN_MEMORY = 2 * 3600.0  # ours: 460 MB at 16 kHz; longer speech is streamed
+SPARE = 1  # second by which a speech may be said to be longer than its samples; ours: encoders pad and cut
 LOUDEST = 100.0  # ours: +40 dB over full scale; floats beyond were not scaled to -1 … 1
 AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
 CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
@@ -94,15 +97,18 @@ class Speech:
             raise InputError(f"samples of type {samples.dtype}", "floats in -1 … 1, or 16-bit integers")
         if samples.dtype != np.float32:
             samples = samples.astype(np.float32) / np.float32(1 if samples.dtype.kind == "f" else 32768)
-        if not self.rate > 0:
-            raise InputError(f"{self.rate} samples per second", "a positive number, such as 16000")
+        object.__setattr__(self, "rate", _check_rate(self.rate))
         _check_samples(samples[:, None], self.name, 0, self.rate)
         object.__setattr__(self, "samples", samples)
         if self.duration is None:
             given = self.seconds is not None
-            exact = Fraction(self.seconds).limit_denominator(RATES[1]) if given else Fraction(len(samples), self.rate)
+            exact = _fraction("seconds", self.seconds) if given else Fraction(len(samples), self.rate)
             object.__setattr__(self, "duration", exact)
+        if not (isinstance(self.duration, Rational) and 0 <= self.duration <= Fraction(len(samples), self.rate) + SPARE):
+            problem = f"{len(samples)} samples at {self.rate} Hz as a speech of {str(self.duration)[:40]} s"
+            raise InputError(problem, f"{len(samples) / self.rate:g} s, or a little less")
         object.__setattr__(self, "seconds", float(self.duration))
+        _fraction("start", self.start)
 
     @staticmethod
     def load(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> Speech:
@@ -116,8 +122,8 @@ class Speech:
             for block in source.blocks():
                 parts.append(block)
                 count += len(block)
-                if count > MOST_SECONDS_IN_MEMORY * rate:
-                    hours = f"{MOST_SECONDS_IN_MEMORY / 3600:g} hours"
+                if count > SECONDS_IN_MEMORY * rate:
+                    hours = f"{SECONDS_IN_MEMORY / 3600:g} hours"
                     raise InputError(f"{source.name!r} is longer than {hours}", "stream it: cospeech.speech.open_speech")
         assert source.duration is not None
         speech = Speech(np.concatenate(parts), rate, name=source.name, duration=source.duration)
@@ -236,7 +242,7 @@ class SpeechSource:
     """
 
     def __init__(self, path: str | PathLike[str], rate: int = RATE) -> None:
-        self.path, self.rate = regular_file(path), rate
+        self.path, self.rate = regular_file(path), _check_rate(rate)
         self.name = Path(path).name
         self.words: tuple[Word, ...] | None = None
         self.source_frames: int | None = None
@@ -359,6 +365,31 @@ class _Merge:
                 cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
                 self.pick = int(loudness.argmax()) if cancelled else -1
         yield mean if self.pick in (None, -1) else np.ascontiguousarray(block[:, self.pick])
+
+
+def _check_rate(rate: object) -> int:
+    """A number of samples per second, whole: 16000, 16000.0 and numpy's are.
+
+    Raises:
+        InputError: it is none, or no rate that speech has.
+    """
+    known = isinstance(rate, int | float | np.integer | np.floating) and not isinstance(rate, bool)
+    if known and SPEECH_RATES[0] <= rate <= SPEECH_RATES[1] and rate == int(rate):  # type: ignore[operator,call-overload]
+        return int(rate)  # type: ignore[call-overload]
+    shown = repr(rate)[:40] if not isinstance(rate, int) or abs(rate) < 10**30 else "too many"  # digits of an int have a limit
+    raise InputError(f"{shown} samples per second", f"a whole number, {SPEECH_RATES[0]:,} … {SPEECH_RATES[1]:,}, such as 16000")
+
+
+def _fraction(what: str, value: object) -> Fraction:
+    """A time in seconds as the simple fraction that it stands for.
+
+    Raises:
+        InputError: it is no number, or not finite.
+    """
+    try:
+        return Fraction(value).limit_denominator(SOUND_RATES[1])  # type: ignore[call-overload]
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"a speech whose {what} is {str(value)[:40]!r}", "a number of seconds") from None
 
 
 def _check_samples(block: NDArray[np.float32], name: str, before: int, rate: int) -> None:

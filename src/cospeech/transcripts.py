@@ -7,18 +7,21 @@ not overlapping, inside the speech, without silences. Entries of several words a
 from __future__ import annotations
 
 import html
-import json
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator
+from io import StringIO
+from itertools import chain, islice, pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .alignment import align, bare, spread, tokenise
-from .decoding import regular_file
 from .errors import InputError
-from .files import describe_os_error
+from .limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
+from .opening import read_regular
+from .parsing import parse_json
 from .speech import Word
 
 if TYPE_CHECKING:
@@ -28,9 +31,7 @@ __all__ = ["align", "load_words", "settle"]
 
 Entry = tuple[str, float, float]  # text, start, end
 
-LARGEST = 64 << 20  # bytes; ours: a day of speech with word times as JSON is some 30 MB
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
-LATEST = 1e7  # seconds; ours: 115 days, beyond which a time is a mistake
 SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
 # Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
 NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
@@ -54,12 +55,11 @@ def load_words(
     Raises:
         InputError: it cannot be read, makes no sense, or lies wholly past the end of the speech.
     """
-    file = regular_file(path, "a transcript")
-    name = file.name
-    text = _read_text(file)
+    data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
+    text = _decode(data, name)
     if speech_seconds is None and speech is not None:
         speech_seconds = speech.seconds
-    reader = _READERS.get(file.suffix.lower()) or _sniff(text)
+    reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
         tokens = tokenise(text)
         if not tokens:
@@ -83,13 +83,17 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
         InputError: a time is not a number, an entry ends before it starts, or all lie past the end.
     """
     words: list[Word] = []
-    for text, start, end in entries:
-        if not (math.isfinite(start) and math.isfinite(end) and abs(start) < LATEST and abs(end) < LATEST):
+    for count, (text, start, end) in enumerate(entries):
+        if not (
+            math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
+        ):
             raise InputError(f"{text[:40]!r} is at {start:g} … {end:g} s", "times are in seconds")
         if end < start:
             raise InputError(f"{text[:40]!r} ends before it starts: {start:g} … {end:g} s", "are its columns swapped?")
         tokens = _tokens(text)
         words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
+        if len(words) > WORDS or count > 2 * WORDS:  # between two words there may be a silence
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
     words = _without_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
     if seconds is None:
         return tuple(words)
@@ -118,15 +122,8 @@ def _without_overlaps(words: list[Word]) -> list[Word]:
     return [Word(word.text, start, end) for word, start, end in zip(words, starts, ends, strict=True)]
 
 
-def _read_text(file: Path) -> str:
+def _decode(data: bytes, name: str) -> str:
     """The text of a file in UTF-8 or UTF-16, with or without a byte order mark."""
-    try:
-        size = file.stat().st_size
-        data = file.read_bytes() if size <= LARGEST else b""
-    except OSError as error:
-        raise InputError(f"cannot read {file.name!r}: {describe_os_error(error)}") from None
-    if size > LARGEST:
-        raise InputError(f"{file.name!r} has {size >> 20} MiB", f"a transcript has at most {LARGEST >> 20} MiB")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
     elif b"\0" in data[:200:2] + data[1:200:2] and len(data) % 2 == 0:
@@ -137,9 +134,9 @@ def _read_text(file: Path) -> str:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
-        raise InputError(f"{file.name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
+        raise InputError(f"{name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
     if "\0" in text:
-        raise InputError(f"{file.name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
+        raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -155,8 +152,9 @@ def _number(text: object) -> float:
 
 # ---- TextGrid: https://www.fon.hum.uva.nl/praat/manual/TextGrid_file_formats.html ----
 
-PRAAT_TOKEN = re.compile(r'"((?:[^"]|"")*)"|(<[a-z]+>)|![^\n]*|[^\s"]+')
-PRAAT_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$")
+# "++", "*+": what was taken is not given back, so that each character is looked at once
+PRAAT_TOKEN = re.compile(r'"([^"]*+(?:""[^"]*+)*+)"|(<[a-z]++>)|![^\n]*+|[^\s"]++')
+PRAAT_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?$")
 
 
 def read_textgrid(text: str) -> Iterator[Entry]:
@@ -176,11 +174,15 @@ def read_textgrid(text: str) -> Iterator[Entry]:
     if take(str) != "<exists>":
         raise InputError("a TextGrid without tiers", "add a word tier")
     tiers: list[tuple[str, list[Entry]]] = []
+    read = 0
     for _ in range(_count(take(float))):
         kind, name = str(take(str)), str(take(str))
         take(float), take(float)
         entries: list[Entry] = []
         for _ in range(_count(take(float))):
+            read += 1
+            if read > 4 * WORDS:  # a word and the sounds that it is made of
+                raise InputError(f"a TextGrid of more than {4 * WORDS:,} entries", "cut it into pieces")
             start = float(take(float))
             end = float(take(float)) if kind == "IntervalTier" else start
             entries.append((str(take(str)), start, end))
@@ -217,22 +219,28 @@ def _word_tier(tiers: list[tuple[str, list[Entry]]]) -> list[Entry]:
 # ---- tables and subtitles ----
 
 TIME = r"(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2})[,.](\d{1,3})"
+NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
 CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
 
 
 def read_tsv(text: str) -> Iterator[Entry]:
     """start, end, word, separated by tabs; a first line of names is skipped. Whisper's (milliseconds) is recognised."""
-    lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
-    scale = 1.0
-    for place, (number, line) in enumerate(lines):
-        cells = [cell.strip() for cell in line.split("\t")]
-        if place == 0 and not any(_is_number(cell) for cell in cells[:2]):
-            whole = all(cell.isdigit() for _, other in lines[1:] for cell in other.split("\t")[:2])
-            scale = 0.001 if [c.lower() for c in cells] == ["start", "end", "text"] and whole else 1.0
+    scale, first = 1.0, True
+    for number, line in _lines(text):
+        cells, head, first = [cell.strip() for cell in line.split("\t")], first, False
+        if head and not any(_is_number(cell) for cell in cells[:2]):
+            if [c.lower() for c in cells] == ["start", "end", "text"]:
+                others = islice(_lines(text), 1, None)
+                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in other.split("\t")[:2]) else 1.0
             continue
         if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
             raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs")
         yield cells[2] if len(cells) > 2 else "", _number(cells[0]) * scale, _number(cells[1]) * scale
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are not blank, one at a time."""
+    return ((number, line) for number, line in enumerate(map(str.rstrip, StringIO(text)), 1) if line)
 
 
 def _is_number(cell: str) -> bool:
@@ -245,14 +253,15 @@ def _is_number(cell: str) -> bool:
 
 def read_srt(text: str) -> Iterator[Entry]:
     """SubRip and WebVTT: what stands between one line of times and the next blank line."""
-    cues = list(CUE.finditer(text))
-    if not cues:
+    if CUE.search(text) is None:
         raise InputError("no subtitle has a time", "'00:00:01,000 --> 00:00:02,000' belongs above each")
-    ends = [cue.start() for cue in cues[1:]] + [len(text)]
-    for cue, end in zip(cues, ends, strict=True):
+    for cue, following in pairwise(chain(CUE.finditer(text), [None])):
+        assert cue is not None
+        end = len(text) if following is None else following.start()
         spoken = re.split(r"\n[ \t]*(?:\n|$)", text[cue.end() : end].removeprefix("\n"), maxsplit=1)[0]
         parts = cue.groups()
-        yield html.unescape(re.sub(r"<[^<>\n]*>", "", spoken)).replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
+        said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))
+        yield said.replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
 
 
 def _clock(parts: tuple[str | None, ...]) -> float:
@@ -270,17 +279,7 @@ LIST_KEYS = ("words", "w", "segments", "result", "results", "word_segments", "fr
 
 def read_json(text: str) -> Iterator[Entry]:
     """A list of {word, start, end}; or that list, or segments that hold such lists, named as recognisers do."""
-    try:
-        document = json.loads(text, parse_constant=_no_constant)
-    except RecursionError:
-        raise InputError("JSON nested too deeply", "a list of words with start and end is enough") from None
-    except ValueError as error:
-        raise InputError(f"not JSON: {str(error)[:80]}", "a list of words with start and end") from None
-    yield from _json_entries(document, 0)
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a time")
+    yield from _json_entries(parse_json(text, "the transcript", TRANSCRIPT_JSON_VALUES), 0)
 
 
 def _json_entries(node: object, depth: int) -> Iterator[Entry]:

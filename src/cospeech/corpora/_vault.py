@@ -21,9 +21,6 @@ import sys
 __all__: "list[str]" = []
 
 PIECE = 1 << 24  # bytes per message; ours
-MOST_BYTES = 1 << 28  # ours: of one HDF5 file, unpacked; an interval of PATS has 1 MiB
-MOST_OBJECTS = 2000  # ours: data sets of one file; PATS has some 12
-MEMORY = 2 << 30  # ours: bytes of address space while HDF5 is read
 
 
 class Refused(Exception):
@@ -98,7 +95,7 @@ def load(data):  # type: ignore[no-untyped-def]
     return about | {"dtype": described(array.dtype), "bytes": array.nbytes}, array.tobytes()
 
 
-def read_hdf5(path: str, want: "list[str] | None") -> None:
+def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects: int) -> None:
     import h5py
 
     found: list = []
@@ -108,8 +105,8 @@ def read_hdf5(path: str, want: "list[str] | None") -> None:
         return want is None or any(name == w or name.startswith(w + "/") or w.startswith(name + "/") for w in want)
 
     def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
-        if len(found) + len(groups) > MOST_OBJECTS:
-            raise Refused(f"it holds more than {MOST_OBJECTS} data sets", "is it of this corpus?")
+        if len(found) + len(groups) > most_objects:
+            raise Refused(f"it holds more than {most_objects} data sets", "is it of this corpus?")
         if not wanted(name):
             return
         if isinstance(item, h5py.Dataset):
@@ -121,8 +118,8 @@ def read_hdf5(path: str, want: "list[str] | None") -> None:
     with h5py.File(path, "r") as file:
         file.visititems(visit)
         total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in found)
-        if total > MOST_BYTES:
-            raise Refused(f"it unpacks to {total >> 20} MiB", f"at most {MOST_BYTES >> 20} MiB are read")
+        if total > most_bytes:
+            raise Refused(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
         loaded = [load(item) for item in found]
     send_json(b"J", {"datasets": [about for about, _ in loaded], "groups": groups})
     for _, data in loaded:
@@ -153,12 +150,12 @@ def read_lmdb(path: str) -> None:
         raise Refused(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
 
 
-def serve() -> None:
+def serve(most_bytes: int, most_objects: int) -> None:
     for line in sys.stdin.buffer:
         request = json.loads(line)
         try:
             if request["kind"] == "hdf5":
-                read_hdf5(request["path"], request["want"])
+                read_hdf5(request["path"], request["want"], most_bytes, most_objects)
             else:
                 read_lmdb(request["path"])
             send_json(b"E", {})
@@ -178,8 +175,9 @@ def serve() -> None:
 if __name__ == "__main__":
     sys.path[:] = sys.argv[1].split(os.pathsep)
     os.environ["HDF5_PLUGIN_PRELOAD"] = "::"  # HDF5's own word for: load no plug-ins
-    confine(MEMORY if sys.argv[2] == "hdf5" else None)  # LMDB maps whole files of any size
+    kind, memory, size, objects = sys.argv[2], *map(int, sys.argv[3:6])
+    confine(memory if kind == "hdf5" else None)  # LMDB maps whole files of any size
     try:
-        serve()
+        serve(size, objects)
     except BrokenPipeError:  # the parent has read enough
         os._exit(0)

@@ -6,8 +6,6 @@ emotion files; the emotion is that of the take's id, which the data set's own lo
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
@@ -15,10 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..export.npz_arrays import open_arrays
+from ..export.reading import open_file
 from ..rotations import Array
 from .annotations import read_semantics, take_of
 from .clip import Clip, Dropped
-from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_text, usable_folder, words_alone
+from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_rows, usable_folder, words_alone
 
 __all__ = ["FPS", "read", "read_split"]
 
@@ -55,7 +55,7 @@ def read_split(path: Path) -> dict[str, str]:
     """
     if not path.exists():
         return {}
-    rows = list(csv.reader(io.StringIO(read_text(path))))
+    rows = read_rows(path)
     header = [cell.strip() for cell in rows[0]] if rows else []
     if not {"id", "type"} <= set(header):
         raise InputError(f"{path.name!r} has no columns 'id' and 'type'", f"its first line: {','.join(header)[:60]}")
@@ -103,17 +103,14 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
 def _shape_and_expressions(path: Path, frames: int) -> dict[str, Array]:
     """FLAME's coefficients, which `cospeech.export.npz` leaves to their owners; it has checked the file before."""
     found: dict[str, Array] = {}
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            for key, shape in (("betas", (300,)), ("expressions", (frames, 100))):
-                if key not in archive.files:
-                    continue
-                values = archive[key]
-                if values.shape != shape or values.dtype.kind != "f" or not np.isfinite(values).all():
-                    raise InputError(f"{key!r} of {path.name!r} is {values.dtype} of shape {values.shape}, or not finite")
-                found[key] = values.astype(np.float32)
-    except InputError:
-        raise
-    except Exception as error:  # zipfile, zlib and numpy raise all kinds on a damaged member
-        raise InputError(f"{path.name!r} holds an array that cannot be read: {error}"[:200], "is it damaged?") from None
+    with open_file(path) as file, open_arrays(file, repr(path.name)) as arrays:
+        for key, shape in (("betas", (300,)), ("expressions", (frames, 100))):
+            if key not in arrays:
+                continue
+            if arrays.shape(key) != shape:
+                raise InputError(f"{key!r} of {path.name!r} is of shape {arrays.shape(key)}", f"{shape} is due")
+            values = arrays.read(key)
+            if values.dtype.kind != "f" or not np.isfinite(values).all():
+                raise InputError(f"{key!r} of {path.name!r} is {values.dtype}, or not finite", "is it damaged?")
+            found[key] = values.astype(np.float32)
     return found

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from ..errors import InputError
+from ..export.npz_arrays import open_arrays
+from ..export.reading import check_frames, open_file, size_of
 from ..motion import Motion
 from ..rotations import (
     Array,
@@ -123,13 +124,15 @@ def _read(folder: Path, tracks: _Tracks) -> Iterator[Clip | Dropped]:
 
 def _load(folder: Path) -> _Tracks:
     path = folder / "face.npz"
+    with open_file(path) as opened, open_arrays(opened, repr(str(path))) as file:
+        frames = (file.shape("blendshapes") if "blendshapes" in file else ()) or (0,)
+        check_frames(repr(str(path)), frames[0], len(humanoid()), size_of(opened))
+        arrays: dict[str, Any] = {name: file.read(name) for name in file}
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            arrays: dict[str, Any] = {name: file[name] for name in file.files}
         names, lengths = [str(name) for name in arrays["names"]], arrays["lengths"].astype(int)
         weights, fps = arrays["blendshapes"].astype(float), float(arrays["fps"])
         clips = tuple(str(name) for name in arrays["clip_ids"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"cannot read {str(path)!r}: {error}"[:200], "is it damaged?") from None
     starts = np.concatenate([[0], np.cumsum(lengths)])
     fits = weights.shape == (starts[-1], len(names)) and len(clips) == len(lengths) and lengths.min(initial=1) > 0

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from ..decoding import regular_file
 from ..errors import InputError
 from ..files import atomic
+from ..limits import CORPUS_TABLE_BYTES
+from ..opening import open_regular
 from .clip import Dropped
 
 __all__ = ["TABLE", "TWINS", "Interval", "read_table", "write_table"]
@@ -46,7 +48,10 @@ def read_table(path: Path) -> Iterator[Interval | Dropped]:
     seen: set[str] = set()
     line = 1
     try:
-        with regular_file(path, "a table").open(encoding="utf-8-sig", newline="") as file:
+        with (
+            open_regular(path, "a table of intervals", CORPUS_TABLE_BYTES) as binary,
+            io.TextIOWrapper(binary, "utf-8-sig", newline="") as file,
+        ):
             rows = csv.reader(file, strict=True)
             head = next(rows, [])
             absent = [name for name in COLUMNS if name not in head]

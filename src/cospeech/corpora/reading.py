@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -10,7 +12,9 @@ import numpy as np
 
 from ..errors import CospeechError, InputError
 from ..files import describe_os_error
+from ..limits import CORPUS_TEXT_BYTES
 from ..motion import Motion
+from ..opening import read_regular
 from ..speech import Speech
 from .clip import Clip, Dropped
 
@@ -21,12 +25,12 @@ __all__ = [
     "load_sound",
     "number",
     "read_each",
+    "read_rows",
     "read_text",
     "usable_folder",
     "words_alone",
 ]
 
-_LARGEST = 16 << 20  # bytes; ours: annotations of an hour are some hundred kB
 _APART = 2.0  # ours: motion and speech of one take differ by seconds, never by this factor
 _FAR = 100.0  # metres; ours: farther than any studio for motion capture is wide
 _MARGIN = 5.0  # seconds; ours: of which short takes may differ anyway
@@ -85,9 +89,7 @@ def read_text(path: Path) -> str:
     Raises:
         InputError: empty, too large, not text.
     """
-    from ..export.reading import read_bytes
-
-    data = read_bytes(path, limit=_LARGEST)
+    data = read_regular(path, "a file of annotations", CORPUS_TEXT_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -95,6 +97,19 @@ def read_text(path: Path) -> str:
     if "\0" in text:
         raise InputError(f"{path.name!r} holds NUL characters at {text.index(chr(0))}", "is it damaged?")
     return text
+
+
+def read_rows(path: Path) -> list[list[str]]:
+    """The cells of a small CSV file, line by line.
+
+    Raises:
+        InputError: as of `read_text`, or it is no CSV.
+    """
+    rows = csv.reader(io.StringIO(read_text(path)))
+    try:
+        return list(rows)
+    except csv.Error as error:
+        raise InputError(f"{path.name!r}, line {rows.line_num}: {error}", "is it damaged?") from None
 
 
 def number(word: str, low: float, high: float, place: str) -> float:

@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..limits import STORE_INDEX_BYTES
+from ..opening import read_regular, regular_file
+from ..parsing import read_array_head
 from ..rotations import Array
 
 __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", "read_entry", "read_index"]
@@ -26,7 +29,6 @@ are in no file: they are worked out of the poses (`cospeech.poses.controls`, `co
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
 """Those that have statistics."""
-_LARGEST = 1 << 30  # bytes of an index; ours: some million clips
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,8 @@ def read_index(folder: Path) -> Mapping[str, Any]:
     """
     path = folder / "index.json"
     try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError(f"{str(path)!r} is larger than {_LARGEST >> 20} MB", "is it an index of cospeech?")
-        index = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
+        index = json.loads(read_regular(path, "an index of cospeech", STORE_INDEX_BYTES))
+    except (ValueError, RecursionError):  # an `InputError` is a ValueError
         raise InputError(f"{str(folder)!r} is not a store: no readable index.json", "`cospeech prepare` makes one") from None
     if not isinstance(index, dict) or index.get("format") != FORMAT:
         raise InputError(f"{str(folder)!r} is not a store of this version ({FORMAT})", "prepare it again")
@@ -77,9 +75,12 @@ def open_array(path: Path, dtype: str, shape: tuple[int, ...]) -> Array:
         InputError: missing, cut off, or of another type or shape than the index says.
     """
     try:
-        array = np.lib.format.open_memmap(path, "r")  # never unpickles
-    except (OSError, ValueError, EOFError, TypeError, SyntaxError, MemoryError, OverflowError) as error:
+        with regular_file(path, "an array").open("rb") as file:
+            found, offset = read_array_head(file, repr(str(path))), file.tell()
+        if (found[0].str, found[1]) != (dtype, shape) or (found[2] != "C" and len(shape) > 1):
+            raise InputError(f"{str(path)!r} is not {shape} of {dtype}, as the index says", "prepare the store again")
+        return np.memmap(path, found[0], "r", offset, shape)
+    except (OSError, ValueError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"cannot open {str(path)!r}: {error}"[:200], "prepare the store again") from None
-    if not isinstance(array, np.memmap) or array.dtype.str != dtype or array.shape != shape or not array.flags.c_contiguous:
-        raise InputError(f"{str(path)!r} is not {shape} of {dtype}, as the index says", "prepare the store again")
-    return array

@@ -19,13 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from ..decoding import regular_file
 from ..errors import InputError
+from ..limits import HDF5_BYTES, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES, VAULT_TIMEOUT
+from ..opening import regular_file
 
 __all__ = ["Dataset", "Vault", "read_lmdb"]
 
-_TIMEOUT = 30.0  # ours, seconds without a message; a file of PATS takes some milliseconds
-_LONGEST = 1 << 30  # bytes; ours: a video of TED takes some 20 MB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _PAGE = 4096  # bytes; LMDB's smallest page in use
 
@@ -109,7 +108,8 @@ class Vault:
 
     def _start(self) -> None:
         script, paths = str(Path(__file__).with_name("_vault.py")), os.pathsep.join(sys.path)
-        command = [sys.executable, "-I", "-S", script, paths, self._kind]
+        limits = [str(limit) for limit in (HDF5_MEMORY, HDF5_BYTES, HDF5_OBJECTS)]
+        command = [sys.executable, "-I", "-S", script, paths, self._kind, *limits]
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each thread of NumPy's BLAS would reserve address space
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
@@ -122,7 +122,7 @@ class Vault:
         while process.poll() is None:
             time.sleep(0.2)
             since = self._waiting_since
-            if process is self._process and since is not None and time.monotonic() - since > _TIMEOUT:
+            if process is self._process and since is not None and time.monotonic() - since > VAULT_TIMEOUT:
                 self._late = True
                 process.kill()
 
@@ -136,7 +136,7 @@ class Vault:
     def _message(self, name: str) -> tuple[bytes, bytes]:
         head = self._read(5, name)
         kind, size = head[:1], struct.unpack("<I", head[1:])[0]
-        if size > _LONGEST:
+        if size > LONGEST_ENTRY_BYTES:
             self.close()
             raise InputError(f"{name!r} holds an entry of {size >> 20} MiB", "is it damaged?")
         payload = self._read(size, name)
@@ -156,7 +156,7 @@ class Vault:
         code, late = self._process.wait(), self._late
         self.close()
         if late:
-            raise InputError(f"the reader hangs on {name!r}: nothing for {_TIMEOUT:g} s", "it is damaged; copy it again")
+            raise InputError(f"the reader hangs on {name!r}: nothing for {VAULT_TIMEOUT:g} s", "it is damaged; copy it again")
         raise InputError(f"the reader crashed on {name!r} (exit {code})", "it is damaged; copy it again from its source")
 
     def close(self) -> None:

@@ -6,8 +6,6 @@ takes are for validation. The style is ``extra["style"]``: the label of how she 
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterator
 from os import PathLike
@@ -15,7 +13,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from .clip import Clip, Dropped
-from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_text, usable_folder
+from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_rows, usable_folder
 
 __all__ = ["FPS", "read", "read_info"]
 
@@ -77,7 +75,7 @@ def read_info(path: Path) -> dict[str, str]:
     Raises:
         InputError: no such columns, or another value; the line is named.
     """
-    rows = list(csv.reader(io.StringIO(read_text(path))))
+    rows = read_rows(path)
     header = [cell.strip() for cell in rows[0]] if rows else []
     if not {"anim_bvh", "validation"} <= set(header):
         raise InputError(

@@ -9,18 +9,21 @@ from __future__ import annotations
 import json
 from os import PathLike
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO
 
 import numpy as np
 
 from ..errors import InputError
+from ..limits import FACE_JSON_BYTES, JSON_VALUES, PLAUSIBLE_SECONDS
 from ..motion import Motion
+from ..parsing import parse_json
 from ..rotations import Array
+from ..skeleton import humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
-from .reading import read_bytes
+from .reading import check_frames, read_bytes
 from .standing import standing
-from .timing import frame_rate, on_grid
+from .timing import frame_rate, frames_of, on_grid
 
 __all__ = ["NAMES", "Writer", "load"]
 
@@ -29,8 +32,6 @@ NAMES = (*sorted(name for name in ARKIT if name != "tongueOut"), "tongueOut")
 
 _ORDER = np.array([ARKIT_INDEX[name] for name in NAMES])
 _LOWER = {name.lower(): k for name, k in ARKIT_INDEX.items()}
-_MAX_BYTES = 256 << 20  # ours: JSON is parsed in memory, at some ten times its size; 5 hours of ours fit
-_MAX_SECONDS = 1e7  # ours: four months
 _DEFAULT_FPS = 60.0  # BEAT's face data, for a file of one frame
 
 
@@ -64,55 +65,46 @@ class Writer(BaseWriter):
 def load(path: str | PathLike[str]) -> Motion:
     """Read face weights by name, on a standing body; names that are not ARKit's are left out, missing ones are zero.
 
+    Uneven clocks are put on a constant rate; in a gap the weights change linearly.
+
     Raises:
-        InputError: not JSON, not this layout, no known name, uneven rows, values that are not finite.
+        InputError: not JSON, not this layout, no known name, uneven rows, values that are not finite, or times so far apart
+            that the motion would be too large.
     """
     name = repr(str(path))
-    data = _parse(read_bytes(path, limit=_MAX_BYTES), name)
+    text = read_bytes(path, limit=FACE_JSON_BYTES)
+    data = parse_json(text, name, JSON_VALUES)
     names, frames = (data.get("names"), data.get("frames")) if isinstance(data, dict) else (None, None)
     if not isinstance(names, list) or not isinstance(frames, list) or not all(isinstance(n, str) for n in names):
         raise InputError(f"{name} holds no ARKit weights", 'expected {"names": [...], "frames": [...]}')
-    known = [(k, _LOWER[n.lower()]) for k, n in enumerate(names) if n.lower() in _LOWER]
+    known = {_LOWER[n.lower()]: k for k, n in enumerate(names) if n.lower() in _LOWER}  # of two columns the last
     if not known:
         raise InputError(f"{name} names none of ARKit's 52 shapes", f"first names: {', '.join(names[:3])[:80]}")
     if not frames:
         raise InputError(f"{name} has no frames", "was the export interrupted?")
-    times, weights = _rows(frames, len(names), name)
+    check_frames(name, len(frames), len(humanoid()), len(text))
+    times, weights = _rows(frames, len(names), list(known.values()), name)
     fps = frame_rate(times, _DEFAULT_FPS)
+    check_frames(name, frames_of(times, fps), len(humanoid()), len(text))
     weights = on_grid(times, weights, fps)
     face = np.zeros((len(weights), len(ARKIT)))
-    for k, column in known:
-        face[:, column] = np.clip(weights[:, k], 0, 1)
+    face[:, list(known)] = np.clip(weights, 0, 1)
     return standing(len(face), fps=fps, face=face)
 
 
-def _parse(text: bytes, name: str) -> object:
-    def refuse(constant: str) -> NoReturn:
-        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
-
-    try:
-        return json.loads(text, parse_constant=refuse)
-    except InputError:
-        raise
-    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
-        raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
-    except RecursionError:
-        raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
-
-
-def _rows(frames: list, width: int, name: str) -> tuple[Array, Array]:
-    """Times (T,) and weights (T, width) of the frames, checked."""
-    times, weights = np.empty(len(frames)), np.empty((len(frames), width))
+def _rows(frames: list, width: int, columns: list[int], name: str) -> tuple[Array, Array]:
+    """Times (T,) of the frames and weights (T, K) of those of their ``width`` columns that are asked for, checked."""
+    times, weights = np.empty(len(frames)), np.empty((len(frames), len(columns)))
     for k, frame in enumerate(frames):
         try:
             row, time = frame["weights"], frame["time"]
             if len(row) != width or isinstance(row, str):
                 raise InputError(f"frame {k} of {name} has {len(row)} weights for {width} names", "is it damaged?")
-            weights[k], times[k] = row, time
+            weights[k], times[k] = [row[column] for column in columns], time
         except (TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"frame {k} of {name} cannot be read", 'expected {"weights": [...], "time": …}') from None
-    if not (np.isfinite(weights).all() and np.all(np.abs(times) < _MAX_SECONDS)):
+    if not (np.isfinite(weights).all() and np.all(np.abs(times) < PLAUSIBLE_SECONDS)):
         raise InputError(f"{name} holds values or times that are not finite", "is it damaged?")
     return times, weights

@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..limits import MOTION_RATES
 from ..motion import Motion
 from ..recognise import recognise
 from ..rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_identity, quat_multiply, quat_rotate
@@ -30,7 +31,7 @@ from ..skeleton import Skeleton, named_skeleton
 from ..skeletons import SKELETONS
 from ..tpose import on_floor, with_tpose
 from .bvh_text import Header, read_header, read_rows
-from .reading import open_file
+from .reading import check_frames, open_file, size_of
 
 __all__ = ["UNITS", "file_names", "frame_rate", "load"]
 
@@ -40,8 +41,6 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
 _Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
 _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
-_MAX_FPS = 1e4  # ours: faster than any motion capture
-_MAX_NUMBERS = 100_000_000  # ours: an hour of 75 joints at 120 fps
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
 _NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
 
@@ -69,7 +68,7 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
         try:
             header = read_header(file)
             rate = fps if fps is not None else frame_rate(header.frame_time, header.precision)
-            rotations, root, offsets = _decode(file, header)
+            rotations, root, offsets = _decode(file, header, size_of(binary))
         except InputError as error:
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
     names = file_names(header.names)
@@ -91,15 +90,14 @@ def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
 
 def file_names(names: Iterable[str]) -> list[str]:
     """Names fit for a BVH: blanks and braces become ``_``, and a name that is taken gets a number."""
-    taken: set[str] = set()
+    counts: dict[str, int] = {}  # name → the number that was tried last for it
     result = []
     for name in names:
         clean = unique = re.sub(r"[\s{}]+", "_", name.strip()) or "joint"
-        count = 1
-        while unique in taken:
-            count += 1
-            unique = f"{clean}_{count}"
-        taken.add(unique)
+        while unique in counts:
+            counts[clean] += 1
+            unique = f"{clean}_{counts[clean]}"
+        counts[unique] = 1
         result.append(unique)
     return result
 
@@ -110,7 +108,7 @@ def frame_rate(frame_time: float, precision: float) -> float:
     Raises:
         InputError: no frame rate that motion has.
     """
-    if not 1 / _MAX_FPS <= frame_time <= _MAX_FPS:
+    if not 1 / MOTION_RATES[1] <= frame_time <= 1 / MOTION_RATES[0]:
         raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
     rate = 1 / frame_time
     near = float(round(rate) or 1)
@@ -121,7 +119,7 @@ def frame_rate(frame_time: float, precision: float) -> float:
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
 
 
-def _decode(file: io.TextIOWrapper, header: Header) -> tuple[Array, Array, Array]:
+def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, Array, Array]:
     """Local rotations (T, J, 4), root positions (T, 3) and offsets (J, 3), in the file's units and axes."""
     first = np.concatenate([[0], np.cumsum([len(c) for c in header.channels])[:-1]])
     groups: dict[str, list[int]] = {}  # order of rotation → joints
@@ -142,8 +140,7 @@ def _decode(file: io.TextIOWrapper, header: Header) -> tuple[Array, Array, Array
     pieces, roots, sums, frames = [], [], np.zeros(len(moving)), 0
     for rows in read_rows(file, header):
         frames += len(rows)
-        if frames * max(header.columns, 1) > _MAX_NUMBERS:
-            raise InputError(f"more than {_MAX_NUMBERS} numbers", "cut the file into pieces")
+        check_frames("it", frames, len(header.names), size)
         rotations = quat_identity(len(rows), len(header.names))
         for order, (joints, columns) in turning.items():
             rotations[:, joints] = euler_to_quat(np.radians(rows[:, columns]), order)

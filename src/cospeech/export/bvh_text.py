@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections import deque
 from collections.abc import Iterator
 from itertools import islice
 from typing import TextIO
@@ -15,14 +16,13 @@ from typing import TextIO
 import numpy as np
 
 from ..errors import InputError
+from ..limits import JOINTS, LINE_CHARACTERS
 from ..rotations import Array
 
-__all__ = ["MAX_JOINTS", "MAX_VALUE", "Header", "read_header", "read_rows"]
+__all__ = ["MAX_VALUE", "Header", "read_header", "read_rows"]
 
-MAX_JOINTS = 5000  # ours: film rigs have some hundreds
 MAX_VALUE = 1e7  # ours: of a position or angle; keeps every product finite
-MAX_LINE = 1 << 20  # ours: characters; a row of 5000 joints has 200,000
-_BLOCK = 1 << 19  # ours: numbers parsed at once
+_BLOCK = 1 << 19  # ours: numbers, or joints, at once
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 
 
@@ -59,10 +59,10 @@ def number(word: str, line: int) -> float:
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
     """Numbered lines that are not blank."""
     count = 0
-    while line := file.readline(MAX_LINE):
+    while line := file.readline(LINE_CHARACTERS):
         count += 1
-        if len(line) == MAX_LINE:
-            raise InputError(f"line {count} is longer than {MAX_LINE} characters", "is it a BVH?")
+        if len(line) == LINE_CHARACTERS:
+            raise InputError(f"line {count} is longer than {LINE_CHARACTERS} characters", "is it a BVH?")
         if line.strip():
             yield count, line
 
@@ -82,7 +82,8 @@ def read_header(file: TextIO) -> Header:
             word = value.strip()
             header.frame_time, header.lines = number(word, line), line
             mantissa, _, exponent = word.lower().partition("e")
-            header.precision = 10.0 ** min(max(int(exponent or 0) - len(mantissa.partition(".")[2]), -20), 0)
+            digits = float(exponent or 0) - len(mantissa.partition(".")[2])  # an exponent may have any number of digits
+            header.precision = 10.0 ** min(max(digits, -20.0), 0.0)
             return header
         if not colon or words != ["frames"]:
             raise InputError(f"line {line}: {text.strip()[:40]!r} where 'Frame Time:' was expected", "is the file damaged?")
@@ -95,9 +96,9 @@ def _read_hierarchy(header: Header, lines: Iterator[tuple[int, str]]) -> None:
     waiting: int | None = None  # declared, its brace not opened yet
     started = False
     for line, text in lines:
-        words = text.replace("{", " { ").replace("}", " } ").split()
+        words = deque(text.replace("{", " { ").replace("}", " } ").split())
         while words:
-            word = words.pop(0).upper()
+            word = words.popleft().upper()
             if word == "HIERARCHY" and not started:
                 started = True
             elif not started:
@@ -113,7 +114,7 @@ def _read_hierarchy(header: Header, lines: Iterator[tuple[int, str]]) -> None:
             elif word == "}" and open_blocks and waiting is None:
                 open_blocks.pop()
             elif word == "OFFSET" and open_blocks and waiting is None and len(words) >= 3:
-                x, y, z = (number(words.pop(0), line) for _ in range(3))
+                x, y, z = (number(words.popleft(), line) for _ in range(3))
                 if open_blocks[-1] >= 0:
                     header.offsets[open_blocks[-1]] = (x, y, z)
                 else:
@@ -127,15 +128,14 @@ def _read_hierarchy(header: Header, lines: Iterator[tuple[int, str]]) -> None:
     raise InputError("the file ends before 'MOTION'", "is it cut short?" if started else "is it a BVH?")
 
 
-def _upto_brace(words: list[str]) -> list[str]:
-    """Take the words before the next brace."""
-    count = next((k for k, word in enumerate(words) if word in "{}"), len(words))
-    taken = words[:count]
-    del words[:count]
+def _upto_brace(words: deque[str]) -> list[str]:
+    taken = []  # what stands before the next brace
+    while words and words[0] not in "{}":
+        taken.append(words.popleft())
     return taken
 
 
-def _declare(header: Header, word: str, words: list[str], open_blocks: list[int], line: int) -> int:
+def _declare(header: Header, word: str, words: deque[str], open_blocks: list[int], line: int) -> int:
     """Add the joint that ``ROOT name`` or ``JOINT name`` announces."""
     name = "_".join(_upto_brace(words))
     if not name:
@@ -143,8 +143,8 @@ def _declare(header: Header, word: str, words: list[str], open_blocks: list[int]
     if (word == "ROOT") != (not header.names) or (word == "JOINT" and (not open_blocks or open_blocks[-1] < 0)):
         hint = "one character per file" if word == "ROOT" else "is the file damaged?"
         raise InputError(f"line {line}: '{word} {name[:40]}' is out of place", hint)
-    if len(header.names) == MAX_JOINTS:
-        raise InputError(f"line {line}: more than {MAX_JOINTS} joints", "is the file damaged?")
+    if len(header.names) == JOINTS:
+        raise InputError(f"line {line}: more than {JOINTS} joints", "is the file damaged?")
     header.names.append(name)
     header.parents.append(open_blocks[-1] if open_blocks else -1)
     header.offsets.append((0.0, 0.0, 0.0))
@@ -152,13 +152,13 @@ def _declare(header: Header, word: str, words: list[str], open_blocks: list[int]
     return len(header.names) - 1
 
 
-def _channels(words: list[str], line: int) -> tuple[str, ...]:
+def _channels(words: deque[str], line: int) -> tuple[str, ...]:
     """Take ``n name …`` of a CHANNELS line."""
-    count = words.pop(0) if words else ""
+    count = words.popleft() if words else ""
     if count not in {"0", "1", "2", "3", "4", "5", "6"} or len(words) < int(count):
         raise InputError(f"line {line}: CHANNELS {count[:40]} with {len(words)} names", "0 to 6 are possible")
     names = []
-    for word in [words.pop(0) for _ in range(int(count))]:
+    for word in [words.popleft() for _ in range(int(count))]:
         match = _CHANNEL.fullmatch(word)
         if not match:
             raise InputError(f"line {line}: unknown channel {word[:40]!r}", "known: Xposition … Zrotation")
@@ -174,8 +174,8 @@ def read_rows(file: TextIO, header: Header) -> Iterator[Array]:
     Raises:
         InputError: with the line, for a row of another length or a value that is not a usable number.
     """
-    line, count = header.lines, max(1, _BLOCK // max(1, header.columns))
-    while batch := list(islice(iter(lambda: file.readline(MAX_LINE), ""), count)):
+    line, count = header.lines, max(1, _BLOCK // max(1, header.columns, len(header.names)))
+    while batch := list(islice(iter(lambda: file.readline(LINE_CHARACTERS), ""), count)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a block of blank lines
             try:
@@ -193,7 +193,7 @@ def read_rows(file: TextIO, header: Header) -> Iterator[Array]:
 def _blame(batch: list[str], line: int, columns: int) -> None:
     """Raise for the first bad row; the fast reader has said that there is one."""
     for k, text in enumerate(batch, line + 1):
-        words = text.split() if len(text) < MAX_LINE else []
+        words = text.split() if len(text) < LINE_CHARACTERS else []
         if words and len(words) != columns:
             raise InputError(f"line {k}: {len(words)} values where {columns} channels are declared", "is the file cut short?")
         _ = [number(word, k) for word in words]

@@ -21,6 +21,7 @@ from .visemes import oculus_visemes, vrm_presets
 
 __all__ = ["Bind", "FaceRig", "looks_turn_eyes", "read_face", "target_names"]
 
+_LONGEST = 64  # letters at the end of a name that count; ours: the longest of ARKit has 19
 _ENOUGH = 12  # ours: with fewer of ARKit's shapes, a full set of presets or visemes says more
 _HELD, _MOVED = 0.3, 1e-3  # ours: a vertex is an eyeball's if its bone holds that much of it; metres that a look moves it
 _SHORT = {name.replace("Left", "L").replace("Right", "R").lower(): name for name in ARKIT if name.endswith(("Left", "Right"))}
@@ -74,14 +75,17 @@ class FaceRig:
         """ARKit weights (T, 52) of an animation; None where it moves none of ARKit's targets."""
         if self.alphabet != "ARKit":
             return None
-        face, seen = np.zeros((len(times), len(ARKIT))), set()
+        chosen: dict[str, Bind] = {}
         for bind in self.binds:
             curve = curves.get((bind.node, "weights"))
-            if curve is None or bind.driver in seen or bind.target >= curve.values.shape[1]:
-                continue
-            seen.add(bind.driver)
-            face[:, ARKIT_INDEX[bind.driver]] = curve.at(times)[:, bind.target]
-        return np.clip(face, 0, 1) if seen else None
+            if curve is not None and bind.target < curve.values.shape[1]:
+                chosen.setdefault(bind.driver, bind)
+        face = np.zeros((len(times), len(ARKIT)))
+        for bind in chosen.values():  # each column by itself: a mesh may have thousands of other targets
+            curve = curves[bind.node, "weights"]
+            target = slice(bind.target, bind.target + 1)
+            face[:, ARKIT_INDEX[bind.driver]] = curve._replace(values=curve.values[:, target]).at(times)[:, 0]
+        return np.clip(face, 0, 1) if chosen else None
 
 
 def target_names(file: GltfFile, mesh: int) -> list[str]:
@@ -156,7 +160,7 @@ def _rig(file: GltfFile, alphabet: str, binds: list[Bind]) -> FaceRig:
 
 def _key(name: str) -> str:
     """``"Face.M_eyeBlink_L"`` → ``"eyeblinkl"``: without what stands before ARKit's name, and without signs."""
-    pieces = [piece for piece in re.split(r"[.:|_\s-]+", name) if piece]
+    pieces = [piece for piece in re.split(r"[.:|_\s-]+", name[-_LONGEST:]) if piece]
     for first in range(len(pieces)):
         key = "".join(pieces[first:]).lower()
         if key in _ARKIT:
@@ -165,7 +169,7 @@ def _key(name: str) -> str:
 
 
 def _viseme(name: str) -> str:
-    found = re.search(r"viseme[._\s-]*([a-z]+)$", name, re.IGNORECASE)
+    found = re.search(r"viseme[._\s-]*([a-z]+)$", name[-_LONGEST:], re.IGNORECASE)
     return _OCULUS.get(found[1].lower(), "") if found else ""
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from typing import Any
 
 from ..errors import InputError
+from ..limits import GLTF_JSON_VALUES
+from ..parsing import parse_json
 
 __all__ = ["BIN", "JSON", "MAGIC", "split_glb"]
 
@@ -39,10 +40,7 @@ def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
 
 def _parse_json(text: bytes, name: str) -> dict[str, Any]:
     """The document, which has to be an object."""
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name} is damaged: its JSON cannot be read ({error})"[:160], "export it again") from None
+    document = parse_json(text, f"the JSON of {name}", GLTF_JSON_VALUES)
     if not isinstance(document, dict):
         raise InputError(f"{name} is damaged: its JSON is no object", "export it again")
     return document

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CospeechError, InputError
+from ..limits import GLTF_VALUES, GLTF_ZEROS
 from ..rotations import Array
 from .glb_container import split_glb
 from .reading import read_bytes
@@ -26,8 +27,7 @@ COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5
 """Code of a component type → numpy dtype."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Type of an accessor → numbers per element."""
-_MAX_VALUES = 1 << 27  # ours: numbers in one accessor; 3 hours of 55 joints have 18 million per track set
-_MAX_EMPTY = 1 << 22  # ours: numbers in an accessor of zeros, which costs the file nothing
+_FREE, _PER_BYTE = 8_000_000, 16  # ours: numbers that all accessors together may have, beside so many per byte of the file
 
 
 @contextmanager
@@ -48,11 +48,12 @@ class GltfFile:
         document: the parsed JSON.
         binary: the binary chunk.
         name: how messages call the file.
+        size: bytes of the file; those of the binary chunk where not given.
     """
 
-    def __init__(self, document: dict[str, Any], binary: bytes, name: str) -> None:
-        self.json, self.name = document, name
-        self._binary = binary
+    def __init__(self, document: dict[str, Any], binary: bytes, name: str, size: int | None = None) -> None:
+        self.json, self.name, self.size = document, name, len(binary) if size is None else size
+        self._binary, self._left = binary, _FREE + _PER_BYTE * self.size
         for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "animations", "skins", "scenes"):
             value = document.get(key, [])
             if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
@@ -125,8 +126,12 @@ class GltfFile:
             dtype, count = np.dtype(COMPONENTS[entry["componentType"]]), _natural(entry["count"])
             if WIDTHS[entry["type"]] != width:
                 raise InputError(f"{self.name} is damaged: accessor {index} is {entry['type']}", f"expected {width} components")
-            if count * width > (_MAX_VALUES if "bufferView" in entry else _MAX_EMPTY):
+            if count * width > (GLTF_VALUES if "bufferView" in entry else GLTF_ZEROS):
                 raise InputError(f"{self.name}: accessor {index} has {count} elements", "is it damaged?")
+            self._left -= count * width
+            if self._left < 0:  # accessors may share their bytes, or have none
+                most = _FREE + _PER_BYTE * self.size
+                raise InputError(f"{self.name} asks for more than {most:,} numbers in {self.size:,} bytes", "is it damaged?")
             size = dtype.itemsize * width
             if "bufferView" in entry:
                 raw = self._view(entry["bufferView"], entry.get("byteOffset", 0), count, size)
@@ -175,9 +180,10 @@ def read_glb(path: str | PathLike[str]) -> GltfFile:
         InputError: not glTF 2.0, truncated, or damaged.
     """
     name = repr(str(path))
-    document, binary = split_glb(read_bytes(path), name)
+    data = read_bytes(path)
+    document, binary = split_glb(data, name)
     with checked(name):
         version = document.get("asset", {}).get("version")
         if version != "2.0":
             raise InputError(f"{name} is glTF {str(version)[:20]}", "only glTF 2.0 can be read")
-        return GltfFile(document, binary, name)
+        return GltfFile(document, binary, name, len(data))

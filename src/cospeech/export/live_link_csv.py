@@ -21,12 +21,12 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array, euler_to_quat, quat_conjugate, quat_identity, quat_multiply, quat_slerp, quat_to_euler
-from ..skeleton import Skeleton
+from ..skeleton import Skeleton, humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
-from .reading import open_file
+from .reading import check_frames, open_file, size_of
 from .standing import as_humanoid, standing
-from .timing import frame_rate, on_grid
+from .timing import frame_rate, frames_of, on_grid
 
 __all__ = ["COLUMNS", "Writer", "load"]
 
@@ -48,7 +48,7 @@ _COLUMN_OF = np.array([ARKIT_INDEX[name[0].lower() + name[1:]] for name in _SHAP
 _CHANNELS = len(_SHAPES) + len(_ANGLES)
 _ROW = f",{_CHANNELS}" + ",%.6f" * _CHANNELS + "\n"
 _NECK_SHARE = 0.4  # ours: of a head turn when it is read back, the neck takes the smaller half
-_MAX_LINE = 1 << 16
+_MAX_LINE = 1 << 16  # bytes; ours: a row has some 600
 
 
 class Writer(BaseWriter):
@@ -90,14 +90,17 @@ def _angles(motion: Motion) -> Array:
 def load(path: str | PathLike[str], *, fps: float | None = None) -> Motion:
     """Read a recording of the app (or of ours): face, head and eyes on a standing body.
 
-    Rows that the app left empty (``BlendShapeCount`` 0) are bridged; uneven clocks are put on a constant rate. ``fps`` says
-    how many frames the timecode counts per second, where that cannot be seen in the file (clips under a second).
+    Rows that the app left empty (``BlendShapeCount`` 0) are bridged; uneven clocks are put on a constant rate, and in a gap
+    the values change linearly. ``fps`` says how many frames the timecode counts per second, where that cannot be seen in the
+    file (clips under a second).
 
     Raises:
-        InputError: no such header, a row with missing or non-finite values, a broken timecode, no rows.
+        InputError: no such header, a row with missing or non-finite values, a broken timecode, no rows, or times so far apart
+            that the motion would be too large.
     """
-    stamps, rows = [], []
+    stamps, rows, joints = [], [], len(humanoid())
     with open_file(path) as file:
+        size = size_of(file)
         columns = _read_header(file.readline(_MAX_LINE), path)
         width = max(columns.values()) + 1
         number = 1
@@ -110,11 +113,13 @@ def load(path: str | PathLike[str], *, fps: float | None = None) -> Motion:
                 raise InputError(f"line {number} of {str(path)!r} has {len(cells)} of {width} columns", "is it cut off?")
             stamps.append(_timecode(cells[columns["Timecode"]], number))
             rows.append(_numbers(cells[2:width], number))
+            check_frames(repr(str(path)), len(rows), joints, size)
     if not rows:
         raise InputError(f"{str(path)!r} has a header but no frames", "was the recording stopped at once?")
     values = np.stack(rows)
     times = _seconds(np.array(stamps), fps)
     rate = frame_rate(times, fps or 30.0)
+    check_frames(repr(str(path)), frames_of(times, rate), joints, size)
     return _motion(on_grid(times, values, rate), columns, rate)
 
 

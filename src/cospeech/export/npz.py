@@ -11,10 +11,8 @@ opens by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, 
 
 from __future__ import annotations
 
-import io
-import struct
+import math
 import zipfile
-import zlib
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -23,22 +21,23 @@ from typing import IO
 import numpy as np
 
 from ..errors import InputError
+from ..limits import MOTION_RATES
 from ..motion import Motion
 from ..rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
 from ..skeleton import named_skeleton
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
-from .reading import open_file
+from .npz_arrays import Arrays, open_arrays
+from .reading import check_frames, open_file, size_of
 from .spool import Spool
 
 __all__ = ["Writer", "load"]
 
 _JOINTS = 55
+_MOST_NAMES = 1000  # columns of a face; ours: ARKit has 52
 _JAW = 22  # SMPL-X joint order, see ecosystem of `smplx` joint_names
 _JAW_OPEN = 0.35  # radians at jawOpen = 1; ours: FLAME's mouth is wide open at some 20 degrees
 _PELVIS = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, joint 0 at zero betas, metres
-_MAX_MEMBER = 1 << 30  # ours: bytes after unpacking; 11 hours of poses at 30 fps
-_MAX_FRAMES = 5_000_000  # ours: 46 hours at 30 fps
 
 
 class Writer(BaseWriter):
@@ -111,65 +110,41 @@ def load(path: str | PathLike[str]) -> Motion:
             unpack to more than 1 GiB.
     """
     name = repr(str(path))
-    with open_file(path) as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                members = _checked(archive, name)
-                poses, trans = (_array(archive, members, key, name) for key in ("poses", "trans"))
-                rate_key = "mocap_frame_rate" if "mocap_frame_rate" in members else "mocap_framerate"
-                rate = _array(archive, members, rate_key, name)
-                face = _face(archive, members, name)
-        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
-            raise InputError(f"{name} is not a readable .npz: {error}"[:200], "is it cut off?") from None
-        except (ValueError, TypeError, SyntaxError, OverflowError, KeyError, UnicodeError, struct.error) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"{name} holds an array that cannot be read: {error}"[:200], "is it damaged?") from None
+    with open_file(path) as file, open_arrays(file, name) as arrays:
+        for key in ("poses", "trans"):
+            if key not in arrays:
+                raise InputError(f"{name} has no {key!r}", f"its arrays: {', '.join(sorted(arrays))[:100] or 'none'}")
+        rate_key = "mocap_frame_rate" if "mocap_frame_rate" in arrays else "mocap_framerate"
+        if rate_key not in arrays:
+            raise InputError(f"{name} has no 'mocap_frame_rate'", "BEAT2 files of SMPL-X carry it")
+        _check_shapes(arrays, rate_key, size_of(file), name)
+        poses, trans, rate = arrays.read("poses"), arrays.read("trans"), arrays.read(rate_key)
+        face = _face(arrays, name)
     return _motion(poses, trans, rate, face, name)
 
 
-def _checked(archive: zipfile.ZipFile, name: str) -> dict[str, zipfile.ZipInfo]:
-    """Key → member, before anything is unpacked."""
-    infos = archive.infolist()
-    total = sum(info.file_size for info in infos)
-    if len(infos) > 100 or total > _MAX_MEMBER:
-        raise InputError(f"{name} unpacks to {total >> 20} MiB in {len(infos)} members", "is this a motion file?")
-    members = {info.filename.removesuffix(".npy"): info for info in infos if info.filename.endswith(".npy")}
-    for key in ("poses", "trans"):
-        if key not in members:
-            raise InputError(f"{name} has no {key!r}", f"its arrays: {', '.join(sorted(members))[:100] or 'none'}")
-    if "mocap_frame_rate" not in members and "mocap_framerate" not in members:
-        raise InputError(f"{name} has no 'mocap_frame_rate'", "BEAT2 files of SMPL-X carry it")
-    return members
+def _check_shapes(arrays: Arrays, rate_key: str, size: int, name: str) -> None:
+    """Whether the arrays of a file of ``size`` bytes go together, by their heads: before any of them is unpacked."""
+    poses, trans = arrays.shape("poses"), arrays.shape("trans")
+    frames = poses[0] if poses else 0
+    if poses != (frames, _JOINTS * 3) or trans != (frames, 3):
+        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], "expected (frames, 165) and (frames, 3)")
+    check_frames(name, frames, _JOINTS, size)
+    if math.prod(arrays.shape(rate_key)) != 1:
+        raise InputError(f"{name} has frames per second of shape {arrays.shape(rate_key)}"[:200], "expected one number")
+    face = arrays.shape("arkit") if "arkit" in arrays else (frames, len(ARKIT))
+    names = arrays.shape("arkit_names") if "arkit_names" in arrays else (len(ARKIT),)
+    if len(face) != 2 or face[0] != frames or face[1] > _MOST_NAMES or (face[1],) != names:
+        raise InputError(f"'arkit' of {name} is of shape {face}, its names {names}"[:200], f"expected ({frames}, 52)")
 
 
-def _array(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], key: str, name: str) -> np.ndarray:
-    """One array, read without pickle and never beyond its announced size."""
-    info = members[key]
-    with archive.open(info) as member:
-        data = member.read(info.file_size + 1)
-    if len(data) != info.file_size:
-        raise InputError(f"{key!r} of {name} is not of its announced size", "is it damaged?")
-    buffer = io.BytesIO(data)
-    version = np.lib.format.read_magic(buffer)
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
-    if read is None:
-        raise InputError(f"{key!r} of {name} is of npy version {version}", "save it again with numpy")
-    shape, fortran, dtype = read(buffer, max_header_size=10_000)
-    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
-    if dtype.hasobject or dtype.kind not in "fiuU" or len(data) - buffer.tell() != count * dtype.itemsize or count < 0:
-        raise InputError(f"{key!r} of {name} is {dtype} of shape {shape}, which does not fit", "is it damaged?")
-    flat = np.frombuffer(data, dtype, count, buffer.tell()) if count and dtype.itemsize else np.zeros(count, dtype)
-    return flat.reshape(shape, order="F" if fortran else "C")
-
-
-def _face(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: str) -> Array | None:
-    if "arkit" not in members:
+def _face(arrays: Arrays, name: str) -> Array | None:
+    if "arkit" not in arrays:
         return None
-    weights = _array(archive, members, "arkit", name)
-    names = [str(n) for n in _array(archive, members, "arkit_names", name)] if "arkit_names" in members else list(ARKIT)
-    if weights.ndim != 2 or weights.shape[1] != len(names) or weights.dtype.kind != "f":
-        raise InputError(f"'arkit' of {name} is {weights.dtype} of shape {weights.shape}", "expected (frames, 52)")
+    weights = arrays.read("arkit")
+    names = [str(n) for n in arrays.read("arkit_names")] if "arkit_names" in arrays else list(ARKIT)
+    if weights.dtype.kind != "f":
+        raise InputError(f"'arkit' of {name} is {weights.dtype}", "expected floats")
     face = np.zeros((len(weights), len(ARKIT)))
     for k, shape in enumerate(names):
         if shape in ARKIT_INDEX:
@@ -180,11 +155,12 @@ def _face(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: s
 
 
 def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array | None, name: str) -> Motion:
-    frames = len(poses) if poses.ndim else 0
-    fits = poses.shape == (frames, _JOINTS * 3) and trans.shape == (frames, 3) and (face is None or len(face) == frames)
-    if not fits or frames > _MAX_FRAMES or rate.size != 1 or {poses.dtype.kind, trans.dtype.kind} != {"f"}:
-        raise InputError(f"{name}: poses {poses.shape}, trans {trans.shape}", "expected (frames, 165) and (frames, 3)")
-    if rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and 0 < float(rate.reshape(())) < 10_000):
+    frames = len(poses)
+    if {poses.dtype.kind, trans.dtype.kind} != {"f"}:
+        raise InputError(f"{name}: poses are {poses.dtype}, trans {trans.dtype}", "expected floats")
+    if rate.dtype.kind not in "fiu" or not (
+        np.isfinite(rate).all() and MOTION_RATES[0] <= float(rate.reshape(())) <= MOTION_RATES[1]
+    ):
         raise InputError(f"{name} has {str(rate)[:40]} frames per second", "is it damaged?")
     vectors = poses.astype(np.float64).reshape(frames, _JOINTS, 3)
     if not (np.isfinite(vectors).all() and np.isfinite(trans).all() and np.abs(vectors).max(initial=0) < 1e3):

@@ -1,24 +1,23 @@
-"""What every reader needs: opening what is really a file, and turning stray errors into one-line ones."""
+"""What every reader needs: opening what is really a file, one cap on what it becomes, and stray errors as one-line ones."""
 
 from __future__ import annotations
 
-import stat
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
-from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import CospeechError, InputError
 from ..files import describe_os_error
+from ..limits import JOINT_FRAMES, MOTION_BYTES, most_joint_frames
+from ..opening import open_regular
 
-__all__ = ["MAX_BYTES", "open_file", "read_bytes"]
-
-MAX_BYTES = 1 << 30  # ours: 1 GiB holds 4 hours of any of our formats; more is a mistake or an attack
+__all__ = ["check_frames", "open_file", "read_bytes", "size_of"]
 
 
 @contextmanager
-def open_file(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> Iterator[BinaryIO]:
+def open_file(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> Iterator[BinaryIO]:
     """Open a regular file of at most ``limit`` bytes for reading.
 
     Raises:
@@ -27,27 +26,42 @@ def open_file(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> Iterator[
     """
     name = repr(str(path))
     try:
-        mode = Path(path).stat()
-        if not stat.S_ISREG(mode.st_mode):
-            kind = "a folder" if stat.S_ISDIR(mode.st_mode) else "not a regular file"
-            raise InputError(f"cannot read {name}: it is {kind}", "name a motion file")
-        if mode.st_size > limit:
-            raise InputError(f"{name} has {mode.st_size >> 20} MiB, more than {limit >> 20}", "cut it into pieces")
-        if mode.st_size == 0:
-            raise InputError(f"{name} is empty", "was the export interrupted?")
-        with Path(path).open("rb") as file:
+        with open_regular(path, "a motion file", limit) as file:
             yield file
     except CospeechError:
         raise
     except OSError as error:
         raise InputError(f"cannot read {name}: {describe_os_error(error)}", "does the file exist?") from None
-    except ValueError as error:  # a NUL in the name
-        raise InputError(f"cannot read {name}: {error}", "is it damaged?") from None
     except (RecursionError, MemoryError):
         raise InputError(f"cannot read {name}: too large or nested too deeply", "is it damaged?") from None
 
 
-def read_bytes(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> bytes:
+def read_bytes(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> bytes:
     """The whole of a regular file of at most ``limit`` bytes (see `open_file`)."""
     with open_file(path, limit=limit) as file:
-        return file.read(limit + 1)
+        return file.read(size_of(file))  # not the limit: so much memory would be taken at once
+
+
+def size_of(file: BinaryIO) -> int:
+    """Bytes of an open file."""
+    return os.fstat(file.fileno()).st_size
+
+
+def check_frames(name: str, frames: int, joints: int, size: int) -> None:
+    """Whether a motion may become so large; asked before memory is taken for it.
+
+    Args:
+        name: how messages call the file.
+        frames: after resampling.
+        joints: of the skeleton onto which it is read.
+        size: bytes of the file (`cospeech.limits.most_joint_frames`).
+
+    Raises:
+        InputError: it may not; the limit is stated.
+    """
+    most = most_joint_frames(size)
+    if frames * joints > most:
+        problem = f"{name} would become {frames:,} frames of {joints:,} joints; {most // max(joints, 1):,} frames is the most"
+        if most == JOINT_FRAMES:
+            raise InputError(problem, f"cut it into pieces of at most {JOINT_FRAMES:,} frames × joints")
+        raise InputError(f"{problem} for a file of {size:,} bytes", "are its times damaged? Else cut it at its gaps")

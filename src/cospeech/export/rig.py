@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..limits import GLTF_NODES
 from ..rotations import (
     Array,
     matrix_to_quat,
@@ -30,13 +31,11 @@ from .tracks import Curve
 
 __all__ = ["Rig", "local_matrices", "rotation_of", "world_matrices"]
 
-_MAX_NODES = 20_000  # ours
-
 
 def local_matrices(file: GltfFile) -> Array:
     """(N, 4, 4) local matrices of all nodes, from ``matrix`` or TRS (5.25)."""
     nodes = file.list("nodes")
-    if len(nodes) > _MAX_NODES:
+    if len(nodes) > GLTF_NODES:
         raise InputError(f"{file.name} has {len(nodes)} nodes", "is this a character?")
     matrices = np.tile(np.eye(4), (len(nodes), 1, 1))
     with checked(file.name):
@@ -102,6 +101,14 @@ class Rig:
         local = np.concatenate([hips[:, None], rotations[:, 1:]], 1)
         back = np.linalg.inv(self._above)
         return local, quat_rotate(undo, root - self.shift) @ back[:3, :3].T + back[:3, 3]
+
+    @cached_property
+    def joints(self) -> int:
+        """How many transforms a frame of motion takes: of the joints, and of what the hips hang on."""
+        above, node = 0, self.file.parents[self.nodes[0]]
+        while node >= 0:
+            above, node = above + 1, self.file.parents[node]
+        return len(self.nodes) + above
 
     def motion(self, curves: dict[tuple[int, str], Curve], times: Array) -> tuple[Array, Array]:
         """Rotations (T, J, 4) and root (T, 3) of our `skeleton` at ``times (T,)`` seconds of an animation."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
+from ..limits import JOINTS
 from ..recognise import recognise
 from ..rotations import quat_conjugate, quat_multiply, quat_rotate
 from ..skeleton import Skeleton, humanoid
@@ -135,6 +136,8 @@ def _bind_skeleton(file: GltfFile, nodes: list[int], names: dict[int, str], kind
     Raises:
         InputError: the character is mirrored or of no size.
     """
+    if len(nodes) > JOINTS:
+        raise InputError(f"{file.name} has {len(nodes):,} joints", f"at most {JOINTS:,}; is this a character?")
     world = world_matrices(file)[nodes]
     if np.any(np.linalg.det(world[:, :3, :3]) <= 1e-18):
         raise InputError(f"{file.name} has a bone that is mirrored or has no size", "apply all scales before exporting")
@@ -153,13 +156,13 @@ def _bind_skeleton(file: GltfFile, nodes: list[int], names: dict[int, str], kind
 
 def _unique(own: list[str], given: dict[int, str]) -> list[str]:
     """``given`` names where there are, else ``own``, with a number behind those that are taken."""
-    seen = set(given.values())
+    numbers = dict.fromkeys(given.values(), 1)  # name → the number that was tried last for it
     result = []
     for k, name in enumerate(own):
-        fresh, number = given.get(k, name), 1
-        while k not in given and fresh in seen:
-            number += 1
-            fresh = f"{name} {number}"
-        seen.add(fresh)
+        fresh = given.get(k, name)
+        while k not in given and fresh in numbers:
+            numbers[name] = numbers.get(name, 1) + 1
+            fresh = f"{name} {numbers[name]}"
+        numbers.setdefault(fresh, 1)
         result.append(fresh)
     return result

@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..rotations import Array, quat_continuous, quat_normalize, quat_slerp
 from .gltf import GltfFile, checked
 from .gltf_build import GltfBuilder
+from .reading import check_frames
 from .spool import Spool
 from .timing import frame_rate
 
@@ -23,7 +24,6 @@ __all__ = ["Curve", "Recorder", "Track", "clock_of", "read_animation"]
 
 _KINDS = {"rotation": ("VEC4", 4), "translation": ("VEC3", 3), "scale": ("VEC3", 3)}
 _BLOCK = 4096
-_FREE_FRAMES = 20_000  # ours: 11 minutes may lie between two keys; a file of hours has more keys, a damaged one has not
 
 
 class Track(NamedTuple):
@@ -170,18 +170,25 @@ def _curve(file: GltfFile, sampler: dict[str, Any], path: str) -> Curve:
     return Curve(times, values, kind, path == "rotation")
 
 
-def clock_of(curves: dict[tuple[int, str], Curve], name: str) -> tuple[float, Array]:
+def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) -> tuple[float, Array]:
     """Frames per second of an animation, and the times (T,) of its frames from 0 to the last key.
 
     The rate is that of the curve with the most keys; 30 where every curve has one key or they are far apart.
+
+    Args:
+        curves: of the animation.
+        file: that holds them.
+        joints: onto which it is read; they bound how long it may last.
+
+    Raises:
+        InputError: it moves nothing, or is too long for so many joints.
     """
     longest = max(curves.values(), key=lambda curve: len(curve.times), default=None)
     if longest is None:
-        raise InputError(f"{name} holds an animation without channels", "export it again")
+        raise InputError(f"{file.name} holds an animation without channels", "export it again")
     end = max(float(curve.times[-1]) for curve in curves.values())
     step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
     fps = frame_rate(longest.times, 30.0) if 1e-3 <= step <= 0.1 else 30.0  # ours: sparse hand-set keys are sampled at 30
     frames = int(np.floor(end * fps + 1e-3)) + 1
-    if frames > _FREE_FRAMES + 100 * len(longest.times):
-        raise InputError(f"{name} lasts {end:.0f} s and has {len(longest.times)} keys", "is it damaged?")
+    check_frames(file.name, frames, joints, file.size)
     return fps, np.arange(frames) / fps

@@ -142,7 +142,7 @@ def load(path: str | PathLike[str]) -> Motion:
     with checked(file.name):
         rig = read_rig(file)
         curves = read_animation(file)
-        fps, times = clock_of(curves, file.name)
+        fps, times = clock_of(curves, file, max(rig.joints, len(humanoid())))
         rotations, root = rig.motion(curves, times)
         face = _face(file, curves, times, extension["VRMC_vrm_animation"])
         look = extension["VRMC_vrm_animation"].get("lookAt", {}).get("node")

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion import Motion
 from ..rotations import Array
-from ..skeleton import Skeleton
+from ..skeleton import Skeleton, humanoid
 from ..skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .face_rig import FaceRig, looks_turn_eyes, read_face
@@ -93,7 +93,7 @@ class Avatar:
         """
         with checked(self.file.name):
             curves = read_animation(self.file, animation)
-            fps, times = clock_of(curves, self.file.name)
+            fps, times = clock_of(curves, self.file, max(self.rig.joints, len(humanoid())))
             rotations, root = self.rig.motion(curves, times)
             return Motion(fps=fps, rotations=rotations, root=root, face=self.face.face(curves, times), skeleton=self.skeleton)
 

@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..files import describe_os_error
+from ..limits import WORD_VECTOR_WIDTH
+from ..opening import regular_file
 from .mel import Floats
 
 __all__ = ["BinVectors", "TextVectors", "WordVectors", "ngrams", "open_vectors"]
@@ -36,7 +38,6 @@ _MATRIX = struct.Struct("<?2q")  # whether quantised; rows, columns
 _SUPERVISED = 3  # model_name::sup
 _SENTENCE_END = b"</s>"  # the only word without n-grams
 _BASIS, _PRIME = 2166136261, 16777619  # FNV-1a of 32 bits, but for bytes with a sign, as fastText's has
-_WIDEST = 4096  # numbers of a vector; ours: fastText's are 300
 _LONGEST_LINE = 1 << 20  # bytes of a line of a .vec; ours: far above what the widest vector takes
 _LONGEST_GRAM = 64  # ours: fastText's n-grams have at most 6 characters
 
@@ -68,7 +69,7 @@ def open_vectors(path: str | PathLike[str]) -> WordVectors:
     Raises:
         InputError: it cannot be read, is none, is quantised, or is cut off.
     """
-    path = Path(path)
+    path = regular_file(path, "word vectors")
     try:
         with path.open("rb") as file:
             head = file.read(4)
@@ -131,7 +132,7 @@ class TextVectors:
             if isinstance(error, InputError):
                 raise
             words = width = -1
-        if words < 0 or not 1 <= width <= _WIDEST:
+        if words < 0 or not 1 <= width <= WORD_VECTOR_WIDTH:
             hint = "its first line is how many words, and how many numbers each has; or is it a .bin that is damaged?"
             raise InputError(f"{str(self._path)!r} holds no word vectors of fastText", hint)
         return words, width
@@ -218,7 +219,7 @@ class BinVectors:
         self._entries, self.words, labels, _, self._pruned = self._read(_COUNTS, at)
         self._dictionary = at + _COUNTS.size
         sizes = (self._entries, self.words, labels, self._buckets)
-        if min(sizes) < 0 or self.words + labels != self._entries or not 1 <= self.width <= _WIDEST:
+        if min(sizes) < 0 or self.words + labels != self._entries or not 1 <= self.width <= WORD_VECTOR_WIDTH:
             raise self._damaged(f"{self.words} words, {labels} labels, {self._buckets} buckets, {self.width} wide")
         if high > _LONGEST_GRAM:
             raise self._damaged(f"n-grams of {high} characters")

@@ -90,7 +90,10 @@ _RULES = [  # (letters, phones, must match before, must match after); "#" and "$
     ("w", "", "", ""), *((letter, letter, "", "") for letter in "bdfklmnprtvz"),
 ]  # fmt: skip
 
-_LONGEST = 64  # letters; what is longer is no word, and must not take long
+_LONGEST, _WHOLE = (
+    64,
+    256,
+)  # letters of a part, and of a word; what is longer is none, and must not take long
 _BY_LETTER: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
 for _letters, _phones, _before, _after in sorted(_RULES, key=lambda rule: -len(rule[0])):
     _compiled = (re.compile(f"(?:{_before})$"), re.compile(_after))
@@ -127,7 +130,7 @@ def graphemes_to_phones(word: str) -> tuple[str, ...]:
     >>> graphemes_to_phones("слово")
     ()
     """
-    plain = unicodedata.normalize("NFKD", word.casefold()).replace("’", "'")
+    plain = unicodedata.normalize("NFKD", word[:_WHOLE].casefold()).replace("’", "'")
     phones: list[str] = []
     for part in re.findall(r"[a-z']+|[0-9]", plain):
         part = part.strip("'")[:_LONGEST]

@@ -76,7 +76,7 @@ _FREQUENT = {
 LEXICON: dict[str, str] = {word: form for form, words in _SETS.items() for word in words.split()}
 """Word in lower case → name in `repertoire.LEXICAL_FORMS`."""
 
-_TRIM = re.compile(r"^[^\w']+|[^\w']+$")
+_TRIM = re.compile(r"^[^\w']++|(?<![^\w'])[^\w']++$")  # signs at either end, each run of them looked at once
 
 
 def form_for(word: str) -> tuple[str, float] | None:

@@ -23,7 +23,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files import atomic, describe_os_error
+from ..files import atomic
+from ..limits import (
+    BUNDLE_CARD_BYTES,
+    BUNDLE_GRAPH_BYTES,
+    BUNDLE_MANIFEST_BYTES,
+    BUNDLE_MEMBERS,
+    BUNDLE_WEIGHTS_BYTES,
+    TENSORS_HEAD_BYTES,
+)  # fmt: skip
+from ..opening import read_regular
+from ..parsing import check_zip, parse_json
 from ..rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]
@@ -31,8 +41,10 @@ __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_
 FORMAT = 1
 """Of the container and its manifest; a later one is refused with the advice to update."""
 MANIFEST = "bundle.json"
-_LARGEST = {".json": 1 << 20, ".md": 1 << 20, ".onnx": 1 << 23, ".safetensors": 1 << 30}  # bytes; ours: twice a 120 M network
-_MOST_MEMBERS = 32  # ours
+_LARGEST = {
+    ".json": BUNDLE_MANIFEST_BYTES, ".md": BUNDLE_CARD_BYTES, ".onnx": BUNDLE_GRAPH_BYTES, ".safetensors": BUNDLE_WEIGHTS_BYTES,
+}  # fmt: skip
+_LARGEST_NUMBER = 2**53  # of a manifest; ours: floats hold all whole numbers up to there
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,40}\.(json|md|onnx|safetensors)")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the same contents, the same bytes
 _HINT = "is the file damaged, or not a bundle of ours?"
@@ -68,8 +80,11 @@ class Bundle:
 
         if member not in self.members:
             raise InputError(f"{self.name!r} has no {member}", _HINT)
+        data = self.members[member]
+        if int.from_bytes(data[:8], "little") > TENSORS_HEAD_BYTES:  # of its list of arrays (safetensors, "Format")
+            raise InputError(f"{member} of {self.name!r} lists more than {TENSORS_HEAD_BYTES >> 20} MiB of arrays", _HINT)
         try:
-            return load(self.members[member])
+            return load(data)
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{member} of {self.name!r} cannot be read: {error}"[:200], _HINT) from None
 
@@ -111,18 +126,7 @@ def read_bundle(path: str | PathLike[str]) -> Bundle:
         InputError: it cannot be read, is none of ours or of a later version, damaged, or was tampered with.
     """
     shown = Path(fsdecode(path)).name
-    try:
-        if not Path(path).is_file():
-            raise FileNotFoundError(2, "no such file")
-        size = Path(path).stat().st_size
-        if size > sum(_LARGEST.values()):
-            raise InputError(f"{shown!r} has {size:,} bytes, no bundle is so large", _HINT)
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {fsdecode(path)!r}: {describe_os_error(error)}", "is the name right?") from None
-    except ValueError as error:  # a null character in the name
-        raise InputError(f"cannot read {fsdecode(path)!r}: {error}", "is the name right?") from None
-    members = _unzip(data, shown)
+    members = _unzip(read_regular(path, "a bundle", sum(_LARGEST.values())), shown)
     manifest = _manifest(members.pop(MANIFEST, b""), shown)
     hashes = manifest["members"]
     if set(hashes) != set(members):
@@ -134,7 +138,7 @@ def read_bundle(path: str | PathLike[str]) -> Bundle:
 
 
 def _check_names(sizes: Mapping[str, int], shown: str) -> None:
-    if len(sizes) > _MOST_MEMBERS:
+    if len(sizes) > BUNDLE_MEMBERS:
         raise InputError(f"{shown!r} has {len(sizes)} members, no bundle has so many", _HINT)
     for name, size in sizes.items():
         if not _NAME.fullmatch(name):
@@ -145,6 +149,7 @@ def _check_names(sizes: Mapping[str, int], shown: str) -> None:
 
 def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
     """Name → bytes; nothing is read before the sizes of all are known to be possible."""
+    check_zip(io.BytesIO(data), BUNDLE_MEMBERS, repr(shown))
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             entries = archive.infolist()
@@ -165,10 +170,11 @@ def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
 
 def _manifest(data: bytes, shown: str) -> dict[str, Any]:
     try:
-        manifest = json.loads(data.decode("utf-8"), parse_constant=_no_number)
-    except (ValueError, RecursionError):
+        manifest = parse_json(data, MANIFEST, BUNDLE_MANIFEST_BYTES)
+        fine = _sensible(manifest)
+    except (InputError, RecursionError):
         raise InputError(f"{shown!r} has no readable {MANIFEST}", _HINT) from None
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int):
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int) or not fine:
         raise InputError(f"{shown!r} has a {MANIFEST} that is none of ours", _HINT)
     if manifest["format"] != FORMAT:
         hint = "update cospeech" if manifest["format"] > FORMAT else "export it again"
@@ -179,5 +185,8 @@ def _manifest(data: bytes, shown: str) -> dict[str, Any]:
     return manifest
 
 
-def _no_number(text: str) -> None:
-    raise ValueError(f"{text} in JSON")
+def _sensible(value: Any) -> bool:
+    """Whether all numbers of a document are finite, and whole ones not too large for a float."""
+    if isinstance(value, dict | list):
+        return all(map(_sensible, value.values() if isinstance(value, dict) else value))
+    return not isinstance(value, int | float) or abs(value) <= _LARGEST_NUMBER

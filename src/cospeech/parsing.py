@@ -1,0 +1,142 @@
+"""JSON, TOML and the heads of arrays from files that nobody vouches for: looked over before a library parses them.
+
+The libraries are right, but not thrifty: JSON takes thirty bytes of memory for one of text, a TOML key takes the square of its
+parts in time, and numpy's own reader of array headers runs Python's tokeniser over them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from typing import IO, Any, BinaryIO, NoReturn
+
+import numpy as np
+
+from .errors import InputError
+from .limits import TOML_DOTS
+
+__all__ = ["check_zip", "parse_json", "parse_toml", "read_array", "read_array_head"]
+
+_HEAD = re.compile(  # of a .npy: a dict as numpy itself writes it (numpy.lib.format, version 1.0 and 2.0)
+    r"\{\s*'descr':\s*'([<>|=]?[a-zA-Z]\d{0,9})',\s*'fortran_order':\s*(True|False),"
+    r"\s*'shape':\s*\(((?:\d{1,15}L?(?:,\s*\d{1,15}L?){0,31})?),?\s*\),?\s*\}\s*"  # L: written by Python 2
+)
+_ZIP_END = b"PK\x05\x06"  # of the list of a zip (APPNOTE 4.3.16)
+_MAGIC = b"\x93NUMPY"
+_KINDS = "?biufcSU"  # of numpy's types; not objects, which would be pickled
+
+
+def parse_json(text: str | bytes, name: str, most: int) -> Any:
+    """A JSON document whose numbers are finite.
+
+    Args:
+        text: of the document.
+        name: how messages call the file.
+        most: how many values it may have, told by its commas and brackets.
+
+    Raises:
+        InputError: not JSON, nested too deeply, NaN or infinity in it, or more values.
+    """
+    if len(text) > most and _values(text) > most:
+        raise InputError(f"{name} has more than {most:,} values", "cut it into pieces")
+
+    def refuse(constant: str) -> NoReturn:
+        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except InputError:
+        raise
+    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
+        raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
+    except RecursionError:
+        raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
+
+
+def _values(text: str | bytes) -> int:
+    if isinstance(text, str):
+        return sum(text.count(mark) for mark in ",[{")
+    return sum(text.count(mark) for mark in b",[{")
+
+
+def parse_toml(data: bytes, name: str, hint: str) -> dict[str, Any]:
+    """A TOML document.
+
+    Raises:
+        InputError: not UTF-8, not TOML, or a line has more dots than any key or list needs.
+    """
+    try:
+        text = data.decode("utf-8")
+        for number, line in enumerate(text.split("\n"), 1):
+            if line.count(".") > TOML_DOTS:
+                raise InputError(f"{name}: line {number} has more than {TOML_DOTS} dots", "is it damaged?")
+        return tomllib.loads(text)
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
+        raise InputError(f"{name} is not TOML: {(str(error) or 'nested too deeply').splitlines()[0]}"[:200], hint) from None
+
+
+def check_zip(file: BinaryIO, members: int, name: str) -> None:
+    """Whether the list of an open zip is as long as one of so many members may be; `zipfile` would read any.
+
+    Raises:
+        InputError: it is longer, or the file is no zip.
+    """
+    end = file.seek(0, 2)
+    file.seek(max(0, end - 22 - 65535))  # the end of the list, and the longest comment
+    tail = file.read()
+    at = tail.rfind(_ZIP_END)
+    file.seek(0)
+    if at < 0 or len(tail) - at < 22:
+        raise InputError(f"{name} is not a readable zip", "is it cut off?")
+    if tail[max(0, at - 20) : at].startswith(b"PK\x06\x07"):  # zip64 has a second list, which would count
+        raise InputError(f"{name} is a zip of more than 4 GiB", "is it what it is called?")
+    if int.from_bytes(tail[at + 12 : at + 16], "little") > members * 1024:  # ours: an entry has 46 bytes and a name
+        raise InputError(f"{name} has more than {members} members", "is it what it is called?")
+
+
+def read_array_head(file: IO[bytes], name: str) -> tuple[np.dtype, tuple[int, ...], str]:
+    """Type, shape and order (C or F) of the array of a .npy, up to whose numbers the file is read.
+
+    Raises:
+        InputError: it is none, of a version that numpy does not write for plain numbers, or of other things than numbers.
+    """
+    start = file.read(8)
+    size = {1: 2, 2: 4}.get(start[6] if len(start) == 8 and start[:6] == _MAGIC and start[7] == 0 else 0)
+    if size is None:
+        raise InputError(f"{name} is not an array that numpy has written", "save it again with numpy")
+    length = int.from_bytes(file.read(size), "little")
+    found = _HEAD.fullmatch(file.read(length).decode("latin-1")) if length <= 10_000 else None
+    try:
+        dtype = np.dtype(found[1]) if found else None
+    except (TypeError, ValueError, OverflowError):
+        dtype = None
+    if found is None or dtype is None or dtype.kind not in _KINDS:
+        raise InputError(f"{name} is not an array of plain numbers or text", "save it again with numpy")
+    return dtype, tuple(int(n) for n in re.findall(r"\d+", found[3])), "F" if found[2] == "True" else "C"
+
+
+def read_array(file: IO[bytes], size: int, name: str) -> np.ndarray:
+    """The array of a .npy of ``size`` bytes, which it fills exactly.
+
+    Raises:
+        InputError: as of `read_array_head`, or it does not fill the file.
+    """
+    dtype, shape, order = read_array_head(file, name)
+    count = math.prod(shape)
+    due = count * dtype.itemsize
+    if due > size:
+        raise InputError(f"{name} is {dtype} of shape {shape}, which does not fit {size} bytes"[:200], "is it damaged?")
+    data = file.read(size)
+    if len(data) != due:
+        raise InputError(f"{name} is {dtype} of shape {shape}, which does not fit {len(data)} bytes"[:200], "is it damaged?")
+    if count and not dtype.itemsize:
+        raise InputError(f"{name} is text without letters", "is it damaged?")
+    flat = np.frombuffer(data, dtype, count) if due else np.zeros(0, dtype)
+    try:
+        return flat.reshape(shape, order="F" if order == "F" else "C")
+    except ValueError:  # no numbers at all, in a shape beyond numpy's
+        raise InputError(f"{name} is of shape {shape}"[:200], "is it damaged?") from None

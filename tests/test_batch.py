@@ -236,7 +236,7 @@ def test_standard_input(place):
 
 
 def test_standard_input_has_an_end(place, monkeypatch):
-    monkeypatch.setattr("cospeech.batch.MOST_PIPED", 1000)
+    monkeypatch.setattr("cospeech.batch.PIPED_BYTES", 1000)
     with Path("talk.wav").open("rb") as sound:
         monkeypatch.setattr(sys, "stdin", type("Piped", (), {"buffer": sound, "isatty": lambda self: False})())
         with pytest.raises(InputError, match="on standard input"):

@@ -15,16 +15,16 @@ from .errors import CospeechError, InputError, InternalError
 from .export import FORMATS
 from .files import atomic, describe_os_error
 from .generate import check_asked, generate_files, take_path
+from .limits import PIPED_BYTES
 from .models import DEFAULT, PARTS, Gesturer, load
 from .report import Failure, Report, Reports
 from .workplace import scratch, workplace
 
-__all__ = ["MOST_PIPED", "NAME", "STANDARD_INPUT", "generate_speeches"]
+__all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
 
 NAME = "{name}"
 """Stands for the name of a speech in the name of a file."""
 STANDARD_INPUT = "-"
-MOST_PIPED = 4 << 30  # bytes; ours: six hours of uncompressed stereo at 48 kHz
 _BLOCK = 1 << 20  # bytes
 _USUAL = (".bvh", ".glb")  # what is written where no format is named
 _OF_ONE_SPEECH = ("transcript", "face")  # options that cannot be the same for several
@@ -150,7 +150,7 @@ def _piped() -> Iterator[Path]:
     """Yield a file with what standard input has.
 
     Raises:
-        InputError: it is a terminal, empty, or larger than `MOST_PIPED`.
+        InputError: it is a terminal, empty, or larger than `PIPED_BYTES`.
     """
     if sys.stdin is None or sys.stdin.isatty():
         raise InputError("there is no sound on standard input", "pipe it in: recorder | cospeech generate - -o talk.bvh")
@@ -159,8 +159,8 @@ def _piped() -> Iterator[Path]:
         with path.open("wb") as file:
             while block := sys.stdin.buffer.read(_BLOCK):
                 size += len(block)
-                if size > MOST_PIPED:
-                    raise InputError(f"more than {MOST_PIPED >> 30} GB on standard input", "save it to a file first")
+                if size > PIPED_BYTES:
+                    raise InputError(f"more than {PIPED_BYTES >> 30} GiB on standard input", "save it to a file first")
                 file.write(block)
         if not size:
             raise InputError("there is no sound on standard input: 0 bytes", "did what writes to it fail?")

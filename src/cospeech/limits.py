@@ -13,7 +13,7 @@ __all__ = [
     "GLTF_ZEROS", "HDF5_BYTES", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES",
     "JOINT_FRAMES_PER_BYTE", "JSON_VALUES", "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES",
     "MOTION_BYTES", "MOTION_RATES",
-    "NPZ_BYTES", "NPZ_MEMBERS", "OPEN_TIMEOUT", "PLAUSIBLE_SECONDS", "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY",
+    "NPZ_BYTES", "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAUSIBLE_SECONDS", "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY",
     "SOUND_RATES", "SPEECH_RATES", "STORE_INDEX_BYTES", "TENSORS_HEAD_BYTES", "TOML_DOTS", "TRANSCRIPT_BYTES",
     "TRANSCRIPT_JSON_VALUES", "VAULT_TIMEOUT", "WORDS", "WORD_VECTOR_WIDTH", "Limit", "most_joint_frames",
 ]  # fmt: skip
@@ -27,6 +27,11 @@ class Limit(NamedTuple):
     unit: str
     why: str
 
+
+# ---- sound that comes in ----
+
+PIPED_BYTES = 4 << 30
+"""Of a sound file on standard input, which is kept in a file meanwhile: six hours of uncompressed stereo at 48 kHz."""
 
 # ---- motion files ----
 
@@ -177,6 +182,7 @@ LIMITS = (
     Limit("sound file", CHANNELS, "channels", "libsndfile's own limit"),
     Limit("speech read as a whole", SECONDS_IN_MEMORY, "seconds", "streams have no limit"),
     Limit("decoder, until the first sound", OPEN_TIMEOUT, "seconds", "a long MP3 is scanned first"),
+    Limit("sound on standard input", PIPED_BYTES, "bytes", "6 hours of uncompressed stereo"),
     Limit("decoder, between blocks", BLOCK_TIMEOUT, "seconds", "one takes some milliseconds"),
     Limit("decoder", DECODER_MEMORY, "bytes of address space", "it needs some 300 MiB"),
     Limit("decoder", DECODER_CPU_SECONDS, "seconds of work", "a day of MP3 takes 100"),

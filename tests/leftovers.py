@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from pathlib import Path
 
-from cospeech.workplace import PREFIX
+from cospeech.files import PREFIX
 
 __all__ = ["abandoned"]
 

@@ -29,13 +29,13 @@ from cospeech.corpora.store_files import open_array, read_index
 from cospeech.corpora.zeroeggs import read_info
 from cospeech.emotions import read_emotion_track
 from cospeech.export import save
+from cospeech.export.arrays import read_array
 from cospeech.export.face_rig import _viseme
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf import GltfFile
 from cospeech.features.word_vectors import open_vectors
 from cospeech.generate import generate_files
 from cospeech.limits import most_joint_frames
-from cospeech.parsing import read_array
 from cospeech.recipe import load_recipe
 from cospeech.recognise import load_map, recognise
 from cospeech.rules.graphemes import graphemes_to_phones

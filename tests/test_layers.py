@@ -11,9 +11,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
 
 # Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
 LAYERS = [
-    {"errors", "limits", "_decode", "workplace"},
-    {"files", "interrupts", "rotations", "skeletons", "parsing"},
-    {"opening"},
+    {"errors", "limits", "_decode"},
+    {"files", "interrupts", "rotations", "skeletons"},
     {"decoding", "emotions", "recipe", "runlog"},
     {"skeleton", "speech"},
     {"motion", "features", "recognise_shape"},

@@ -12,8 +12,7 @@ import pytest
 import soundfile
 
 from cospeech.demo import EXAMPLE
-from cospeech.files import atomic
-from cospeech.workplace import ABANDONED, PREFIX, sweep, workplace
+from cospeech.files import ABANDONED, PREFIX, atomic, sweep, workplace
 from leftovers import abandoned
 
 COSPEECH = [sys.executable, "-m", "cospeech"]
@@ -98,7 +97,7 @@ def test_only_what_is_abandoned_goes(tmp_path):
 
 
 def test_where_nothing_can_be_locked_age_tells(tmp_path, monkeypatch):
-    monkeypatch.setattr("cospeech.workplace.fcntl", None)
+    monkeypatch.setattr("cospeech.files.fcntl", None)
     with workplace(tmp_path) as own:
         assert (own / "lock").exists()
         young = abandoned(tmp_path)

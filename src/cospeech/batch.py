@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 from .checks import check_files
 from .errors import CospeechError, InputError, InternalError
 from .export import FORMATS
-from .files import atomic, describe_os_error
+from .files import atomic, describe_os_error, scratch, workplace
 from .generate import check_asked, generate_files, take_path
 from .limits import PIPED_BYTES
 from .models import DEFAULT, PARTS, Gesturer, load
 from .report import Failure, Report, Reports
-from .workplace import scratch, workplace
 
 __all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from .demo import EXAMPLE
 from .errors import InputError
+from .files import scratch, workplace
 from .generate import generate_files
 from .models import DEFAULT, load
 from .speech import Speech
-from .workplace import scratch, workplace
 
 __all__ = ["measure"]
 

@@ -24,10 +24,9 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from .errors import CospeechWarning, InputError, nearest
-from .files import atomic, describe_os_error
+from .files import atomic, describe_os_error, read_regular, regular_file
 from .limits import RUN_BYTES
 from .models import NETWORKS
-from .opening import read_regular, regular_file
 from .recipe import build
 
 __all__ = [

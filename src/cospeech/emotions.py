@@ -13,8 +13,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from .errors import InputError, nearest
+from .files import read_regular
 from .limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
-from .opening import read_regular
 from .rotations import Array
 
 __all__ = ["EMOTIONS", "EmotionTrack", "Moods", "emotion_track", "read_emotion_track"]

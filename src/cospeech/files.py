@@ -1,23 +1,163 @@
-"""Writing files so that no half of one is ever left behind."""
+"""Files: only real ones are opened, and never more is read than is due; no half of one is ever left behind.
+
+Files are made in hidden folders before they get their names. A process holds a lock on a file in each of its folders. The
+system takes the lock away when the process ends, however it ends, so whoever can take it knows that nobody works there.
+
+JSON and TOML are looked over before a library parses them: JSON takes thirty bytes of memory for one of text, and a TOML key
+takes the square of its parts in time.
+"""
 
 from __future__ import annotations
 
+import json
 import os
+import platform
+import shutil
 import stat
+import tempfile
+import time
+import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike
 from pathlib import Path
+from typing import Any, BinaryIO, NoReturn
 
 from .errors import InputError
-from .workplace import workplace
+from .limits import TOML_DOTS
 
-__all__ = ["all_or_none", "atomic", "describe_os_error"]
+try:
+    import fcntl
+except ImportError:  # Windows: a folder's age tells alone
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = [
+    "ABANDONED", "PREFIX", "all_or_none", "atomic", "describe_os_error", "open_regular", "parse_json", "parse_toml",
+    "read_regular", "regular_file", "scratch", "sweep", "workplace",
+]  # fmt: skip
+
+PREFIX = ".cospeech-"
+ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
+_LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
+_swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
 
 
 def describe_os_error(error: OSError) -> str:
     """A short reason: "No such file or directory", "Permission denied", …"""
     return error.strerror or type(error).__name__
+
+
+# opening --------------------------------------------------------------------------------------------------------------
+
+
+def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
+    """The path, made absolute, if a regular file with something in it is there.
+
+    Args:
+        path: as the user gave it.
+        what: in words, for the hint.
+
+    Raises:
+        InputError: missing, a folder, a pipe or a device, empty, or it may not be read.
+    """
+    name = os.fsdecode(path)
+    try:
+        about = Path(name).stat()
+    except (OSError, ValueError) as error:
+        reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
+        raise InputError(f"cannot read {name!r}: {reason}", "is the name right?") from None
+    if stat.S_ISDIR(about.st_mode):
+        raise InputError(f"cannot read {name!r}: it is a folder", f"name {what}")
+    if not stat.S_ISREG(about.st_mode):
+        raise InputError(f"cannot read {name!r}: it is a pipe or a device", "save it to a file first")
+    if about.st_size == 0:
+        raise InputError(f"{name!r} is empty", "was it saved, recorded or downloaded to its end?")
+    if not os.access(name, os.R_OK):
+        raise InputError(f"cannot read {name!r}: Permission denied", "may you read it?")
+    return Path(name).absolute()
+
+
+def open_regular(path: str | PathLike[str], what: str, limit: int) -> BinaryIO:
+    """A regular file of at most ``limit`` bytes, open for reading.
+
+    Raises:
+        InputError: as of `regular_file`, or it is larger; the limit is stated.
+    """
+    file = regular_file(path, what)
+    try:
+        size = file.stat().st_size
+        if size > limit:
+            shown = f"{limit >> 20} MiB" if limit >= 1 << 20 else f"{limit >> 10} KiB"
+            raise InputError(f"{os.fsdecode(path)!r} is larger than {shown}: {size:,} bytes", f"is it {what}?")
+        return file.open("rb")
+    except OSError as error:
+        raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None
+
+
+def read_regular(path: str | PathLike[str], what: str, limit: int) -> bytes:
+    """The whole of a regular file of at most ``limit`` bytes (see `open_regular`)."""
+    with open_regular(path, what, limit) as file:
+        try:
+            return file.read(os.fstat(file.fileno()).st_size)  # not the limit: so much memory would be taken at once
+        except OSError as error:
+            raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None
+
+
+# parsing --------------------------------------------------------------------------------------------------------------
+
+
+def parse_json(text: str | bytes, name: str, most: int) -> Any:
+    """A JSON document whose numbers are finite.
+
+    Args:
+        text: of the document.
+        name: how messages call the file.
+        most: how many values it may have, told by its commas and brackets.
+
+    Raises:
+        InputError: not JSON, nested too deeply, NaN or infinity in it, or more values.
+    """
+    if len(text) > most and _values(text) > most:
+        raise InputError(f"{name} has more than {most:,} values", "cut it into pieces")
+
+    def refuse(constant: str) -> NoReturn:
+        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except InputError:
+        raise
+    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
+        raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
+    except RecursionError:
+        raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
+
+
+def _values(text: str | bytes) -> int:
+    if isinstance(text, str):
+        return sum(text.count(mark) for mark in ",[{")
+    return sum(text.count(mark) for mark in b",[{")
+
+
+def parse_toml(data: bytes, name: str, hint: str) -> dict[str, Any]:
+    """A TOML document.
+
+    Raises:
+        InputError: not UTF-8, not TOML, or a line has more dots than any key or list needs.
+    """
+    try:
+        text = data.decode("utf-8")
+        for number, line in enumerate(text.split("\n"), 1):
+            if line.count(".") > TOML_DOTS:
+                raise InputError(f"{name}: line {number} has more than {TOML_DOTS} dots", "is it damaged?")
+        return tomllib.loads(text)
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
+        raise InputError(f"{name} is not TOML: {(str(error) or 'nested too deeply').splitlines()[0]}"[:200], hint) from None
+
+
+# writing --------------------------------------------------------------------------------------------------------------
 
 
 def _destination(path: str | PathLike[str]) -> Path:
@@ -101,3 +241,87 @@ def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> P
     except OSError as error:
         problem = f"cannot write {os.fsdecode(target)!r}: {describe_os_error(error)}"
         raise InputError(problem, "does the folder exist?") from None
+
+
+# hidden folders -------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def workplace(parent: Path) -> Iterator[Path]:
+    """Yield a new hidden folder in ``parent``; it is removed at the end, and before it what killed processes left there.
+
+    Raises:
+        OSError: nothing can be made there.
+    """
+    if not parent.name.startswith(PREFIX) and parent not in _swept:
+        _swept.add(parent)
+        sweep(parent)
+    place = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+    lock = None
+    try:
+        lock = _claim(place)
+        yield place
+    finally:
+        if lock is not None:
+            os.close(lock)
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def scratch() -> Path:
+    """Where files lie that get no name: the system's folder for temporary ones, as the parent of a `workplace`."""
+    return Path(tempfile.gettempdir())
+
+
+def sweep(parent: Path) -> None:
+    """Remove the workplaces in ``parent`` whose processes have ended; those of running ones stay, and what is not ours."""
+    with suppress(OSError):
+        for place in [path for path in parent.iterdir() if path.name.startswith(PREFIX)]:
+            with suppress(OSError):
+                _remove_abandoned(place)
+
+
+def _claim(place: Path) -> int:
+    """The lock of a folder, as an open file; it gets its name when it is held, so that nobody finds it free before."""
+    new = place / "new"
+    lock = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    os.write(lock, _MARK + platform.node().encode())
+    if fcntl is None:  # where an open file cannot be renamed either
+        os.close(lock)
+        new.rename(place / _LOCK)
+        return os.open(place / _LOCK, os.O_RDONLY)
+    with suppress(OSError):  # a file system without locks: age tells
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    new.rename(place / _LOCK)
+    return lock
+
+
+def _remove_abandoned(place: Path) -> None:
+    if not stat.S_ISDIR(place.lstat().st_mode):  # a link, say
+        return
+    try:
+        lock = os.open(place / _LOCK, os.O_RDWR)
+    except FileNotFoundError:  # it was killed before it had a lock, or is about to make it
+        if _is_old(place):
+            place.rmdir()  # not with anything in it: that would not be ours
+        return
+    try:
+        mark = os.read(lock, 1024)
+        if not mark.startswith(_MARK):
+            return
+        here = mark == _MARK + platform.node().encode()
+        if fcntl is not None:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:  # its process runs
+                return
+            except OSError:
+                here = False
+        if (here and fcntl is not None) or _is_old(place):
+            shutil.rmtree(place, ignore_errors=True)
+    finally:
+        os.close(lock)
+
+
+def _is_old(place: Path) -> bool:
+    """Whether nothing was written in it for a day."""
+    return time.time() - max(path.lstat().st_mtime for path in (place, *place.rglob("*"))) > ABANDONED

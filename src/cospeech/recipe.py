@@ -15,9 +15,8 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError, nearest
+from .files import parse_toml, read_regular
 from .limits import RECIPE_BYTES
-from .opening import read_regular
-from .parsing import parse_toml
 
 __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe", "shipped"]
 

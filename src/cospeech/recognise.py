@@ -14,9 +14,8 @@ from importlib import import_module
 from os import PathLike
 
 from .errors import InputError
+from .files import parse_toml, read_regular
 from .limits import BONE_MAP_BYTES
-from .opening import read_regular
-from .parsing import parse_toml
 from .recognise_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS

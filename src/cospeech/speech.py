@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from .decoding import Decoder
 from .errors import InputError
+from .files import regular_file
 from .limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
-from .opening import regular_file
 
 __all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
 

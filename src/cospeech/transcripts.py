@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 
 from .alignment import align, bare, spread, tokenise
 from .errors import InputError
+from .files import parse_json, read_regular
 from .limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
-from .opening import read_regular
-from .parsing import parse_json
 from .speech import Word
 
 if TYPE_CHECKING:

@@ -11,9 +11,8 @@ from math import isfinite
 from pathlib import Path
 
 from ..errors import InputError
-from ..files import atomic
+from ..files import atomic, open_regular
 from ..limits import CORPUS_TABLE_BYTES
-from ..opening import open_regular
 from .clip import Dropped
 
 __all__ = ["TABLE", "TWINS", "Interval", "read_table", "write_table"]

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import CospeechError, InputError
-from ..files import describe_os_error
+from ..files import describe_os_error, read_regular
 from ..limits import CORPUS_TEXT_BYTES
 from ..motion import Motion
-from ..opening import read_regular
 from ..speech import Speech
 from .clip import Clip, Dropped
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..export.arrays import read_array_head
+from ..files import read_regular, regular_file
 from ..limits import STORE_INDEX_BYTES
-from ..opening import read_regular, regular_file
-from ..parsing import read_array_head
 from ..rotations import Array
 
 __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", "read_entry", "read_index"]

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..files import regular_file
 from ..limits import HDF5_BYTES, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES, VAULT_TIMEOUT
-from ..opening import regular_file
 
 __all__ = ["Dataset", "Vault", "read_lmdb"]
 

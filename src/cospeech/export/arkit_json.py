@@ -14,9 +14,9 @@ from typing import IO
 import numpy as np
 
 from ..errors import InputError
+from ..files import parse_json
 from ..limits import FACE_JSON_BYTES, JSON_VALUES, PLAUSIBLE_SECONDS
 from ..motion import Motion
-from ..parsing import parse_json
 from ..rotations import Array
 from ..skeleton import humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_INDEX

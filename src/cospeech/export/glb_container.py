@@ -6,8 +6,8 @@ import struct
 from typing import Any
 
 from ..errors import InputError
+from ..files import parse_json
 from ..limits import GLTF_JSON_VALUES
-from ..parsing import parse_json
 
 __all__ = ["BIN", "JSON", "MAGIC", "split_glb"]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..limits import NPZ_BYTES, NPZ_MEMBERS
-from ..parsing import check_zip, read_array, read_array_head
+from .arrays import check_zip, read_array, read_array_head
 
 __all__ = ["Arrays", "open_arrays"]
 

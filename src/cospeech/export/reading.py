@@ -9,9 +9,8 @@ from os import PathLike
 from typing import BinaryIO
 
 from ..errors import CospeechError, InputError
-from ..files import describe_os_error
+from ..files import describe_os_error, open_regular
 from ..limits import JOINT_FRAMES, MOTION_BYTES, most_joint_frames
-from ..opening import open_regular
 
 __all__ = ["check_frames", "open_file", "read_bytes", "size_of"]
 

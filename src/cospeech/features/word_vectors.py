@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..files import describe_os_error
+from ..files import describe_os_error, regular_file
 from ..limits import WORD_VECTOR_WIDTH
-from ..opening import regular_file
 from .mel import Floats
 
 __all__ = ["BinVectors", "TextVectors", "WordVectors", "ngrams", "open_vectors"]

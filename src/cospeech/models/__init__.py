@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
-from ..workplace import scratch, workplace
+from ..files import scratch, workplace
 
 if TYPE_CHECKING:
     from ..motion import Motion

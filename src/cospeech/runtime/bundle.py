@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files import atomic
+from ..export.arrays import check_zip
+from ..files import atomic, parse_json, read_regular
 from ..limits import (
     BUNDLE_CARD_BYTES,
     BUNDLE_GRAPH_BYTES,
@@ -32,8 +33,6 @@ from ..limits import (
     BUNDLE_WEIGHTS_BYTES,
     TENSORS_HEAD_BYTES,
 )  # fmt: skip
-from ..opening import read_regular
-from ..parsing import check_zip, parse_json
 from ..rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]

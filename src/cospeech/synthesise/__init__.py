@@ -21,11 +21,10 @@ import numpy as np
 from ..corpora import CORPORA
 from ..corpora.clip import Clip, Semantic
 from ..errors import CospeechWarning, InputError, nearest
-from ..files import describe_os_error
+from ..files import describe_os_error, workplace
 from ..motion import Motion
 from ..rules import EMOTIONS, Gesture, RuleGesturer, Style
 from ..speech import Speech, example
-from ..workplace import workplace
 from .acting import Actor, act
 from .speakers import Speaker, cast
 from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say

@@ -15,8 +15,8 @@ from ..alignment import align, tokenise
 from ..corpora import folder
 from ..corpora.clip import Clip
 from ..errors import InputError, InternalError
+from ..files import scratch, workplace
 from ..speech import Speech, Word
-from ..workplace import scratch, workplace
 from .texts import SENTENCES
 
 __all__ = ["ENGINES", "Voice", "installed_voices", "pieces_of", "reader_of", "recordings", "say"]

@@ -1,23 +1,19 @@
-"""JSON, TOML and the heads of arrays from files that nobody vouches for: looked over before a library parses them.
+"""Zips and arrays as NumPy writes them, from files that nobody vouches for: looked over before anything is read.
 
-The libraries are right, but not thrifty: JSON takes thirty bytes of memory for one of text, a TOML key takes the square of its
-parts in time, and numpy's own reader of array headers runs Python's tokeniser over them.
+NumPy's own reader of array headers runs Python's tokeniser over them; this one knows the form that NumPy writes.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import tomllib
-from typing import IO, Any, BinaryIO, NoReturn
+from typing import IO, BinaryIO
 
 import numpy as np
 
-from .errors import InputError
-from .limits import TOML_DOTS
+from ..errors import InputError
 
-__all__ = ["check_zip", "parse_json", "parse_toml", "read_array", "read_array_head"]
+__all__ = ["check_zip", "read_array", "read_array_head"]
 
 _HEAD = re.compile(  # of a .npy: a dict as numpy itself writes it (numpy.lib.format, version 1.0 and 2.0)
     r"\{\s*'descr':\s*'([<>|=]?[a-zA-Z]\d{0,9})',\s*'fortran_order':\s*(True|False),"
@@ -26,57 +22,6 @@ _HEAD = re.compile(  # of a .npy: a dict as numpy itself writes it (numpy.lib.fo
 _ZIP_END = b"PK\x05\x06"  # of the list of a zip (APPNOTE 4.3.16)
 _MAGIC = b"\x93NUMPY"
 _KINDS = "?biufcSU"  # of numpy's types; not objects, which would be pickled
-
-
-def parse_json(text: str | bytes, name: str, most: int) -> Any:
-    """A JSON document whose numbers are finite.
-
-    Args:
-        text: of the document.
-        name: how messages call the file.
-        most: how many values it may have, told by its commas and brackets.
-
-    Raises:
-        InputError: not JSON, nested too deeply, NaN or infinity in it, or more values.
-    """
-    if len(text) > most and _values(text) > most:
-        raise InputError(f"{name} has more than {most:,} values", "cut it into pieces")
-
-    def refuse(constant: str) -> NoReturn:
-        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
-
-    try:
-        return json.loads(text, parse_constant=refuse)
-    except InputError:
-        raise
-    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
-        raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
-    except RecursionError:
-        raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
-
-
-def _values(text: str | bytes) -> int:
-    if isinstance(text, str):
-        return sum(text.count(mark) for mark in ",[{")
-    return sum(text.count(mark) for mark in b",[{")
-
-
-def parse_toml(data: bytes, name: str, hint: str) -> dict[str, Any]:
-    """A TOML document.
-
-    Raises:
-        InputError: not UTF-8, not TOML, or a line has more dots than any key or list needs.
-    """
-    try:
-        text = data.decode("utf-8")
-        for number, line in enumerate(text.split("\n"), 1):
-            if line.count(".") > TOML_DOTS:
-                raise InputError(f"{name}: line {number} has more than {TOML_DOTS} dots", "is it damaged?")
-        return tomllib.loads(text)
-    except InputError:
-        raise
-    except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
-        raise InputError(f"{name} is not TOML: {(str(error) or 'nested too deeply').splitlines()[0]}"[:200], hint) from None
 
 
 def check_zip(file: BinaryIO, members: int, name: str) -> None:

@@ -26,22 +26,22 @@ from flow import medians, processor, verdict
 from mix_stage import load
 from speed import resident
 
-from cospeech.checkpoint import network
-from cospeech.demo import EXAMPLE
-from cospeech.features.reduce import audio_width
-from cospeech.features.shared import SharedProsody
-from cospeech.models.chain_graph import LoweredChain, lower_chain
-from cospeech.poses import find_pose
-from cospeech.poses.joints import hand_columns
-from cospeech.recipe import Recipe, build, load_recipe
+from cospeech.audio.features.reduce import audio_width
+from cospeech.audio.features.shared_prosody import SharedProsody
+from cospeech.audio.speech import RATE, Speech
+from cospeech.cli.demo import EXAMPLE
+from cospeech.motion.poses import find_pose
+from cospeech.motion.poses.joints import hand_columns
 from cospeech.rules import RuleGesturer
+from cospeech.runtime.backends import Terms, players_of
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
 from cospeech.runtime.chain_engine import ChainEngine
-from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.model import BundleGesturer
 from cospeech.runtime.mouth import shipped_mouth
-from cospeech.runtime.performance import Performance, Wish
-from cospeech.runtime.players import Terms, players_of
-from cospeech.speech import RATE, Speech
+from cospeech.runtime.session import Performance, Wish
+from cospeech.training.checkpoint import network
+from cospeech.training.export.chain_graph import LoweredChain, lower_chain
+from cospeech.training.recipe import Recipe, build, load_recipe
 
 RECIPES = Path(__file__).parents[1] / "recipes"
 SPEAKERS = 8

@@ -24,14 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.demo import EXAMPLE
-from cospeech.features.frames import audio_features
-from cospeech.features.reduce import reduce_audio
+from cospeech.audio.features.frames import audio_features
+from cospeech.audio.features.reduce import reduce_audio
+from cospeech.audio.speech import Speech
+from cospeech.cli.demo import EXAMPLE
 from cospeech.models import load
 from cospeech.runtime.flow_engine import FlowEngine, StudentT
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import CODE, FlowSizes, pack_weights
-from cospeech.speech import Speech
 
 PAPER = FlowSizes(
     pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, heard=13, nu=50, feature=32, blocks=5, channels=256

@@ -4,7 +4,7 @@ The paper's size (256 channels, five halvings, 8 sub-generators, 8 speakers, 96 
 weights; speech, styles and nudges are normal noise. Played by onnxruntime in float32:
 
 * offline, 10 s of speech at 15 frames per second in one pass: 150 frames, filled up to 160;
-* live, as `cospeech.runtime.window_player.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a stage would.
+* live, as `cospeech.runtime.sliding_window_decoder.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a stage would.
 
 The training step, discriminator and generator with Adam, 16 windows of 64 frames, is PyTorch's in float32, in float64, in which
 the authors' code trains, and in the mixed precision of ``train.precision = "bfloat16"``.
@@ -24,13 +24,13 @@ import numpy as np
 import torch
 from flow import medians, processor, verdict
 
-from cospeech.models.lowering import lower
 from cospeech.models.mix_stage import MixStage, MixStageConfig
-from cospeech.nn.objective import Batch, Chance
-from cospeech.runtime.manner import Manner
+from cospeech.models.nn.objective import Batch, Chance
+from cospeech.runtime.sliding_window_decoder import WindowPlayer, live
+from cospeech.runtime.style_measures import Manner
 from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
 from cospeech.runtime.window_engine import WindowEngine
-from cospeech.runtime.window_player import WindowPlayer, live
+from cospeech.training.export.window_graph import lower
 
 POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0
 SECONDS, FRAMES = 10.0, 160
@@ -88,7 +88,7 @@ def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, fl
 
 
 def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]:
-    """One step, as `cospeech.train.train` takes it."""
+    """One step, as `cospeech.training.train.train` takes it."""
     net = paper_size().to(dtype).train()
     objectives = net.objectives()
     movers = {name: torch.optim.Adam(list(objective.parameters), 1e-4) for name, objective in objectives.items()}

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from speed import machine
 
+from cospeech.audio.speech import Speech, example
 from cospeech.models import load
-from cospeech.speech import Speech, example
 
 
 @dataclass(frozen=True)

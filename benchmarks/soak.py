@@ -17,8 +17,8 @@ from fractions import Fraction
 import numpy as np
 from speed import machine, resident
 
+from cospeech.audio.speech import Speech, Word, count_frames, example
 from cospeech.models import load
-from cospeech.speech import Speech, Word, count_frames, example
 
 WARM = 1 / 6  # simulated hours until everything that is kept is there
 PAUSE, SILENCE, EVERY = 1.0, 60.0, 20  # seconds after each time; seconds after every so many times

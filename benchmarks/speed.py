@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from cospeech.bench import measure
-from cospeech.demo import EXAMPLE
+from cospeech.cli.bench import measure
+from cospeech.cli.demo import EXAMPLE
 from cospeech.generate import generate_files
 
 

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 
 import cospeech
-from cospeech.demo import EXAMPLE
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.cli.demo import EXAMPLE
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
 motion = cospeech.load("rules").generate(speech, parts=("face",))

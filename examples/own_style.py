@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import cospeech
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.rules import STYLES
 
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)

@@ -3,8 +3,8 @@
 import sys
 
 import cospeech
-from cospeech.demo import EXAMPLE
-from cospeech.skeletons import SKELETONS
+from cospeech.cli.demo import EXAMPLE
+from cospeech.motion.skeletons import SKELETONS
 
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
 motion = cospeech.load("rules").generate(speech)

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 
 import cospeech
-from cospeech.demo import EXAMPLE
-from cospeech.rotations import quat_to_euler
+from cospeech.cli.demo import EXAMPLE
+from cospeech.motion.rotations import quat_to_euler
 
 FPS = 50
 LIMITS = {"leftElbow": (-1.5, 0.0), "headPan": (-1.0, 1.0), "headTilt": (-0.4, 0.3)}  # radians: of your robot

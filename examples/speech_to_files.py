@@ -4,7 +4,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.generate import generate_files
 
 audio = Path(sys.argv[1]) if len(sys.argv) > 1 else EXAMPLE

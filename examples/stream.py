@@ -3,7 +3,7 @@
 import sys
 
 import cospeech
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
 model = cospeech.load("rules")

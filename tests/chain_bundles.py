@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.features.reduce import audio_width
-from cospeech.features.words import BUCKETS
-from cospeech.poses import find_pose
+from cospeech.audio.features.reduce import audio_width
+from cospeech.audio.features.words import BUCKETS
+from cospeech.motion.poses import find_pose
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, write_chain
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.recurrent_graph import RecurrentGraph, Wave
 from cospeech.runtime.window_bundle import half
+from cospeech.training.export.recurrent_graph import RecurrentGraph, Wave
 
 __all__ = ["LOOK_AHEAD", "NAMES", "REACH", "WORDS", "small_chain", "small_chain_statistics", "write_small_chain"]
 

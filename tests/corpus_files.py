@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from cospeech.audio.speech import Speech, Word
 from cospeech.corpora import Clip, Dropped, Semantic
-from cospeech.speech import Speech, Word
 from motions import gesturing
 
 __all__ = ["WORDS", "clip", "damaged", "same_turns", "sort_out", "tone"]

@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from cospeech.features.reduce import audio_width
-from cospeech.poses import find_pose
+from cospeech.audio.features.reduce import audio_width
+from cospeech.motion.poses import find_pose
 from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
 from cospeech.runtime.window_engine import WindowSizes
 

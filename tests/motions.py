@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cospeech.mannequin.character import Character, Part
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, quat_identity, quat_multiply
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT_INDEX
+from cospeech.export.mannequin.character import Character, Part
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_multiply
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 
 __all__ = ["gesturing", "stand_in"]
 

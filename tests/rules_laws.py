@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cospeech.motion import Motion
-from cospeech.rotations import (
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import (
     quat_angle,
     quat_conjugate,
     quat_multiply,
@@ -20,7 +20,7 @@ from cospeech.rotations import (
     quat_to_rotvec,
     quat_twist,
 )
-from cospeech.skeleton import humanoid
+from cospeech.motion.skeleton import humanoid
 
 __all__ = ["babble", "broken_laws", "hand_points", "wrist_distance"]
 

@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
+from cospeech.audio.features.reduce import audio_width
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
-from cospeech.features.reduce import audio_width
-from cospeech.motion import Motion
-from cospeech.poses import find_pose
-from cospeech.poses.controls import QUANTILES
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import find_pose
+from cospeech.motion.poses.controls import QUANTILES
 from cospeech.runtime.bundle import MANIFEST
 from cospeech.runtime.flow_bundle import Statistics, write_flow
 from cospeech.runtime.flow_weights import CODE, FlowSizes
-from cospeech.runtime.gesturer import BundleGesturer
 from cospeech.runtime.manifest import System
-from cospeech.speech import Speech
+from cospeech.runtime.model import BundleGesturer
 
 
 def small_sizes(pose: str, audio: str) -> FlowSizes:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech.features import analyse
+from cospeech.audio.features import analyse
+from cospeech.audio.speech import Speech, Word
+from cospeech.audio.speech import example as example_files
+from cospeech.corpora.synthetic.acting import ACTING, LEVEL, Acting, Actor, act
 from cospeech.rules import EMOTIONS
-from cospeech.speech import Speech, Word
-from cospeech.speech import example as example_files
-from cospeech.synthesise.acting import ACTING, LEVEL, Acting, Actor, act
 
 RATE = 16_000
 

@@ -8,22 +8,24 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from cospeech.corpora import attributes, beat, pats
+from cospeech.corpora import attributes
 from cospeech.corpora.attributes import attributes_of, body_of, speaker_attributes
 from cospeech.corpora.augment import mirrored, mirrored_motion, mirrored_points
+from cospeech.corpora.beat import read as beat
 from cospeech.corpora.clip import Clip, Dropped, Points
-from cospeech.corpora.feed import check_mirror
+from cospeech.corpora.derived_speakers import arm_joints, heard_of, hold_motion, mean_poses, twin_of
+from cospeech.corpora.pats import read as pats
+from cospeech.corpora.prepare import prepare
+from cospeech.corpora.prepare.derive_speakers import twin_maker
 from cospeech.corpora.store import Store
-from cospeech.corpora.twins import arm_joints, heard_of, hold_motion, mean_poses, twin_of
-from cospeech.corpora.windows import Windows, mirrored_clip
 from cospeech.errors import InputError
-from cospeech.evaluation import stored_clips
-from cospeech.poses import POSES, find_pose
-from cospeech.prepare import prepare
-from cospeech.prepare.twinning import twin_maker
-from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_multiply
-from cospeech.skeleton import Skeleton
-from cospeech.skeletons.pats import JOINTS
+from cospeech.metrics.evaluation import stored_clips
+from cospeech.motion.poses import POSES, find_pose
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multiply
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.skeletons.pats import JOINTS
+from cospeech.training.batch_loader import check_mirror
+from cospeech.training.windows import Windows, mirrored_clip
 from test_prepare import moving, voice
 
 FPS = 15.0
@@ -330,7 +332,7 @@ def test_the_sound_of_a_twin_is_found(made, raw):
 
 
 def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
-    from cospeech.prepare import pieces
+    from cospeech.corpora.prepare import pieces
 
     calls, real = [], pieces.encode
 

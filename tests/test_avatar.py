@@ -7,17 +7,17 @@ import json
 import numpy as np
 import pytest
 
-from cospeech.avatar import load_avatar
 from cospeech.errors import InputError
 from cospeech.export import load, save
+from cospeech.export.avatar import load_avatar
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf import GltfFile, read_glb
 from cospeech.export.gltf_build import GltfBuilder
-from cospeech.motion import Motion
-from cospeech.rotations import quat_angle, quat_rotate, quat_to_matrix
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
-from cospeech.skeletons.mixamo import NAMES as MIXAMO
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_angle, quat_rotate, quat_to_matrix
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.motion.skeletons.mixamo import NAMES as MIXAMO
 from motions import gesturing, stand_in
 
 

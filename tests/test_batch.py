@@ -16,9 +16,9 @@ import pytest
 import soundfile
 
 import cospeech
-from cospeech.batch import generate_speeches
-from cospeech.cli import main
-from cospeech.demo import EXAMPLE
+from cospeech.cli.batch import generate_speeches
+from cospeech.cli.demo import EXAMPLE
+from cospeech.cli.main import main
 from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS
 from cospeech.models import PARTS
@@ -236,7 +236,7 @@ def test_standard_input(place):
 
 
 def test_standard_input_has_an_end(place, monkeypatch):
-    monkeypatch.setattr("cospeech.batch.PIPED_BYTES", 1000)
+    monkeypatch.setattr("cospeech.cli.batch.PIPED_BYTES", 1000)
     with Path("talk.wav").open("rb") as sound:
         monkeypatch.setattr(sys, "stdin", type("Piped", (), {"buffer": sound, "isatty": lambda self: False})())
         with pytest.raises(InputError, match="on standard input"):

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.motion import Motion
-from cospeech.rotations import quat_continuous, rotvec_to_quat
-from cospeech.skeleton import named_skeleton
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_continuous, rotvec_to_quat
+from cospeech.motion.skeleton import named_skeleton
 from motions import gesturing
 
 SCRIPT = Path(__file__).parent / "blender" / "check_bvh.py"

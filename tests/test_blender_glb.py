@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cospeech.export import save
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT
 from motions import gesturing
 
 SCRIPT = Path(__file__).parent / "blender" / "check_glb.py"

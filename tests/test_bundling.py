@@ -12,27 +12,27 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch (the train extra)")
 
 import cospeech  # noqa: E402
-from cospeech.bundling import EXAMPLES, bundle_run  # noqa: E402
-from cospeech.checkpoint import load_run, read_tensors, write_tensors  # noqa: E402
-from cospeech.corpora.examples import STRETCH, STRETCHES, examples_of  # noqa: E402
-from cospeech.corpora.feed import SPREAD_FLOOR, Feed, clip_moments, standard_audio, standard_pose  # noqa: E402
+from cospeech.audio.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
+from cospeech.audio.speech import Speech, example  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
-from cospeech.corpora.windows import Windows  # noqa: E402
 from cospeech.errors import CospeechWarning, InputError  # noqa: E402
-from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
 from cospeech.metrics.movement import Track  # noqa: E402
 from cospeech.models import SHIPPED  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.rules import RuleGesturer  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
-from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
+from cospeech.runtime.model import BundleGesturer  # noqa: E402
 from cospeech.runtime.systems import open_system  # noqa: E402
-from cospeech.skeletons.arkit import ARKIT_INDEX  # noqa: E402
-from cospeech.speech import Speech, example  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.training.batch_loader import SPREAD_FLOOR, Feed, clip_moments, standard_audio, standard_pose  # noqa: E402
+from cospeech.training.calibration_clips import STRETCH, STRETCHES, examples_of  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_tensors, write_tensors  # noqa: E402
+from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
+from cospeech.training.recipe import read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
+from cospeech.training.windows import Windows  # noqa: E402
 
 FPS = 12.0
 MODEL = {

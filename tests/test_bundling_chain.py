@@ -10,21 +10,21 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch (the train extra)")
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
-from cospeech.bundling import EXAMPLES, bundle_run  # noqa: E402
-from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.audio.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
+from cospeech.audio.speech import Speech, example  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
-from cospeech.motion import Motion  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.motion.motion import Motion  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.rules import RuleGesturer  # noqa: E402
 from cospeech.runtime.chain_bundle import VOICE  # noqa: E402
-from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
-from cospeech.speech import Speech, example  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.runtime.model import BundleGesturer  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
+from cospeech.training.recipe import read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 from runtime_bundles import cut, same  # noqa: E402
 
 FPS = 12.0

@@ -16,9 +16,9 @@ from cospeech.errors import InputError
 from cospeech.export import open_writer
 from cospeech.export.bvh import continuous_euler
 from cospeech.export.bvh_reader import UNITS, frame_rate
-from cospeech.motion import Motion
-from cospeech.recognise import recognise
-from cospeech.rotations import (
+from cospeech.motion.bone_mapping import recognise
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import (
     euler_to_quat,
     quat_angle,
     quat_continuous,
@@ -27,7 +27,7 @@ from cospeech.rotations import (
     quat_rotate,
     rotvec_to_quat,
 )
-from cospeech.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
 from motions import gesturing
 
 HEADER = """HIERARCHY

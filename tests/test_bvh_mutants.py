@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_identity
-from cospeech.skeleton import Skeleton, humanoid
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_identity
+from cospeech.motion.skeleton import Skeleton, humanoid
 from motions import gesturing
 
 NASTY = [

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from chain_bundles import NAMES, WORDS, small_chain, small_chain_statistics, write_small_chain
+from cospeech.audio.features.words import subwords
 from cospeech.errors import InputError
-from cospeech.features.words import subwords
 from cospeech.runtime.bundle import Bundle, pack_arrays, read_bundle, write_bundle
 from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain, write_chain
 from cospeech.runtime.systems import open_system

@@ -20,16 +20,16 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 
 from chain_bundles import LOOK_AHEAD, NAMES, write_small_chain
 from cospeech import generate as generating
-from cospeech.emotions import EMOTIONS, EmotionTrack
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack
+from cospeech.audio.speech import Speech, Word
 from cospeech.errors import InputError
-from cospeech.motion import Motion
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleGesturer
 from cospeech.runtime.chain_bundle import VOICE
-from cospeech.runtime.ear import CAUTION
-from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.speaker_emotion_tracker import CAUTION
 from cospeech.runtime.style import CodeSource
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech, Word
 from runtime_bundles import changed, cut, same, talk
 
 BODY = ("body", "hands")
@@ -273,7 +273,7 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
 def test_no_torch_and_no_onnx(tmp_path):
     path = write_small_chain(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.gesturer import BundleGesturer; from cospeech.speech import Speech;"
+        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
         f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )

@@ -17,12 +17,12 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 from chain_bundles import write_small_chain
 from cospeech import generate as generating
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.poses import find_pose
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import find_pose
+from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleGesturer
-from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.given import FADE, GivenFace, poses_before
-from cospeech.skeletons.arkit import ARKIT
+from cospeech.runtime.conditioning import FADE, GivenFace, poses_before
+from cospeech.runtime.model import BundleGesturer
 from runtime_bundles import cut, same, talk, write_small
 
 BODY, SEEDS, FPS = ("body", "hands"), 4, 15.0

@@ -15,11 +15,11 @@ from torch import nn  # noqa: E402
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
-from cospeech.models.chain_graph import lower_chain  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
+from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
 _CHAIN = {"frames": 34, "latent": 16, "hidden": 12, "layers": 2, "word_width": 5, "text_channels": 9, "classifier_channels": 6}

@@ -10,28 +10,28 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
-from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
-from cospeech.corpora.examples import STRETCH, STRETCHES  # noqa: E402
+from cospeech.audio.features.frames import AUDIO_NAMES  # noqa: E402
+from cospeech.audio.features.words import GRAMS  # noqa: E402
 from cospeech.corpora.store import Entry, Store  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
-from cospeech.corpora.windows import Windows  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.features.frames import AUDIO_NAMES  # noqa: E402
-from cospeech.features.words import GRAMS  # noqa: E402
 from cospeech.models.chain_live import ChainLive, ChainLiveConfig  # noqa: E402
 from cospeech.models.chain_of_generation import INPUTS, ChainConfig, ChainOfGeneration  # noqa: E402
+from cospeech.models.nn.channel_attention import ChannelAttention, PastAttention  # noqa: E402
+from cospeech.models.nn.contrast import info_nce  # noqa: E402
+from cospeech.models.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.recurrent import BothWays, Forwards  # noqa: E402
+from cospeech.models.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
+from cospeech.models.nn.words import SubwordTable, word_embedding  # noqa: E402
 from cospeech.models.speech_classifier import SpeechClassifier, SpeechClassifierConfig  # noqa: E402
-from cospeech.nn.channel_attention import ChannelAttention, PastAttention  # noqa: E402
-from cospeech.nn.contrast import info_nce  # noqa: E402
-from cospeech.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.nn.recurrent import BothWays, Forwards  # noqa: E402
-from cospeech.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
-from cospeech.nn.words import SubwordTable, word_embedding  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.poses.joints import hand_columns  # noqa: E402
-from cospeech.recipe import build, load_recipe, read_recipe  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
+from cospeech.motion.poses.joints import hand_columns  # noqa: E402
+from cospeech.training.calibration_clips import STRETCH, STRETCHES  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.training.recipe import build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
+from cospeech.training.windows import Windows  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, ROWS, FRAMES = 7, 5, 3, 4, 24

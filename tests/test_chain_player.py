@@ -12,14 +12,14 @@ import pytest
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from chain_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
-from cospeech.emotions import EMOTIONS, EmotionTrack
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.causal_stream_decoder import ChainPlayer, LivePlayer, SectionPlayer, sections
 from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain
-from cospeech.runtime.chain_player import ChainPlayer, LivePlayer, SectionPlayer, sections
 from cospeech.runtime.chain_style import mixture_chain, named_chain
-from cospeech.runtime.ear import Ear
-from cospeech.runtime.fading import FADE
-from cospeech.runtime.nudge import SmoothGumbel
+from cospeech.runtime.crossfade import FADE
+from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.speaker_emotion_tracker import Ear
 
 KINDS = [LivePlayer, SectionPlayer]
 

@@ -14,11 +14,11 @@ import pytest
 import soundfile
 
 import cospeech
-from cospeech.catalogue import CATALOGUES
-from cospeech.cli import main
-from cospeech.demo import EXAMPLE
+from cospeech.cli.catalogue import CATALOGUES
+from cospeech.cli.demo import EXAMPLE
+from cospeech.cli.main import main
 from cospeech.export import FORMATS
-from cospeech.how_to_open import HOW_TO_OPEN
+from cospeech.export.how_to_open import HOW_TO_OPEN
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.runtime.bundle import write_bundle
@@ -130,7 +130,7 @@ def test_convert_and_render(cli, place):
 
 
 def test_demo_has_everything(cli, place, monkeypatch):
-    monkeypatch.setattr("cospeech.demo.EXAMPLE", place / "talk.wav")
+    monkeypatch.setattr("cospeech.cli.demo.EXAMPLE", place / "talk.wav")
     code, out, err = cli("demo", "--to", "show/me")
     assert (code, err) == (0, "")
     suffixes = {".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}

@@ -9,9 +9,9 @@ import soundfile
 import typer
 from typer.testing import CliRunner
 
-from cospeech.cli_corpora import register
+from cospeech.cli.corpora import register
+from cospeech.cli.demo import EXAMPLE
 from cospeech.corpora.store import Store
-from cospeech.demo import EXAMPLE
 from cospeech.errors import InputError
 
 

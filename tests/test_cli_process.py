@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 
 COSPEECH = [sys.executable, "-m", "cospeech"]
 

@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cospeech.cli_train import register
+from cospeech.cli.train import register
 from cospeech.errors import InputError
 from tiny_store import make_store
 

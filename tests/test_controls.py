@@ -11,9 +11,9 @@ from cospeech.corpora.store import Store
 from cospeech.corpora.store_files import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.poses import POSES, find_pose
-from cospeech.poses.controls import (
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import POSES, find_pose
+from cospeech.motion.poses.controls import (
     CONTROLS,
     QUANTILES,
     control_quantiles,
@@ -22,8 +22,8 @@ from cospeech.poses.controls import (
     style_controls,
     with_controls,
 )
-from cospeech.rotations import axis_angle_to_quat, quat_multiply
-from cospeech.skeleton import named_skeleton
+from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply
+from cospeech.motion.skeleton import named_skeleton
 
 FPS = 20.0
 

@@ -14,15 +14,16 @@ import pytest
 import soundfile
 
 from corpus_files import WORDS, clip, damaged, same_turns, sort_out
-from cospeech.corpora import Clip, Dropped, beat
-from cospeech.corpora.annotations import EMOTIONS, SPLIT, take_of
-from cospeech.corpora.beat_writer import FACE_NAMES
+from cospeech.corpora import Clip, Dropped
+from cospeech.corpora.beat import read as beat
+from cospeech.corpora.beat.annotations import EMOTIONS, SPLIT, take_of
+from cospeech.corpora.beat.write import FACE_NAMES
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_identity
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_identity
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.rules import EMOTIONS as OURS
-from cospeech.skeleton import Skeleton
-from cospeech.skeletons.arkit import ARKIT_INDEX
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import soundfile
 from corpus_files import sort_out, tone
 from cospeech.corpora import Dropped, faces
 from cospeech.errors import InputError
-from cospeech.poses.face import FACE
-from cospeech.rotations import matrix_to_quat, quat_angle, quat_multiply, rotvec_to_quat
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.motion.poses.face import FACE
+from cospeech.motion.rotations import matrix_to_quat, quat_angle, quat_multiply, rotvec_to_quat
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 MEDIAPIPE = ("_neutral", *reversed([name for name in ARKIT if name != "tongueOut"]))
 LENGTHS = (50, 40, 25)

@@ -11,7 +11,7 @@ import soundfile
 
 from corpus_files import WORDS, damaged, same_turns, sort_out, tone
 from cospeech.corpora import CORPORA, Dropped, Semantic, beat2, folder, zeroeggs
-from cospeech.corpora.annotations import semantic_text
+from cospeech.corpora.beat.annotations import semantic_text
 from cospeech.corpora.layout import textgrid, write_bvh
 from cospeech.errors import InputError
 from motions import gesturing

@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.corpora import Clip, Dropped, Points, pats
-from cospeech.corpora.pandas_frame import read_frame, unpack
-from cospeech.corpora.vault import Vault
+from cospeech.audio.speech import Speech, Word
+from cospeech.corpora import Clip, Dropped, Points
+from cospeech.corpora.hdf5_lmdb import Vault
+from cospeech.corpora.pats import read as pats
+from cospeech.corpora.pats.pandas_frame import read_frame, unpack
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_identity
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.pats import JOINTS, PARENTS, SPEAKERS
-from cospeech.speech import Speech, Word
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_identity
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.pats import JOINTS, PARENTS, SPEAKERS
 
 h5py = pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
 
@@ -134,12 +135,12 @@ def test_motion_is_seen_from_the_front(tmp_path):
 
 
 def test_tables_agree_with_the_representation():
-    from cospeech.poses import keypoints2d
+    from cospeech.motion.poses import keypoints2d
 
     assert keypoints2d.JOINTS == JOINTS
     vectors = keypoints2d.KEYPOINTS2D.encode(make_clip(1).points)
     kept = list(keypoints2d.KEPT)
-    from cospeech.corpora.pats_points import normalized
+    from cospeech.corpora.pats.points import normalized
 
     flat = normalized(pats.from_points(make_clip(1).points.values))
     assert np.allclose(vectors, np.concatenate([flat[:, kept], flat[:, 52:][:, kept]], 1)), "encode() gives pose/normalize"

@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.corpora import Clip, Dropped, Points, ted
-from cospeech.corpora.legacy_arrow import PickledContent, decode
-from cospeech.corpora.legacy_arrow_writer import encode
+from cospeech.audio.speech import Speech, Word
+from cospeech.corpora import Clip, Dropped, Points
+from cospeech.corpora.ted import read as ted
+from cospeech.corpora.ted.legacy_arrow import PickledContent, decode
+from cospeech.corpora.ted.legacy_arrow_writer import encode
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_identity
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.ted import JOINTS, PARENTS
-from cospeech.speech import Speech, Word
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_identity
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.ted import JOINTS, PARENTS
 
 pa = pytest.importorskip("pyarrow", reason="TED's reader needs cospeech[corpora]")
 pytest.importorskip("pyarrow.ipc")
@@ -191,7 +192,7 @@ def test_the_file_is_as_the_authors_scripts_expect(tmp_path):
 
 def test_audio_feat_is_librosas():
     librosa = pytest.importorskip("librosa")
-    from cospeech.corpora.ted_writer import _audio_feat
+    from cospeech.corpora.ted.write import _audio_feat
 
     samples = make_clip(3).speech.samples
     power = librosa.feature.melspectrogram(y=samples, sr=16_000, n_fft=1024, hop_length=512, power=2, pad_mode="reflect")
@@ -231,7 +232,7 @@ def test_motion_is_turned_into_key_points(tmp_path):
 
 
 def test_tables_agree_with_the_representation():
-    from cospeech.poses import direction_vectors
+    from cospeech.motion.poses import direction_vectors
 
     assert direction_vectors.JOINTS == JOINTS
     assert [(PARENTS[b], b) for _, b, _ in direction_vectors.BONES] == [(a, b) for a, b, _ in direction_vectors.BONES]

@@ -10,10 +10,11 @@ import pytest
 import soundfile
 
 from corpus_files import WORDS, clip, damaged, same_turns, sort_out
-from cospeech.corpora import Dropped, trinity
+from cospeech.corpora import Dropped
+from cospeech.corpora.trinity import read as trinity
 from cospeech.errors import InputError
-from cospeech.skeleton import named_skeleton
-from cospeech.skeletons.trinity import FULL_BODY, UPPER_BODY
+from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeletons.trinity import FULL_BODY, UPPER_BODY
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.corpora import vault as module
-from cospeech.corpora.vault import Vault
+from cospeech.corpora import hdf5_lmdb as module
+from cospeech.corpora.hdf5_lmdb import Vault
 from cospeech.errors import InputError
 
 h5py = pytest.importorskip("h5py", reason="needs cospeech[corpora]")

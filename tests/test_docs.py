@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from cospeech.catalogue import catalogue
-from cospeech.cli import app
-from cospeech.demo import EXAMPLE
+from cospeech.cli.catalogue import catalogue
+from cospeech.cli.demo import EXAMPLE
+from cospeech.cli.main import app
 from cospeech.models import BUNDLE, MODELS, NETWORKS, SHIPPED
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.emotions import EMOTIONS, EmotionTrack
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.ear import BLOCK, CAUTION, DOUBT, VOICE, Ear
+from cospeech.runtime.speaker_emotion_tracker import BLOCK, CAUTION, DOUBT, VOICE, Ear
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import cospeech
+from cospeech.audio.speech import Speech
+from cospeech.audio.speech import example as example_files
 from cospeech.errors import InputError
 from cospeech.metrics.macro_f1 import macro_f1, mean_f1
 from cospeech.metrics.wrists import Wrists, against, wrists_of
-from cospeech.speech import Speech
-from cospeech.speech import example as example_files
 
 FOLLOW = {
     "rules": ("distance", ("natural",) * 4),

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from cospeech import models
-from cospeech.cli import app
-from cospeech.demo import EXAMPLE
-from cospeech.emotions import EMOTIONS, EmotionTrack, emotion_track, read_emotion_track
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack, emotion_track, read_emotion_track
+from cospeech.audio.speech import Speech
+from cospeech.cli.demo import EXAMPLE
+from cospeech.cli.main import app
 from cospeech.errors import InputError
 from cospeech.generate import generate_files
-from cospeech.motion import Motion
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.rules import RuleGesturer
-from cospeech.rules.manners import MANNERS
-from cospeech.skeletons.arkit import ARKIT_INDEX
-from cospeech.speech import Speech
+from cospeech.rules.emotion_modifiers import MANNERS
 
 HAPPY, ANGRY = EMOTIONS.index("happiness"), EMOTIONS.index("anger")
 

@@ -12,18 +12,18 @@ import soundfile
 import typer
 from typer.testing import CliRunner
 
-from cospeech.cli_evaluate import register
+from cospeech.audio.speech import Speech, example
+from cospeech.cli.evaluate import register
 from cospeech.corpora import Clip, Points, Semantic
+from cospeech.corpora.motion_files import load_motions
 from cospeech.errors import InputError
-from cospeech.evaluation import DEFAULT, POSE_STATISTICS, evaluate, sample_of, stored_clips, track_of
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
+from cospeech.metrics.evaluation import DEFAULT, POSE_STATISTICS, evaluate, sample_of, stored_clips, track_of
 from cospeech.metrics.metric import About
-from cospeech.motion import Motion
-from cospeech.motion_files import load_motions
-from cospeech.rotations import quat_angle
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_angle
 from cospeech.rules import RuleGesturer
-from cospeech.speech import Speech, example
 
 FPS = 15.0
 
@@ -316,8 +316,8 @@ def test_the_judge_of_order_knows_what_to_ask():
 def corpus(tmp_path_factory):
     """A minute of a synthetic corpus in the layout of BEAT, and its store."""
     pytest.importorskip("joblib", reason="prepare needs joblib: pip install 'cospeech[corpora]'")
-    from cospeech.prepare import prepare
-    from cospeech.synthesise import synthesise
+    from cospeech.corpora.prepare import prepare
+    from cospeech.corpora.synthetic import synthesise
 
     folder = tmp_path_factory.mktemp("corpus")
     samples, rate = soundfile.read(example()[0], dtype="float32")
@@ -386,7 +386,7 @@ def test_every_metric_can_be_asked_for():
 
 def test_a_model_plays_the_recordings_of_a_store(corpus):
     """From the name of a model to its row of the table, with the sound of the corpus."""
-    from cospeech.contest import contest
+    from cospeech.evaluation import contest
 
     table = contest({"rules": "rules"}, corpus / "store", raw=corpus / "raw", metrics=("w1_speed", "pck"), takes=2)
     assert table.rows == ("rules", *CONTROLS)

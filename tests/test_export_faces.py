@@ -12,10 +12,10 @@ from cospeech.errors import InputError
 from cospeech.export import load, open_writer, save
 from cospeech.export.arkit_json import NAMES
 from cospeech.export.live_link_csv import COLUMNS
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, quat_angle
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from motions import gesturing
 
 # The header as the app writes it (63 columns), typed from its recordings and not from our tables.

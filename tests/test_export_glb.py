@@ -18,10 +18,10 @@ from cospeech.export.gltf import GltfFile, read_glb
 from cospeech.export.gltf_build import GltfBuilder
 from cospeech.export.tracks import Curve
 from cospeech.export.visemes import oculus_visemes, vrm_presets
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_slerp
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_slerp
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from motions import gesturing, stand_in
 
 

@@ -9,13 +9,13 @@ import struct
 import numpy as np
 import pytest
 
-from cospeech.avatar import load_avatar
 from cospeech.errors import InputError
 from cospeech.export import load, save
+from cospeech.export.avatar import load_avatar
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf_build import GltfBuilder
-from cospeech.motion import Motion
-from cospeech.skeleton import humanoid
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 from motions import gesturing, stand_in
 
 EACH = 250

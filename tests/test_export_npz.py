@@ -10,10 +10,10 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.export import load, save
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, quat_angle
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from motions import gesturing
 
 # SMPL-X joint numbers, typed from the model's own list

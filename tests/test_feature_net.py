@@ -14,26 +14,21 @@ from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
-from cospeech.checkpoint import write_facts, write_tensors  # noqa: E402
-from cospeech.cli_evaluate import register  # noqa: E402
-from cospeech.contest import evaluate as cospeech_evaluate  # noqa: E402
+from cospeech.cli.evaluate import register  # noqa: E402
 from cospeech.corpora import Clip  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
+from cospeech.evaluation import evaluate as cospeech_evaluate  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
 from cospeech.models.feature_net import feature_net, fingerprint, load_features, vectors_of  # noqa: E402
-from cospeech.models.gesture_autoencoder import (  # noqa: E402
-    AutoencoderConfig,
-    FgdAutoencoder,
-    FgdConfig,
-    GestureAutoencoder,
-)
-from cospeech.motion import Motion  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.rotations import quat_multiply, rotvec_to_quat  # noqa: E402
-from cospeech.skeleton import named_skeleton  # noqa: E402
+from cospeech.models.gesture_autoencoder import AutoencoderConfig, FgdAutoencoder, FgdConfig, GestureAutoencoder
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.motion.motion import Motion  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
+from cospeech.motion.rotations import quat_multiply, rotvec_to_quat  # noqa: E402
+from cospeech.motion.skeleton import named_skeleton  # noqa: E402
+from cospeech.training.checkpoint import write_facts, write_tensors  # noqa: E402
 
 torch.set_num_threads(1)
 FPS = 15.0

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError
-from cospeech.features import Features, ProsodyStream, analyse, find_pauses, log_mel
-from cospeech.features.mel import mel_filters, overlapping
-from cospeech.features.prosody import BAND_EDGES, DELAY, ENERGY_BAND
-from cospeech.speech import Speech, example
+from cospeech.audio.features import Features, ProsodyStream, analyse, find_pauses, log_mel
+from cospeech.audio.features.mel import mel_filters, overlapping
+from cospeech.audio.features.prosody import BAND_EDGES, DELAY, ENERGY_BAND
+from cospeech.audio.speech import Speech, example
 
 RATE = 16_000
 

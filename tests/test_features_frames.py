@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError, Speech
-from cospeech.features import (
+from cospeech.audio.features import (
     AUDIO_NAMES,
     REDUCTIONS,
     FrameFeatures,
@@ -21,8 +21,8 @@ from cospeech.features import (
     log_mel,
     reduce_audio,
 )
-from cospeech.features.reduce import audio_columns, audio_names
-from cospeech.speech import example
+from cospeech.audio.features.reduce import audio_columns, audio_names
+from cospeech.audio.speech import example
 
 
 def voice(seconds: float, rate: int = 16_000, seed: int = 0) -> Speech:

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError, Speech
-from cospeech.features import LOG_MEL_NAMES, LogMelFeatures, hear, log_mel_400
-from cospeech.features.frames import FrameFeatures
-from cospeech.features.log_mel import log_mel_at, log_mel_count
-from cospeech.features.mel import mel_triangles, spectra
-from cospeech.features.reduce import reduce_audio
-from cospeech.speech import example
+from cospeech.audio.features import LOG_MEL_NAMES, LogMelFeatures, hear, log_mel_400
+from cospeech.audio.features.frames import FrameFeatures
+from cospeech.audio.features.log_mel import log_mel_at, log_mel_count
+from cospeech.audio.features.mel import mel_triangles, spectra
+from cospeech.audio.features.reduce import reduce_audio
+from cospeech.audio.speech import example
 
 
 def voice(seconds: float, rate: int = 16_000, seed: int = 0) -> Speech:
@@ -138,9 +138,10 @@ def test_a_store_of_pats_has_what_the_front_end_hears(tmp_path: Path, rate: int,
     bits, else but for the resampler, which works in pieces here and in one there (a few 1e-4 where there is sound; where
     there is none bands hold its rounding)."""
     pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
-    from cospeech.corpora import Clip, Points, pats
+    from cospeech.corpora import Clip, Points
+    from cospeech.corpora.pats import read as pats
+    from cospeech.corpora.prepare import prepare
     from cospeech.corpora.store import Store
-    from cospeech.prepare import prepare
 
     rng, frames = np.random.default_rng(0), round(seconds * 15)
     values = np.cumsum(rng.normal(0, 2, (frames, 52, 2)), 0) + rng.normal(0, 150, (52, 2))

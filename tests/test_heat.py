@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.render.heat import FIGURES, Figure, draw_heat, frame_of, heat
-from cospeech.skeletons import pats, ted
+from cospeech.experiments.figures.heat import FIGURES, Figure, draw_heat, frame_of, heat
+from cospeech.motion.skeletons import pats, ted
 
 FPS = 15.0
 BODY = Figure(8, 0, 1, (2, 3, 4), (5, 6, 7))

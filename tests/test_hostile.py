@@ -22,30 +22,30 @@ import pytest
 
 import cospeech
 from cospeech import InputError, Motion, Speech, limits
-from cospeech.alignment import align, tokenise
-from cospeech.checkpoint import read_facts, read_tensors
+from cospeech.audio.emotions import read_emotion_track
+from cospeech.audio.features.word_vectors import open_vectors
+from cospeech.audio.forced_alignment import align, tokenise
+from cospeech.audio.speech import Word, example, open_speech
+from cospeech.audio.transcripts import load_words
 from cospeech.corpora.beat2 import read_split
 from cospeech.corpora.store_files import open_array, read_index
 from cospeech.corpora.zeroeggs import read_info
-from cospeech.emotions import read_emotion_track
 from cospeech.export import save
 from cospeech.export.arrays import read_array
 from cospeech.export.face_rig import _viseme
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf import GltfFile
-from cospeech.features.word_vectors import open_vectors
+from cospeech.face.graphemes import graphemes_to_phones
 from cospeech.generate import generate_files
 from cospeech.limits import most_joint_frames
-from cospeech.recipe import load_recipe
-from cospeech.recognise import load_map, recognise
-from cospeech.rules.graphemes import graphemes_to_phones
+from cospeech.motion.bone_mapping import load_map, recognise
+from cospeech.motion.skeleton import Skeleton
 from cospeech.rules.lexicon import form_for
 from cospeech.runtime.bundle import MANIFEST, Bundle, pack_arrays, read_bundle
-from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.onnx_check import check_onnx
-from cospeech.skeleton import Skeleton
-from cospeech.speech import Word, example, open_speech
-from cospeech.transcripts import load_words
+from cospeech.runtime.graph_check import check_onnx
+from cospeech.runtime.model import BundleGesturer
+from cospeech.training.checkpoint import read_facts, read_tensors
+from cospeech.training.recipe import load_recipe
 from hostile_files import (
     answer,
     bent_tree,
@@ -73,7 +73,7 @@ def test_a_textgrid_with_a_long_number(tmp_path, tail):
     """Quadratic once: 10.9 s for 20,000 digits."""
     path = tmp_path / "a.TextGrid"
     path.write_text('"ooTextFile" "TextGrid" ' + "1" * 400_000 + tail)
-    said, seconds, peak = peak_of(path, "cospeech.transcripts.load_words(path, speech_seconds=9)")
+    said, seconds, peak = peak_of(path, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
     assert said.startswith("'a.TextGrid': a TextGrid with")
     assert seconds < SOON
     assert peak < MOST_MEMORY
@@ -91,7 +91,7 @@ def test_a_gap_in_the_times_is_bridged(tmp_path, suffix, shift):
         path.write_text(json.dumps({"names": ["jawOpen"], "frames": weights}))
     motion = Motion.load(path)
     assert (len(motion), motion.fps) == (10, 30)
-    jaw = motion.face[:, cospeech.skeletons.arkit.ARKIT_INDEX["jawOpen"]]
+    jaw = motion.face[:, cospeech.motion.skeletons.arkit.ARKIT_INDEX["jawOpen"]]
     np.testing.assert_allclose(jaw, [0, *np.linspace(0.1, 0.2, 9)], atol=1e-6)
 
 
@@ -248,7 +248,7 @@ TRANSCRIPTS = {
 def test_transcripts_of_millions(tmp_path, name):
     file, data, problem = TRANSCRIPTS[name]
     (tmp_path / file).write_bytes(data)
-    said, seconds, peak = peak_of(tmp_path / file, "cospeech.transcripts.load_words(path, speech_seconds=9)")
+    said, seconds, peak = peak_of(tmp_path / file, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
     assert problem in said
     assert seconds < 30  # a second or three
     assert peak < MOST_MEMORY
@@ -262,7 +262,7 @@ def test_a_subtitle_with_an_endless_character(tmp_path, entity):
 
 def test_an_emotion_track_of_blank_lines(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"time,emotion\n" + b"\n" * (15 << 20))
-    said, seconds, _ = peak_of(tmp_path / "a.csv", "cospeech.emotions.read_emotion_track(path)")
+    said, seconds, _ = peak_of(tmp_path / "a.csv", "cospeech.audio.emotions.read_emotion_track(path)")
     assert "more than 100,000 rows" in said
     assert seconds < SOON
 

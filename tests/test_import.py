@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import cospeech
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
 from cospeech.metrics.wasserstein import distance
 

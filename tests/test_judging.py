@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.nn.gumbel import smooth_gumbel
-from cospeech.nn.judging import JUDGINGS
-from cospeech.nn.objective import Chance
-from cospeech.runtime.nudge import SECONDS, SmoothGumbel
+from cospeech.models.nn.adversarial_losses import JUDGINGS
+from cospeech.models.nn.gumbel import smooth_gumbel
+from cospeech.models.nn.objective import Chance
+from cospeech.runtime.mode_noise import SECONDS, SmoothGumbel
 
 
 @pytest.mark.parametrize("name", JUDGINGS)

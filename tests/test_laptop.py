@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.recipe import SHIPPED, load_recipe, shipped
+from cospeech.motion.motion import Motion
+from cospeech.training.recipe import SHIPPED, load_recipe, shipped
 from test_docs import FENCE, ROOT
 
 LESS = {

@@ -10,12 +10,12 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
-from cospeech.models.chain_graph import lower_chain  # noqa: E402
-from cospeech.models.lowering import lower  # noqa: E402
 from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
-from cospeech.runtime.onnx_check import OPERATORS  # noqa: E402
+from cospeech.runtime.graph_check import OPERATORS  # noqa: E402
 from cospeech.runtime.window_engine import WindowEngine  # noqa: E402
+from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+from cospeech.training.export.window_graph import lower  # noqa: E402
 from runtime_bundles import random_arrays, small_sizes  # noqa: E402
 from test_chain_lowering import network  # noqa: E402
 from windowed_networks import KINDS, given, made_by, make_network  # noqa: E402

@@ -4,11 +4,13 @@ import time
 
 import numpy as np
 import pytest
+from mannequin.modelling import sculpt
+from mannequin.volume import body_volume
 
-from cospeech import mannequin
-from cospeech.mannequin import asset
-from cospeech.rotations import axis_angle_to_quat, quat_identity
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.export import mannequin
+from cospeech.export.mannequin import asset
+from cospeech.motion.rotations import axis_angle_to_quat, quat_identity
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 CLOSED = ("hair", "leftHand", "rightHand", "leftShoe", "rightShoe", "leftSole", "rightSole", "tongue", "face", "ears")
 PAIRS = (("leftHand", "rightHand"), ("leftEye", "rightEye"), ("leftShoe", "rightShoe"), ("leftSole", "rightSole"))
@@ -115,7 +117,7 @@ def test_building_is_quick_and_cached(character):
 
 
 def test_the_kept_file_is_what_the_code_sculpts(character):
-    again = mannequin.sculpt()
+    again = sculpt()
     assert [p.name for p in again.parts] == [p.name for p in character.parts]
     for kept, made in zip(character.parts, again.parts, strict=True):
         np.testing.assert_allclose(kept.vertices, made.vertices, atol=2e-4, err_msg=kept.name)
@@ -308,7 +310,7 @@ def test_neutral_skinning_gives_the_t_pose(character):
 
 
 def test_body_volume_is_a_slim_adult(character):
-    facts = mannequin.body_volume(character)
+    facts = body_volume(character)
     expected = {"hips": (0.175, 0.125), "waist": (0.15, 0.108), "chest": (0.165, 0.117), "upperChest": (0.18, 0.115)}
     for name, (width, depth) in expected.items():
         section = facts.sections[name]

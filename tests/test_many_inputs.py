@@ -10,8 +10,8 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
-from cospeech.nn.modalities import INPUTS, SEEDS, weights_of  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.modalities import INPUTS, SEEDS, weights_of  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from test_models_contract import ROWS, batch, network, trained_windowed  # noqa: E402
 
 torch.set_num_threads(1)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import argrelextrema
 
+from cospeech.audio.speech import Speech, example
 from cospeech.corpora import Clip
 from cospeech.errors import InputError
-from cospeech.evaluation import sample_of
 from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order
+from cospeech.metrics.evaluation import sample_of
 from cospeech.metrics.onsets import backtracked, onset_frames, onset_strength, onset_times, rms
 from cospeech.rules import RuleGesturer
-from cospeech.speech import Speech, example
 
 FORMS = ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat")
 FPS = 15.0  # of TED, PATS and BEAT

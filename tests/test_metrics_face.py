@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cospeech.audio.speech import Speech
 from cospeech.corpora import Clip
 from cospeech.errors import InputError
-from cospeech.evaluation import evaluate, sample_of
 from cospeech.metrics import METRICS, Sample, Tools, load_metric
 from cospeech.metrics.blinks import blinks_of
 from cospeech.metrics.controls import CONTROLS, control_rows
+from cospeech.metrics.evaluation import evaluate, sample_of
 from cospeech.metrics.jaw_lag import LAGS, correlations
 from cospeech.metrics.lip_closure import kappa
 from cospeech.metrics.speech_level import RATE, level, silent
-from cospeech.motion import Motion
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.arkit import ARKIT_INDEX
-from cospeech.speech import Speech
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 
 FPS, HZ, SECONDS = 30.0, 16_000, 24
 JAW, LIDS = ARKIT_INDEX["jawOpen"], [ARKIT_INDEX["eyeBlinkLeft"], ARKIT_INDEX["eyeBlinkRight"]]
@@ -283,9 +283,9 @@ def test_legs_and_faces_of_a_clip_reach_the_sample():
 def test_faces_of_a_store_reach_the_metrics(tmp_path):
     from cospeech.corpora.store import Entry
     from cospeech.corpora.store_writer import Piece, write_store
-    from cospeech.evaluation import stored_clips
-    from cospeech.poses import find_pose
-    from cospeech.skeletons.arkit import ARKIT
+    from cospeech.metrics.evaluation import stored_clips
+    from cospeech.motion.poses import find_pose
+    from cospeech.motion.skeletons.arkit import ARKIT
 
     pose, weights = find_pose("expmap-humanoid"), face(0).astype(np.float32)
     values = {"pose": np.zeros((len(weights), pose.dimensions), np.float32), "face": weights}

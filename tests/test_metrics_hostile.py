@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.metrics import METRICS, FeatureNet, Sample, Score, Tools, Track, load_metric
-from cospeech.speech import Speech
 
 FPS = 15.0
 NET = FeatureNet("means", lambda w: np.concatenate([w.mean(1), w.std(1)], 1)[:, :5], 10, 5)

@@ -14,7 +14,7 @@ from cospeech.errors import InputError
 from cospeech.metrics import Sample, Tools, load_metric
 from cospeech.metrics.cca import canonical
 from cospeech.metrics.mode_f1 import confusion, mode_features, nearest_centre, weighted_f1
-from cospeech.rotations import axis_angle_to_quat, euler_to_quat, quat_multiply, quat_normalize, rotvec_to_quat
+from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_multiply, quat_normalize, rotvec_to_quat
 
 FPS, FRAMES = 30.0, 90
 SPEAKERS = ("chemistry", "corden", "lec_cosmic", "maher", "noah", "oliver", "seth", "ytch_prof")

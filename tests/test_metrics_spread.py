@@ -96,7 +96,7 @@ def test_published_diversity_depends_on_order_and_drops_the_last_batch():
 def test_l1_div_of_beat_is_a_sum_of_degrees():
     angles = np.zeros((40, 3, 3))
     angles[::2, 1, 0] = np.radians(20)
-    from cospeech.rotations import euler_to_quat
+    from cospeech.motion.rotations import euler_to_quat
 
     assert load_metric("l1_div_beat")([Sample("a", FPS, rotations=euler_to_quat(angles))]).value == pytest.approx(10)
 

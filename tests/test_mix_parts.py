@@ -7,10 +7,10 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.nn.content import AudioContent, PoseContent, StyleLogits  # noqa: E402
-from cospeech.nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors  # noqa: E402
-from cospeech.nn.patch import PatchDiscriminator, velocity  # noqa: E402
-from cospeech.nn.unet1d import UNet1d  # noqa: E402
+from cospeech.models.nn.content import AudioContent, PoseContent, StyleLogits  # noqa: E402
+from cospeech.models.nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors  # noqa: E402
+from cospeech.models.nn.patch import PatchDiscriminator, velocity  # noqa: E402
+from cospeech.models.nn.unet1d import UNet1d  # noqa: E402
 
 torch.set_num_threads(1)
 

@@ -10,18 +10,18 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from safetensors.torch import load_file  # noqa: E402
 from torch import Tensor  # noqa: E402
 
-from cospeech.checkpoint import load_run  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.cmix_gan import CMixGan  # noqa: E402
 from cospeech.models.mix_stage import MixGan, MixGanConfig, MixStage, MixStageConfig  # noqa: E402
+from cospeech.models.nn.mixture import ModeLogits  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.models.stage import Stage, StageConfig  # noqa: E402
-from cospeech.nn.mixture import ModeLogits  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.motion.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
+from cospeech.training.checkpoint import load_run  # noqa: E402
+from cospeech.training.recipe import read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, MODES, ROWS = 6, 16, 3, 4, 3

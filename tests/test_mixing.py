@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cospeech import models
+from cospeech.audio.speech import Speech
+from cospeech.cli.demo import EXAMPLE
 from cospeech.corpora.attributes import Attributes
-from cospeech.demo import EXAMPLE
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.render.curves import Curve, draw_curves
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech
-from cospeech.style_mixing import MEASURES, Mixing, draw_mixing, fall_back, measure_mixing
+from cospeech.experiments.figures.curves import Curve, draw_curves
+from cospeech.experiments.style_mixing import MEASURES, Mixing, draw_mixing, fall_back, measure_mixing
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 
 FPS = 30.0
 SPEECH = Speech(np.zeros(12 * 16000, np.float32), 16000)

@@ -15,13 +15,13 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from safetensors.torch import load_file, save_file  # noqa: E402
 
+from cospeech.audio.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.models import MODELS, NETWORKS  # noqa: E402
 from cospeech.models.chain_of_generation import Chain  # noqa: E402
-from cospeech.nn.modalities import ManyInputs  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.nn.windowed import Windowed  # noqa: E402
+from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
@@ -182,7 +182,7 @@ def test_rows_are_independent_of_each_other(name):
     data = batch(net)
 
     def apart(batch: Batch):
-        """Without what sets a row's poses against the speech of another row on purpose (nn/pose_judge.py)."""
+        """Without what sets a row's poses against the speech of another row on purpose (models/nn/pose_discriminator.py)."""
         terms = [objective.loss(batch, 0) for objective in net.objectives().values()]
         return sum(value for each in terms for name, value in each.items() if name != "strange")
 

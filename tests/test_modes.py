@@ -10,9 +10,9 @@ from cospeech.corpora.store_files import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.metrics.mode_f1 import mode_features, nearest_centre
-from cospeech.poses import find_pose
-from cospeech.poses.keypoints2d import KEYPOINTS2D, to_points
-from cospeech.poses.modes import find_centres, movement, with_modes
+from cospeech.motion.poses import find_pose
+from cospeech.motion.poses.keypoints2d import KEYPOINTS2D, to_points
+from cospeech.motion.poses.modes import find_centres, movement, with_modes
 
 FPS = 15.0
 
@@ -49,8 +49,8 @@ def test_of_a_body_they_are_metres_from_the_hips():
 
 
 def _standing():
-    from cospeech.motion import Motion
-    from cospeech.skeleton import named_skeleton
+    from cospeech.motion.motion import Motion
+    from cospeech.motion.skeleton import named_skeleton
 
     skeleton = named_skeleton("humanoid")
     rotations = np.broadcast_to(skeleton.rest, (1, len(skeleton), 4)).copy()

@@ -9,26 +9,26 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
-from cospeech.bundling import bundle_run  # noqa: E402
-from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.audio.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
+from cospeech.audio.features.reduce import audio_width  # noqa: E402
+from cospeech.audio.speech import Speech, example  # noqa: E402
 from cospeech.corpora.clip import Points  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
-from cospeech.features.reduce import audio_width  # noqa: E402
 from cospeech.models.moglow import MoGlow, MoGlowConfig  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.poses.controls import CONTROLS, control_row, read_controls, style_controls  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
+from cospeech.motion.poses.controls import CONTROLS, control_row, read_controls, style_controls  # noqa: E402
 from cospeech.runtime.flow_engine import FlowEngine  # noqa: E402
 from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights  # noqa: E402
-from cospeech.runtime.gesturer import BundleGesturer  # noqa: E402
-from cospeech.speech import Speech, example  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.runtime.model import BundleGesturer  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.training.export.bundles import bundle_run  # noqa: E402
+from cospeech.training.recipe import read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 
 torch.set_num_threads(1)
 FPS, AUDIO, HEARD = 15.0, 3, audio_width("mel20-prosody")

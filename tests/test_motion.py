@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_angle, quat_identity, quat_multiply, rotvec_to_quat
-from cospeech.skeleton import named_skeleton
-from cospeech.skeletons.arkit import ARKIT_INDEX
-from cospeech.skeletons.humanoid import MIRROR
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_angle, quat_identity, quat_multiply, rotvec_to_quat
+from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
+from cospeech.motion.skeletons.humanoid import MIRROR
 from motions import gesturing
 
 

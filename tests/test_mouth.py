@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from cospeech import models
-from cospeech.demo import EXAMPLE
+from cospeech.audio.features.reduce import hear as hear_columns
+from cospeech.audio.features.reduce import reduce_audio
+from cospeech.audio.speech import Speech, Word
+from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
-from cospeech.features.reduce import hear as hear_columns
-from cospeech.features.reduce import reduce_audio
-from cospeech.motion import Motion
+from cospeech.face.composition import Face
+from cospeech.face.expressions import IS_MOUTH
+from cospeech.face.gains import face_gains
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.rules import RuleGesturer
-from cospeech.rules.expressions import IS_MOUTH
-from cospeech.rules.face import Face
-from cospeech.rules.gains import face_gains
 from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
 from cospeech.runtime.mouth import BundleMouth, open_mouth, spoken_setting
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
-from cospeech.speech import Speech, Word
 from test_rules_face import EMOTIONS, act, channel, hear, opening, silence, speech
 from window_bundles import NAMES, write_small_window
 
@@ -347,7 +347,7 @@ def test_the_mouth_that_ships_opens_for_vowels_and_rests():
 def test_the_command_takes_gains(tmp_path):
     from typer.testing import CliRunner
 
-    from cospeech.cli import app
+    from cospeech.cli.main import app
 
     def face(*line):
         out = tmp_path / "a.npz"

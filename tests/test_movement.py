@@ -10,9 +10,9 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.metrics import REFERENCE, Row, Track, movement_statistics
 from cospeech.metrics.movement import mean_rows, window_statistics
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, euler_to_quat, quat_identity, quat_rotate
-from cospeech.skeleton import humanoid
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_identity, quat_rotate
+from cospeech.motion.skeleton import humanoid
 
 FPS = 30.0
 TIMES = np.arange(1800) / FPS  # two windows

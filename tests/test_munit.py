@@ -9,15 +9,15 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
-from cospeech.checkpoint import load_run  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.munit import Munit, MunitConfig  # noqa: E402
-from cospeech.nn.objective import Batch, Chance, Objective  # noqa: E402
-from cospeech.nn.part import Part  # noqa: E402
-from cospeech.recipe import Optimiser, build, load_recipe, read_recipe  # noqa: E402
-from cospeech.train import train  # noqa: E402
-from cospeech.training_set import open_set  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance, Objective  # noqa: E402
+from cospeech.training.checkpoint import load_run  # noqa: E402
+from cospeech.training.dataset import open_set  # noqa: E402
+from cospeech.training.objective_optimiser import Part  # noqa: E402
+from cospeech.training.recipe import Optimiser, build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
 
 ROOT = Path(__file__).parents[1]

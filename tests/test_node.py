@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.avatar import load_avatar
 from cospeech.export import save
+from cospeech.export.avatar import load_avatar
 from cospeech.export.visemes import vrm_presets
-from cospeech.rotations import quat_to_euler
-from cospeech.skeleton import Skeleton, humanoid
-from cospeech.skeletons.arkit import ARKIT
+from cospeech.motion.rotations import quat_to_euler
+from cospeech.motion.skeleton import Skeleton, humanoid
+from cospeech.motion.skeletons.arkit import ARKIT
 from motions import gesturing
 
 FOLDER = Path(__file__).parent / "node"

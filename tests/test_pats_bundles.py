@@ -12,16 +12,17 @@ pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
 
 import cospeech  # noqa: E402
 from cospeech import InputError, Motion, Speech  # noqa: E402
-from cospeech.bundling import bundle_run  # noqa: E402
-from cospeech.corpora import Clip, Points, pats  # noqa: E402
+from cospeech.corpora import Clip, Points
+from cospeech.corpora.pats import read as pats  # noqa: E402
+from cospeech.corpora.prepare import prepare  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
-from cospeech.poses import find_pose  # noqa: E402
-from cospeech.poses.lift import lift  # noqa: E402
-from cospeech.prepare import prepare  # noqa: E402
-from cospeech.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.motion.poses import find_pose  # noqa: E402
+from cospeech.motion.poses.lift import lift  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.systems import open_system  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.training.export.bundles import bundle_run  # noqa: E402
+from cospeech.training.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 from runtime_bundles import write_small  # noqa: E402
 from windowed_networks import KINDS  # noqa: E402
 
@@ -38,7 +39,7 @@ def talk(seconds: float, seed: int = 0, rate: int = 16_000) -> Speech:
 
 def waving(frames: int, seed: int) -> Points:
     """Key points that wander by some pixels around the T-pose's (synthetic)."""
-    body = cospeech.skeleton.humanoid()
+    body = cospeech.motion.skeleton.humanoid()
     rest = Motion(15.0, np.tile([1.0, 0, 0, 0], (1, len(body), 1)), body.offsets[:1].copy())
     moved = np.cumsum(np.random.default_rng(seed).normal(0, 3, (frames, 52, 2)), 0)
     moved[:, 0] = 0

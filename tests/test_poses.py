@@ -8,11 +8,11 @@ from scipy.ndimage import gaussian_filter1d
 
 from cospeech.corpora import Points
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.poses import POSES, direction_vectors, euler, expmap, find_pose, keypoints2d
-from cospeech.poses.rot6d import Rot6D
-from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply, quat_normalize
-from cospeech.skeleton import Skeleton, named_skeleton
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import POSES, direction_vectors, euler, expmap, find_pose, keypoints2d
+from cospeech.motion.poses.rot6d import Rot6D
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply, quat_normalize
+from cospeech.motion.skeleton import Skeleton, named_skeleton
 
 RNG = np.random.default_rng(5)
 
@@ -168,7 +168,7 @@ def test_hips_do_not_depend_on_where_and_which_way_the_walk_goes():
     turn = axis_angle_to_quat(np.array([0.0, 1, 0]), 1.3)
     rotations = motion.rotations.copy()
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
-    from cospeech.rotations import quat_rotate
+    from cospeech.motion.rotations import quat_rotate
 
     moved = Motion(motion.fps, rotations, quat_rotate(turn, motion.root) + [3.0, 0, -2], skeleton=motion.skeleton)
     np.testing.assert_allclose(expmap.FULL.encode(moved), expmap.FULL.encode(motion), atol=1e-9)

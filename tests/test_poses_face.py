@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.poses.face import FACE, MIRROR
-from cospeech.rotations import quat_angle, quat_multiply, rotvec_to_quat
-from cospeech.skeleton import humanoid, named_skeleton
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses.face import FACE, MIRROR
+from cospeech.motion.rotations import quat_angle, quat_multiply, rotvec_to_quat
+from cospeech.motion.skeleton import humanoid, named_skeleton
 
 RNG = np.random.default_rng(0)
 FRAMES = 30

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from cospeech import InputError, Motion, Speech, humanoid
-from cospeech.poses.humanoid import HUMANOID, JOINTS, hand_basis
-from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply
+from cospeech.motion.kinematics.arms import finger_angles, finger_rotations
+from cospeech.motion.kinematics.hands import CHANNELS, HAND_SHAPES
+from cospeech.motion.kinematics.legs import SEAT, STANCE, plant
+from cospeech.motion.poses.humanoid import HUMANOID, JOINTS, hand_basis
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply
+from cospeech.motion.skeleton import named_skeleton
 from cospeech.rules import STYLES, RuleGesturer
-from cospeech.rules.arms import finger_angles, finger_rotations
-from cospeech.rules.hands import CHANNELS, HAND_SHAPES
-from cospeech.rules.legs import SEAT, STANCE, plant
-from cospeech.skeleton import named_skeleton
 from rules_laws import babble
 
 HIPS_Y = HUMANOID.names.index("hips.y")

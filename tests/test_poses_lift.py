@@ -7,13 +7,13 @@ import pytest
 
 from cospeech import InputError, Motion, Speech, humanoid
 from cospeech.corpora import Points
-from cospeech.corpora.pats_points import points_of as pats_points
-from cospeech.corpora.ted_writer import points_of as ted_points
-from cospeech.poses import direction_vectors, find_pose, keypoints2d
-from cospeech.poses.lift import lift
-from cospeech.rotations import axis_angle_to_quat, quat_angle, quat_multiply
+from cospeech.corpora.pats.points import points_of as pats_points
+from cospeech.corpora.ted.write import points_of as ted_points
+from cospeech.motion.poses import direction_vectors, find_pose, keypoints2d
+from cospeech.motion.poses.lift import lift
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multiply
+from cospeech.motion.skeletons.ted import JOINTS
 from cospeech.rules import RuleGesturer
-from cospeech.skeletons.ted import JOINTS
 from rules_laws import babble
 
 INDEX = humanoid().index

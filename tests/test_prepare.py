@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech.corpora import beat
+from cospeech.audio.features import AUDIO_NAMES, analyse, audio_features
+from cospeech.audio.speech import Speech, Word
 from cospeech.corpora.augment import faster, mirrored, mirrored_motion, shifted
+from cospeech.corpora.beat import read as beat
 from cospeech.corpora.clip import Clip, Points, Semantic
+from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
+from cospeech.corpora.prepare.filters import keep
+from cospeech.corpora.prepare.pieces import Plan, encode, split_of
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
-from cospeech.features import AUDIO_NAMES, analyse, audio_features
-from cospeech.motion import Motion
-from cospeech.poses import direction_vectors, find_pose
-from cospeech.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
-from cospeech.prepare.filters import keep
-from cospeech.prepare.pieces import Plan, encode, split_of
-from cospeech.rotations import quat_angle, quat_continuous, quat_normalize
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import direction_vectors, find_pose
+from cospeech.motion.rotations import quat_angle, quat_continuous, quat_normalize
+from cospeech.motion.skeleton import Skeleton, named_skeleton
 from cospeech.rules import EMOTIONS
-from cospeech.skeleton import Skeleton, named_skeleton
-from cospeech.speech import Speech, Word
 from leftovers import abandoned
 
 
@@ -144,7 +144,7 @@ def test_killed_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path):
     """SIGKILL, in the middle of the third clip."""
     target = tmp_path / "s"
     code = (
-        "import time\nfrom cospeech.prepare import pieces, prepare\nreal = pieces.encode\ndone = []\n"
+        "import time\nfrom cospeech.corpora.prepare import pieces, prepare\nreal = pieces.encode\ndone = []\n"
         "def slow(clip, plan):\n    done.append(1)\n    time.sleep(60 * (len(done) == 3))\n    return real(clip, plan)\n"
         f"pieces.encode = slow\nprepare('beat', {str(raw)!r}, {str(target)!r})\n"
     )
@@ -259,7 +259,7 @@ def test_a_folder_of_the_user_s(tmp_path):
 def test_mirrored_points_change_places(layout, joints, axes):
     values = np.random.default_rng(0).normal(size=(5, joints, axes))
     points = mirrored(Clip("a", "s", layout, points=Points(15, values, layout))).points
-    names = __import__(f"cospeech.skeletons.{layout}", fromlist=["JOINTS"]).JOINTS
+    names = __import__(f"cospeech.motion.skeletons.{layout}", fromlist=["JOINTS"]).JOINTS
     left, right = ("leftWrist", "rightWrist") if layout == "ted" else ("LHandThumb3", "RHandThumb3")
     np.testing.assert_array_equal(points.values[:, names.index(left), 0], -values[:, names.index(right), 0])
     np.testing.assert_array_equal(points.values[:, names.index(left), 1], values[:, names.index(right), 1])

@@ -15,7 +15,7 @@ import pytest
 import soundfile
 
 import cospeech
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.models import BUNDLE, SHIPPED
 from test_cli_train import RECIPE
 from tiny_store import make_store
@@ -124,4 +124,4 @@ def test_onnxruntime_has_one_door():
     package = Path(cospeech.__file__).parent
     files = [path.relative_to(package).as_posix() for path in package.rglob("*.py")]
     users = [name for name in files if re.search(r"^\s*(from|import) onnxruntime\b", (package / name).read_text("utf-8"), re.M)]
-    assert users == ["runtime/session.py"]
+    assert users == ["runtime/onnx_session.py"]

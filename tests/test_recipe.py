@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.recipe import Data, Train, build, changed, load_recipe, read_recipe
+from cospeech.training.recipe import Data, Train, build, changed, load_recipe, read_recipe
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = """
@@ -152,13 +152,13 @@ def test_every_recipe_of_ours_is_one():
 
 
 def test_recipes_need_no_torch():
-    code = "import sys, cospeech.recipe, cospeech.cli_train; sys.exit('torch' in sys.modules)"
+    code = "import sys, cospeech.training.recipe, cospeech.cli.train; sys.exit('torch' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
-    from cospeech.checkpoint import network
+    from cospeech.training.checkpoint import network
 
     theirs = {"soft": True, "curriculum": 1000, "judging": "distance", "growth": 0.1, "id_freezes": True, "alternate": True}
     names = ("mix_stage", "stage", "cmix_gan", "speech2gesture", "munit", "speaker_classifier", "mix_stage_authors")

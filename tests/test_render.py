@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.mannequin import Character, Part
-from cospeech.motion import Motion
-from cospeech.render import raster
-from cospeech.render.artist import Artist, Helper, Look, pack
-from cospeech.render.camera import CAMERAS, Camera, view_named
-from cospeech.render.film import BACKDROP, Film
-from cospeech.render.light import develop, from_srgb
-from cospeech.render.moments import Moments
-from cospeech.render.scene import Scene
-from cospeech.render.stage import Framing, Pose, Stage, box_of
-from cospeech.skeleton import humanoid
+from cospeech.export.mannequin import Character, Part
+from cospeech.export.render import raster
+from cospeech.export.render.camera import CAMERAS, Camera, view_named
+from cospeech.export.render.frames import BACKDROP, Film
+from cospeech.export.render.framing import Framing, Pose, Stage, box_of
+from cospeech.export.render.keyframes import Moments
+from cospeech.export.render.light import develop, from_srgb
+from cospeech.export.render.scene import Scene
+from cospeech.export.render.worker import Artist, Helper, Look, pack
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 from motions import gesturing
 
 WIDTH, HEIGHT = 120, 90
@@ -179,7 +179,7 @@ def test_a_ball_is_round_and_lit_from_the_key():
 
 
 def test_shading_is_symmetric_about_the_light():
-    from cospeech.render.light import KEY, shade
+    from cospeech.export.render.light import KEY, shade
 
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     across = np.cross(KEY, [0, 1, 0.0])
@@ -245,7 +245,7 @@ def look():
 def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
     motion = gesturing(40)
     helped = frames_of(motion, (), look, 30)
-    monkeypatch.setattr("cospeech.render.film.cores", lambda: 1)
+    monkeypatch.setattr("cospeech.export.render.frames.cores", lambda: 1)
     alone = frames_of(motion, (0, 7, 8, 8, 31), look, 30)  # empty pieces too
     assert helped.shape == (40, 40, 48, 3)
     assert np.array_equal(helped, alone)
@@ -253,7 +253,9 @@ def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
 
 @pytest.mark.parametrize(("fps", "rate", "count"), [(30, 30, 17), (60, 30, 9), (25, 30, 21), (30, 12.5, 8), (29.97, 29.97, 17)])
 def test_film_is_as_long_as_the_motion(look, monkeypatch, fps, rate, count):
-    monkeypatch.setattr("cospeech.render.film.Artist.draw", lambda self, rows: np.zeros((len(rows), 40, 48, 3), np.uint8))
+    monkeypatch.setattr(
+        "cospeech.export.render.frames.Artist.draw", lambda self, rows: np.zeros((len(rows), 40, 48, 3), np.uint8)
+    )
     assert len(frames_of(gesturing(17, fps), (5,), look, rate)) == count == np.ceil(17 / fps * rate - 1e-6)
 
 
@@ -304,7 +306,7 @@ def test_a_dead_helper_is_an_internal_error(look):
 
 def test_helpers_end_when_their_parent_is_killed(tmp_path):
     code = (
-        "from cospeech.render.artist import Helper, Look; from cospeech.render.camera import view_named; import time\n"
+        "from cospeech.export.render.worker import Helper, Look; from cospeech.export.render.camera import view_named; import time\n"
         "h = Helper(Look(48, 40, view_named('body'), (9, 9, 9))); print(h._process.pid, flush=True); time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
@@ -344,7 +346,7 @@ def test_stage_follows_one_who_walks_and_not_one_who_sways():
 def test_stage_turns_the_first_frame_to_the_camera():
     motion = gesturing(3)
     turned = motion.rotations.copy()
-    from cospeech.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
+    from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 
     turned[:, 0] = quat_multiply(axis_angle_to_quat((0, 1, 0), 2.0), turned[:, 0])
     placed = Stage(humanoid(), 30).place(Motion(fps=30, rotations=turned, root=motion.root + np.array([5, 0, 3])))

@@ -12,11 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.recognise import by_names, load_map, recognise
-from cospeech.recognise_shape import by_shape
-from cospeech.retarget import positions_to_rotations, retarget
-from cospeech.rotations import (
+from cospeech.motion.bone_mapping import by_names, load_map, recognise
+from cospeech.motion.bone_mapping_by_shape import by_shape
+from cospeech.motion.motion import Motion
+from cospeech.motion.retarget import positions_to_rotations, retarget
+from cospeech.motion.rotations import (
     axis_angle_to_quat,
     quat_angle,
     quat_continuous,
@@ -25,8 +25,8 @@ from cospeech.rotations import (
     quat_rotate,
     rotvec_to_quat,
 )
-from cospeech.skeleton import Skeleton, humanoid, named_skeleton
-from cospeech.skeletons import SKELETONS
+from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeletons import SKELETONS
 from motions import gesturing
 
 BONES = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"),

@@ -17,7 +17,7 @@ import soundfile
 
 import cospeech
 from cospeech import InputError, Motion
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.export import FORMATS
 from cospeech.files import all_or_none, atomic
 from motions import gesturing

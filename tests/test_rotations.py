@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from cospeech import rotations as r
+from cospeech.motion import rotations as r
 
 RNG = np.random.default_rng(11)
 ANY = r.quat_normalize(RNG.normal(size=(400, 4)))

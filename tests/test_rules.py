@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from cospeech import InputError, Motion, Speech, Word, humanoid
-from cospeech.rotations import quat_angle, quat_rotate
+from cospeech.audio.event_detection import Listener, listen
+from cospeech.motion.kinematics.arms import arm_lengths, hand_rotations, reach, solve_arm
+from cospeech.motion.kinematics.body import Body
+from cospeech.motion.kinematics.body_volume import push_from_head, push_from_torso
+from cospeech.motion.kinematics.hands import HAND_SHAPES
+from cospeech.motion.noise import hashed_normal, hashed_uniform, smooth_noise
+from cospeech.motion.rotations import quat_angle, quat_rotate
 from cospeech.rules import EMOTIONS, LOOK_AHEAD, STYLES, RuleGesturer, Style
-from cospeech.rules.arms import arm_lengths, hand_rotations, reach, solve_arm
-from cospeech.rules.bodytrack import Body
-from cospeech.rules.hands import HAND_SHAPES
+from cospeech.rules.emotion_modifiers import MANNERS, blend_manners
 from cospeech.rules.lexicon import LEXICON, form_for
-from cospeech.rules.listen import Listener, listen
-from cospeech.rules.manners import MANNERS, blend_manners
-from cospeech.rules.noise import hashed_normal, hashed_uniform, smooth_noise
 from cospeech.rules.plan import LEAD
 from cospeech.rules.posture import Posture
 from cospeech.rules.repertoire import FORMS, LEXICAL_FORMS
 from cospeech.rules.rests import RESTS
 from cospeech.rules.styles import mix_styles
 from cospeech.rules.track import Track, minimum_jerk
-from cospeech.rules.volume import push_from_head, push_from_torso
 from rules_laws import babble
 
 RATE = 16000

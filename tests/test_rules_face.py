@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cospeech.rules.blinks import eyelids, phrase_ends
-from cospeech.rules.expressions import EXPRESSIONS, accent_brows
-from cospeech.rules.face import Face
-from cospeech.rules.graphemes import graphemes_to_phones
-from cospeech.rules.heard import RATE, Accent, Heard
-from cospeech.rules.visemes import phones_of, phones_to_mouth
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
-from cospeech.speech import Word
+from cospeech.audio.prosodic_events import RATE, Accent, Heard
+from cospeech.audio.speech import Word
+from cospeech.face.blinks import eyelids, phrase_ends
+from cospeech.face.composition import Face
+from cospeech.face.expressions import EXPRESSIONS, accent_brows
+from cospeech.face.graphemes import graphemes_to_phones
+from cospeech.face.visemes import phones_of, phones_to_mouth
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 EMOTIONS = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 VOWEL = (-17.0, -20.0, -38.0, -38.0, -46.0)  # dB in the five bands: an open vowel

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cospeech import Speech
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, euler_to_quat, quat_identity
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_identity
 from cospeech.rules import EMOTIONS, STYLES, RuleGesturer
 from rules_laws import AT, SKELETON, babble, broken_laws, wrist_distance
 

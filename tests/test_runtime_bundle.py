@@ -18,7 +18,7 @@ from cospeech.errors import InputError
 from cospeech.runtime.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_bundle, write_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.flow_weights import FlowSizes
-from cospeech.runtime.onnx_check import check_onnx
+from cospeech.runtime.graph_check import check_onnx
 from runtime_bundles import (
     check_damage,
     check_repaired_damage,

@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 from cospeech.runtime.flow_engine import FlowEngine, StudentT
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
-from cospeech.runtime.session import run_session
+from cospeech.runtime.onnx_session import run_session
 
 torch = pytest.importorskip("torch")
 
@@ -117,7 +117,7 @@ def test_lstm_cells():
     """One step whose coupling is PyTorch's LSTM."""
     sizes = FlowSizes(pose=POSE, audio=AUDIO, steps=1, hidden=10, layers=2, history=2, heard=3, cell="lstm", int8=False)
     torch.manual_seed(1)
-    from cospeech.nn.flow import Flow, RecurrentNet
+    from cospeech.models.nn.flow import Flow, RecurrentNet
 
     flow = Flow(POSE, 2 * POSE + 3 * AUDIO, 1, lambda i, o: RecurrentNet(torch.nn.LSTM, i, 10, o, 2), float("inf"))
     lively(flow)

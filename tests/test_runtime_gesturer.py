@@ -12,16 +12,16 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
-from cospeech.motion import Motion
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleGesturer
-from cospeech.runtime.flow_player import FlowPlayer
-from cospeech.runtime.gesturer import BundleGesturer
+from cospeech.runtime.autoregressive_decoder import FlowPlayer
+from cospeech.runtime.model import BundleGesturer
 from cospeech.runtime.mouth import shipped_mouth
-from cospeech.runtime.sampling import Sampled
+from cospeech.runtime.pose_resampler import Sampled
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech
 from runtime_bundles import changed, cut, same, talk, write_small
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
@@ -217,7 +217,7 @@ def test_poses_that_add_up_are_refused(tmp_path):
 def test_no_torch_and_no_onnx(tmp_path):
     path = write_small(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.gesturer import BundleGesturer; from cospeech.speech import Speech;"
+        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
         f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)));"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )

@@ -8,8 +8,8 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
 from cospeech.errors import InputError  # noqa: E402
+from cospeech.models.nn.modalities import SEEDS  # noqa: E402
 from cospeech.models.seq2seq import Seq2Seq, Seq2SeqConfig  # noqa: E402
-from cospeech.nn.modalities import SEEDS  # noqa: E402
 from test_models_contract import batch, network, ready  # noqa: E402
 
 torch.set_num_threads(1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cospeech.features.prosody import Features, ProsodyStream
-from cospeech.features.shared import Prosody, SharedProsody
+from cospeech.audio.features.prosody import Features, ProsodyStream
+from cospeech.audio.features.shared_prosody import Prosody, SharedProsody
 from runtime_bundles import talk
 
 SOUND = talk(6.0).samples

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.rotations import axis_angle_to_quat, quat_identity, quat_multiply, quat_rotate, rotvec_to_quat
-from cospeech.skeleton import Skeleton, humanoid, named_skeleton
-from cospeech.skeletons import SKELETONS
-from cospeech.skeletons.humanoid import HEIGHT, MIRROR
-from cospeech.skeletons.vrm import FROM_VRM0, REQUIRED
+from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_multiply, quat_rotate, rotvec_to_quat
+from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeletons import SKELETONS
+from cospeech.motion.skeletons.humanoid import HEIGHT, MIRROR
+from cospeech.motion.skeletons.vrm import FROM_VRM0, REQUIRED
 
 
 def test_forward_kinematics_by_hand():

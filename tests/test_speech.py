@@ -15,8 +15,9 @@ import soundfile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cospeech import InputError, Speech, Word, decoding
-from cospeech.speech import count_frames, example, open_speech
+from cospeech import InputError, Speech, Word
+from cospeech.audio import decoding
+from cospeech.audio.speech import count_frames, example, open_speech
 
 RATE = 16_000
 

@@ -12,20 +12,20 @@ import pytest
 torch = pytest.importorskip("torch")
 transformers = pytest.importorskip("transformers")
 
-from cospeech.bundling import bundle_run  # noqa: E402
-from cospeech.checkpoint import load_run  # noqa: E402
-from cospeech.corpora import beat  # noqa: E402
+from cospeech.audio.speech import Speech  # noqa: E402
+from cospeech.corpora.beat import read as beat  # noqa: E402
 from cospeech.corpora.clip import Clip  # noqa: E402
+from cospeech.corpora.prepare import prepare  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.chain_live import ChainLive, ChainLiveConfig  # noqa: E402
 from cospeech.models.chain_of_generation import ChainConfig, ChainOfGeneration  # noqa: E402
-from cospeech.nn.speech_encoder import load_cnn, load_transformer  # noqa: E402
-from cospeech.prepare import prepare  # noqa: E402
-from cospeech.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.models.nn.speech_encoder import load_cnn, load_transformer  # noqa: E402
 from cospeech.rules import EMOTIONS  # noqa: E402
-from cospeech.speech import Speech  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.training.checkpoint import load_run  # noqa: E402
+from cospeech.training.export.bundles import bundle_run  # noqa: E402
+from cospeech.training.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 from test_prepare import moving, voice  # noqa: E402
 
 RECIPE = Path(__file__).resolve().parents[1] / "recipes" / "chain_of_generation_beat_wav2vec.toml"

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech import InputError, Speech, decoding
+from cospeech import InputError, Speech
+from cospeech.audio import decoding
 
 RATE = 16_000
 MUTANTS = 260  # of each of the eight files below

@@ -12,12 +12,12 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import speech_to_face  # noqa: E402
+from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.models.speech_to_face import CALM, SpeechToFace, SpeechToFaceConfig  # noqa: E402
-from cospeech.nn.objective import Batch, Chance  # noqa: E402
-from cospeech.poses.face import FACE, MIRROR  # noqa: E402
-from cospeech.recipe import build, load_recipe  # noqa: E402
-from cospeech.runtime.window_player import live  # noqa: E402
-from cospeech.skeletons.arkit import ARKIT_INDEX  # noqa: E402
+from cospeech.motion.poses.face import FACE, MIRROR  # noqa: E402
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
+from cospeech.runtime.sliding_window_decoder import live  # noqa: E402
+from cospeech.training.recipe import build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 CALMED = {"gain": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
@@ -60,7 +60,7 @@ def test_as_it_ships_a_stream_hears_all_that_matters():
     """A window as the runtime lays them has room for all that a frame hears, before and after."""
     config = build(SpeechToFaceConfig, load_recipe(ROOT / "recipes" / "speech_to_face.toml").config, "model")
     net = SpeechToFace(config, pose=55, audio=40, speakers=2)
-    from cospeech.models.lowering import lower
+    from cospeech.training.export.window_graph import lower
 
     setting = live(lower(net).sizes)
     assert setting.ahead >= config.future

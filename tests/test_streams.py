@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from cospeech import models
+from cospeech.audio.speech import Speech, Word, counted_from, example
 from cospeech.errors import InputError
-from cospeech.motion import Motion
-from cospeech.rotations import quat_angle
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_angle
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleGesturer
 from cospeech.rules import session as rule_session
 from cospeech.runtime.seam import Seam
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech, Word, counted_from, example
 from runtime_bundles import same
 
 MODELS = ("rules", "stylised-flow", "mix-stage", "chain-of-generation", "speech-to-face")

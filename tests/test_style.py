@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 import soundfile as sf
 
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.generate import generate_files
 from cospeech.models import BUNDLE, SHIPPED
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
-from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.manner import example, latents_of, named
+from cospeech.runtime.model import BundleGesturer
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech
+from cospeech.runtime.style_measures import example, latents_of, named
 from runtime_bundles import write_small
 
 WAYS = {

@@ -9,9 +9,9 @@ import pytest
 
 from cospeech.corpora.store import Store
 from cospeech.corpora.store_writer import Piece, write_store
-from cospeech.corpora.subset import of_speakers
-from cospeech.corpora.windows import Windows
 from cospeech.errors import InputError
+from cospeech.training.speaker_subset import of_speakers
+from cospeech.training.windows import Windows
 from tiny_store import make_store
 
 ALL = ("ann", "ann|mirror", "bob", "cleo")
@@ -82,9 +82,9 @@ def test_what_is_no_choice_is_told(store, names, says):
 def test_modes_and_controls_are_of_these_speakers_alone(tmp_path):
     pytest.importorskip("scipy")
     from cospeech.corpora.store_files import Entry
-    from cospeech.poses.controls import with_controls
-    from cospeech.poses.direction_vectors import DIRECTION_VECTORS
-    from cospeech.poses.modes import with_modes
+    from cospeech.motion.poses.controls import with_controls
+    from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS
+    from cospeech.motion.poses.modes import with_modes
 
     draw, pieces = np.random.default_rng(0), []
     for k, (speaker, split) in enumerate([("ann", "train"), ("bob", "train"), ("ann", "test"), ("cleo", "train")]):
@@ -109,8 +109,8 @@ def test_a_run_is_of_the_speakers_of_its_recipe(store, tmp_path):
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     from safetensors.torch import load_file
 
-    from cospeech.recipe import read_recipe
-    from cospeech.train import train
+    from cospeech.training.recipe import read_recipe
+    from cospeech.training.train import train
 
     def plan(*speakers):
         config = {"frames": 20, "channels": 4, "depth": 1, "decoder": 0, "judge": 2}
@@ -140,8 +140,8 @@ def test_a_run_is_of_the_speakers_of_its_recipe(store, tmp_path):
 
 def test_a_run_from_before_a_key_goes_on(store, tmp_path):
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
-    from cospeech.recipe import read_recipe
-    from cospeech.train import train
+    from cospeech.training.recipe import read_recipe
+    from cospeech.training.train import train
 
     model = {"name": "speech2gesture", "frames": 20, "channels": 4, "depth": 1, "decoder": 0, "judge": 2}
     recipe = read_recipe({"model": model, "train": {"steps": 1, "batch": 2, "threads": 1, "validate_batches": 1}})

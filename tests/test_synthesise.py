@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 import soundfile
 
+from cospeech.audio.features import analyse
+from cospeech.audio.speech import Speech, Word
+from cospeech.cli.demo import EXAMPLE
 from cospeech.corpora import CORPORA
 from cospeech.corpora.clip import Clip
+from cospeech.corpora.prepare import DEFAULT_POSES, prepare
 from cospeech.corpora.store import Store
-from cospeech.demo import EXAMPLE
+from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
+from cospeech.corpora.synthetic.speakers import cast
 from cospeech.errors import CospeechWarning, InputError, InternalError
-from cospeech.features import analyse
-from cospeech.prepare import DEFAULT_POSES, prepare
-from cospeech.speech import Speech, Word
-from cospeech.synthesise import LAYOUTS, perform, synthesise, voices
-from cospeech.synthesise.speakers import cast
 
 ENGINES = [name for name in voices.ENGINES if shutil.which(name)]
 NEEDS = {"ted": "lmdb", "pats": "h5py"}
@@ -219,7 +219,7 @@ def test_a_writer_that_fails_leaves_nothing(recordings, tmp_path, monkeypatch):
         next(iter(clips))
         raise InputError("the disk is full")
 
-    monkeypatch.setattr("cospeech.corpora.trinity.write", broken)
+    monkeypatch.setattr("cospeech.corpora.trinity.read.write", broken)
     with pytest.raises(InputError, match="full"):
         synthesise(tmp_path / "raw", "trinity", speech=recordings, hours=0.001, tts=False)
     assert list(tmp_path.iterdir()) == []
@@ -253,7 +253,7 @@ def quick(monkeypatch):
         raw.mkdir()
         seen.extend(clips)
 
-    monkeypatch.setattr("cospeech.synthesise.perform", still)
+    monkeypatch.setattr("cospeech.corpora.synthetic.perform", still)
     monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
     for layout in ("beat", "trinity"):
         monkeypatch.setattr(f"cospeech.corpora.{layout}.write", keep)

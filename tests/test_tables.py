@@ -13,23 +13,23 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cospeech.cli import app
+from cospeech.audio.features.frames import AUDIO_NAMES
+from cospeech.cli.main import app
 from cospeech.corpora.clip import Points
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
-from cospeech.features.frames import AUDIO_NAMES
+from cospeech.experiments.figures.scatter import Panel, draw_map
+from cospeech.experiments.figures.sticks import Sticks, draw_sticks
+from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables.designs import Claim
+from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
+from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.stages import FEATURES, OMEGA, SMALL
+from cospeech.experiments.tables.tsne import tsne
 from cospeech.metrics.clustering import silhouette_coefficient
-from cospeech.poses.direction_vectors import BONES, DIRECTION_VECTORS
-from cospeech.recipe import build, load_recipe
-from cospeech.render.scatter import Panel, draw_map
-from cospeech.render.sticks import Sticks, draw_sticks
-from cospeech.tables import TABLES, Stages, draw_table, make_table, to_text, write_table
-from cospeech.tables.designs import Claim
-from cospeech.tables.excerpts import AFTER, BEFORE, Excerpts
-from cospeech.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
-from cospeech.tables.stages import FEATURES, OMEGA, SMALL
-from cospeech.tables.tsne import tsne
+from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
+from cospeech.training.recipe import build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -132,7 +132,7 @@ def test_published_figures_are_the_papers(shared):
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_row_has_a_recipe_that_builds(name):
-    from cospeech.checkpoint import network
+    from cospeech.training.checkpoint import network
 
     recipe = load_recipe(ROOT / "recipes" / f"{name}.toml")
     config = build(network(recipe.model).Config, recipe.config, "model")
@@ -256,7 +256,7 @@ def flow():
 
 
 def test_performances_do_not_depend_on_the_batch(monkeypatch):
-    from cospeech.models import playing
+    from cospeech.experiments import playing
 
     rng = np.random.default_rng(0)
     history, audio = rng.normal(size=(7, 5, 6)), rng.normal(size=(7, 5 + 4, 4))
@@ -272,7 +272,7 @@ def test_performances_do_not_depend_on_the_batch(monkeypatch):
 
 
 def test_codes_lead_back_to_the_poses():
-    from cospeech.models import playing
+    from cospeech.experiments import playing
 
     rng = np.random.default_rng(0)
     pose, audio = rng.normal(size=(4, 5 + 4, 6)).astype(np.float32), rng.normal(size=(4, 5 + 4, 4)).astype(np.float32)
@@ -441,7 +441,7 @@ def test_tsne_keeps_groups_apart():
 
 def test_stick_figures():
     body = DIRECTION_VECTORS.decode(poses(40, 1)).values
-    from cospeech.skeletons.ted import JOINTS, PARENTS
+    from cospeech.motion.skeletons.ted import JOINTS, PARENTS
 
     one = Sticks("one", body, PARENTS, JOINTS)
     assert [JOINTS[k] for k in one.hands] == ["leftWrist", "rightWrist"]
@@ -460,8 +460,8 @@ def test_stick_figures():
 def test_stick_figures_of_rotations_have_no_loose_bones(name):
     from types import SimpleNamespace
 
-    from cospeech.poses import find_pose
-    from cospeech.tables.figures import _sticks
+    from cospeech.experiments.tables.figures import _sticks
+    from cospeech.motion.poses import find_pose
 
     pose = find_pose(name)
     excerpts = SimpleNamespace(pose=pose, store=SimpleNamespace(fps=20.0, pose=name))

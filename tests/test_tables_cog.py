@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cospeech.audio.features.frames import AUDIO_NAMES
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
-from cospeech.features.frames import AUDIO_NAMES
+from cospeech.experiments.figures.lines import Lines, Series, draw_lines
+from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text
+from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
+from cospeech.experiments.tables.cog_bench import COSTS, cost_cells, made_by
+from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
+from cospeech.experiments.tables.stages import FEATURES, SMALL
 from cospeech.metrics.controls import CONTROLS
-from cospeech.poses.euler import EULER
-from cospeech.recipe import build, load_recipe
-from cospeech.render.lines import Lines, Series, draw_lines
-from cospeech.skeletons.arkit import ARKIT
-from cospeech.tables import TABLES, Stages, draw_table, make_table, to_text
-from cospeech.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
-from cospeech.tables.cog_bench import COSTS, cost_cells, made_by
-from cospeech.tables.cog_windows import FRAMES, GIVEN, CogWindows
-from cospeech.tables.stages import FEATURES, SMALL
+from cospeech.motion.poses.euler import EULER
+from cospeech.motion.skeletons.arkit import ARKIT
+from cospeech.training.recipe import build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -118,7 +118,7 @@ def test_published_figures_are_the_papers(shared):
 
 
 def config_of(row) -> object:
-    from cospeech.checkpoint import network
+    from cospeech.training.checkpoint import network
 
     recipe = load_recipe(ROOT / "recipes" / f"{row.recipe}.toml", row.overrides)
     return build(network(recipe.model).Config, recipe.config, "model")
@@ -126,7 +126,7 @@ def config_of(row) -> object:
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.recipe], ids=lambda row: row.name)
 def test_every_row_has_a_recipe_that_builds(row):
-    from cospeech.checkpoint import network
+    from cospeech.training.checkpoint import network
 
     recipe = load_recipe(ROOT / "recipes" / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
@@ -199,7 +199,7 @@ def test_recordings_are_perfect(place):
 
 
 def test_key_points_are_refused(tmp_path):
-    from cospeech.poses.keypoints2d import KEYPOINTS2D
+    from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
 
     known = {"pose": np.zeros((90, KEYPOINTS2D.dimensions), np.float32)}
     pieces = [Piece(Entry("a", "a", "test", 0, 90, 0.0, ("pose",)), (), lambda: dict(known))]

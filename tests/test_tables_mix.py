@@ -15,22 +15,22 @@ from cospeech.corpora.clip import Points
 from cospeech.corpora.store import Entry, Store
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
+from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text
+from cospeech.experiments.tables import making as making
+from cospeech.experiments.tables import mix as design
+from cospeech.experiments.tables.controls import spread
+from cospeech.experiments.tables.designs import Claim
+from cospeech.experiments.tables.making import part_of
+from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, Cast
+from cospeech.experiments.tables.mix_bench import Kept, Measured, Moved
+from cospeech.experiments.tables.mix_scores import mean_cells, named_cells, score_cells
+from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
+from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.stages import CLASSIFIER, SMALL, Player, of_speakers
 from cospeech.metrics.controls import CONTROLS
-from cospeech.poses.keypoints2d import KEYPOINTS2D
-from cospeech.recipe import build, load_recipe
-from cospeech.skeletons.pats import JOINTS
-from cospeech.tables import TABLES, Stages, draw_table, make_table, to_text
-from cospeech.tables import making as making
-from cospeech.tables import mix as design
-from cospeech.tables.controls import spread
-from cospeech.tables.designs import Claim
-from cospeech.tables.making import part_of
-from cospeech.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, Cast
-from cospeech.tables.mix_bench import Kept, Measured, Moved
-from cospeech.tables.mix_scores import mean_cells, named_cells, score_cells
-from cospeech.tables.mix_windows import FRAMES, MixWindows
-from cospeech.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
-from cospeech.tables.stages import CLASSIFIER, SMALL, Player, of_speakers
+from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
+from cospeech.motion.skeletons.pats import JOINTS
+from cospeech.training.recipe import build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -101,7 +101,7 @@ def recipes(tmp_path_factory) -> Path:
 
 
 def build_config(name: str):
-    from cospeech.checkpoint import network
+    from cospeech.training.checkpoint import network
 
     recipe = load_recipe(ROOT / "recipes" / f"{name}.toml")
     return build(network(recipe.model).Config, recipe.config, "model")
@@ -300,7 +300,7 @@ class Echo(torch.nn.Module):
     """Makes the style it is given, in every frame."""
 
     def __new__(cls, styles: int = 3):
-        from cospeech.nn.windowed import Windowed
+        from cospeech.models.nn.windowed import Windowed
 
         class Net(Windowed):
             pose, audio, multiple, shortest, modes = 96, 64, 4, 4, 0
@@ -322,7 +322,7 @@ class Echo(torch.nn.Module):
 
 
 def test_play_does_not_depend_on_the_batch(monkeypatch):
-    from cospeech.models import playing
+    from cospeech.experiments import playing
 
     audio = np.random.default_rng(0).normal(size=(7, 9, 64))
     whole = playing.play(Echo(), audio, np.array([0.0, 1.0, 0.0]))

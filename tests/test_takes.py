@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from cospeech.demo import EXAMPLE
+from cospeech.audio.speech import SpeechSource
+from cospeech.cli.demo import EXAMPLE
 from cospeech.export import npz
 from cospeech.generate import generate_files, take_path
 from cospeech.models import load
-from cospeech.speech import SpeechSource
 from runtime_bundles import write_small
 
 BUNDLE = "small.cospeech"

@@ -15,16 +15,16 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
 
 import tiny_models  # noqa: E402
-from cospeech.checkpoint import load_run, read_facts, read_tensors, write_tensors  # noqa: E402
-from cospeech.corpora.feed import POSE_FLOOR, standard_audio, standard_pose  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
-from cospeech.corpora.windows import Windows, windows_at  # noqa: E402
 from cospeech.errors import CospeechError, CospeechWarning, InputError  # noqa: E402
 from cospeech.models import NETWORKS  # noqa: E402
 from cospeech.models.feature_net import load_features  # noqa: E402
-from cospeech.nn.schedule import SCHEDULES  # noqa: E402
-from cospeech.recipe import Optimiser, read_recipe  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.training.batch_loader import POSE_FLOOR, standard_audio, standard_pose  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_facts, read_tensors, write_tensors  # noqa: E402
+from cospeech.training.recipe import Optimiser, read_recipe  # noqa: E402
+from cospeech.training.schedule import SCHEDULES  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
+from cospeech.training.windows import Windows, windows_at  # noqa: E402
 from leftovers import abandoned  # noqa: E402
 from tiny_store import POSE, make_store  # noqa: E402
 
@@ -270,8 +270,14 @@ def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, whe
     """What Ctrl-C sends comes in the midst of it; the run that went on is the one that was not stopped."""
     recipe, calls = plan("tiny-gan", steps=6, validate_every=3, save_every=100, ema=0.9, best="made"), []
     place = {"setup": "build_model", "save": "write_tensors"}.get(where)
-    target = f"cospeech.train.{place}" if place else f"tiny_models.TinyGan.{'made' if where == 'validation' else 'judged'}"
-    plain = getattr(import_module("cospeech.train"), place) if place else getattr(tiny_models.TinyGan, target.split(".")[-1])
+    target = (
+        f"cospeech.training.train.{place}" if place else f"tiny_models.TinyGan.{'made' if where == 'validation' else 'judged'}"
+    )
+    plain = (
+        getattr(import_module("cospeech.training.train"), place)
+        if place
+        else getattr(tiny_models.TinyGan, target.split(".")[-1])
+    )
     due = {"first step": 1, "second step": 2, "validation": 3, "setup": 1, "save": 1}[where]
 
     def interrupting(*arguments):

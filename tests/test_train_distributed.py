@@ -17,13 +17,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
 
 import tiny_models  # noqa: E402
-from cospeech.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import NETWORKS  # noqa: E402
-from cospeech.nn.norm import BatchNorm1d, batch_norm, global_moments  # noqa: E402
-from cospeech.nn.processes import Team, average, mean_values  # noqa: E402
-from cospeech.recipe import read_recipe  # noqa: E402
-from cospeech.train import train  # noqa: E402
+from cospeech.models.nn.norm import BatchNorm1d, batch_norm, global_moments  # noqa: E402
+from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
+from cospeech.training.processes import Team, average, mean_values  # noqa: E402
+from cospeech.training.recipe import read_recipe  # noqa: E402
+from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
 
 WORKER = Path(__file__).with_name("train_worker.py")
@@ -105,7 +105,7 @@ def test_they_resume_together(together):
 
 
 def test_a_batch_that_cannot_be_shared_is_told(store, tmp_path, monkeypatch):
-    from cospeech import train as module
+    from cospeech.training import train as module
 
     monkeypatch.setattr(module, "join", lambda device: _nobody(Team(0, 5, torch.device("cpu"))))
     with pytest.raises(InputError, match="a batch of 12 for 5 processes"):
@@ -137,7 +137,7 @@ def test_alone_the_norm_is_that_of_pytorch():
 
 def test_the_norm_over_processes_is_that_of_pytorch_over_all(monkeypatch):
     """The same sums by our own code, in a team of one that does not know it."""
-    from cospeech.nn import norm
+    from cospeech.models.nn import norm
 
     monkeypatch.setattr(norm, "is_shared", lambda: True)
     monkeypatch.setattr(norm.dist, "all_reduce", lambda tensor: None)
@@ -165,7 +165,7 @@ def test_moments_are_those_of_the_whole_batch():
 
 
 def test_gradients_are_sent_in_buckets_and_put_back(monkeypatch):
-    from cospeech.nn import processes
+    from cospeech.training import processes
 
     sent = []
     monkeypatch.setattr(processes, "BUCKET", 10)

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError, Speech, Word
-from cospeech.alignment import align, align_with_recogniser, count_syllables, spread, tokenise
-from cospeech.features import Features, analyse
-from cospeech.speech import example, open_speech
-from cospeech.transcripts import load_words, settle
+from cospeech.audio.features import Features, analyse
+from cospeech.audio.forced_alignment import align, align_with_recogniser, count_syllables, spread, tokenise
+from cospeech.audio.speech import example, open_speech
+from cospeech.audio.transcripts import load_words, settle
 
 SRT = "1\n00:00:01,000 --> 00:00:02,500\n<i>Hello,</i> dear\nworld!\n\n2\n00:00:03,000 --> 00:00:03,400\n- No.\n"
 LONG_GRID = '''File type = "ooTextFile"
@@ -370,8 +370,8 @@ def test_transcribe_takes_the_words_of_the_recogniser(tmp_path, monkeypatch):
     import sys
     from types import ModuleType, SimpleNamespace
 
+    from cospeech.audio.speech import example
     from cospeech.generate import generate_files
-    from cospeech.speech import example
 
     class WhisperModel:
         def __init__(self, name: str, **options: object) -> None: ...
@@ -398,8 +398,8 @@ def test_transcribe_takes_the_words_of_the_recogniser(tmp_path, monkeypatch):
 
 
 def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
+    from cospeech.audio.speech import example
     from cospeech.generate import generate_files
-    from cospeech.speech import example
 
     with pytest.raises(InputError, match=r"cospeech\[asr\]"):
         generate_files(example()[0], [tmp_path / "x.json"], transcribe=True)

@@ -11,13 +11,13 @@ import pytest
 import soundfile
 from PIL import Image
 
+from cospeech.audio.speech import Word
 from cospeech.errors import InputError
 from cospeech.export import open_writer
 from cospeech.export.pictures import PICTURES, render_motion
-from cospeech.motion import Motion
-from cospeech.rotations import axis_angle_to_quat
-from cospeech.skeleton import humanoid
-from cospeech.speech import Word
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat
+from cospeech.motion.skeleton import humanoid
 from motions import gesturing
 
 av = pytest.importorskip("av", reason="needs PyAV: cospeech[av]")

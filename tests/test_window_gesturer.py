@@ -14,16 +14,16 @@ import pytest
 import soundfile as sf
 
 from cospeech import generate as generating
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
-from cospeech.motion import Motion
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleGesturer
-from cospeech.runtime.gesturer import BundleGesturer
-from cospeech.runtime.manner import stretches
+from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.style import CodeSource
-from cospeech.runtime.window_player import LIVE
+from cospeech.runtime.style_measures import stretches
 from cospeech.runtime.window_style import example_window, mixture, named_window, plays_mixtures
-from cospeech.skeleton import humanoid
-from cospeech.speech import Speech
 from fake_windows import whole_system
 from runtime_bundles import changed, cut, same, talk
 
@@ -401,7 +401,7 @@ def test_no_torch_and_no_onnx(tmp_path):
 
     path = write_small_window(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.gesturer import BundleGesturer; from cospeech.speech import Speech;"
+        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
         f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.fading import FADE, Fading
-from cospeech.runtime.nudge import SmoothGumbel
-from cospeech.runtime.sliding import Setting
-from cospeech.runtime.window_player import LIVE, WindowPlayer, live, looking, whole
+from cospeech.runtime.crossfade import FADE, Fading
+from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.sliding_window_decoder import LIVE, WindowPlayer, live, looking, whole
+from cospeech.runtime.window_layout import Setting
 from cospeech.runtime.window_style import named_window
 from fake_windows import NAMES, fake_sizes, fake_system
 
@@ -410,7 +410,7 @@ def test_noise_does_not_depend_on_the_pieces():
 
 
 def test_numbers_far_out_stay_numbers():
-    from cospeech.runtime.nudge import _gumbel
+    from cospeech.runtime.mode_noise import _gumbel
 
     x = np.array([-60.0, -9.0, -1.0, 0.0, 3.0, 9.0, 60.0])
     made = _gumbel(x)
@@ -427,8 +427,8 @@ def test_networks_are_played_as_they_are(name):
     """Of random weights: several takes have the bits of one each, and whole is what one pass of the network itself makes."""
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from cospeech.models.lowering import lower
     from cospeech.runtime.window_engine import WindowEngine
+    from cospeech.training.export.window_graph import lower
     from windowed_networks import given, made_by, make_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))

@@ -11,9 +11,9 @@ import soundfile
 
 import cospeech
 from cospeech import generate
-from cospeech.features.words import WordStream, word_ids
+from cospeech.audio.features.words import WordStream, word_ids
+from cospeech.audio.speech import Speech, Word, open_speech
 from cospeech.models import load
-from cospeech.speech import Speech, Word, open_speech
 
 RATE = 22_050
 GRID = """File type = "ooTextFile"

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cospeech.audio.features.word_vectors import BinVectors, ngrams, open_vectors
 from cospeech.errors import InputError
-from cospeech.features.word_vectors import BinVectors, ngrams, open_vectors
 
 WORDS = ["</s>", "the", "gesture", "Straße", "мир", "你好", "don't", "a"]
 OTHERS = ["gestures", "Straßen", "привет", "日本語", "😀😀", "x", "<a>", "zzzz", "unknown-word"]

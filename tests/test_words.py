@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from cospeech.corpora.lookup import Lookup
+from cospeech.audio.features.words import BUCKETS, GRAMS, WordStream, plain_word, subword_rows, subwords, word_ids
+from cospeech.audio.speech import Speech, Word, open_speech
+from cospeech.corpora.lazy_rows import Lookup
 from cospeech.corpora.store import Entry, Store, gather
 from cospeech.corpora.store_writer import Piece, write_store
-from cospeech.corpora.texts import with_subwords, with_vectors
-from cospeech.corpora.windows import Windows
 from cospeech.errors import InputError
-from cospeech.features.words import BUCKETS, GRAMS, WordStream, plain_word, subword_rows, subwords, word_ids
 from cospeech.generate import speech_chunks
-from cospeech.speech import Speech, Word, open_speech
+from cospeech.training.texts import with_subwords, with_vectors
+from cospeech.training.windows import Windows
 
 
 def fnv(data: bytes) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from cospeech.demo import EXAMPLE
+from cospeech.cli.demo import EXAMPLE
 from cospeech.files import ABANDONED, PREFIX, atomic, sweep, workplace
 from leftovers import abandoned
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from cospeech.nn.flow import Flow, RecurrentNet
-from cospeech.nn.norm import BatchNorm1d
-from cospeech.nn.objective import Batch, Objective
+from cospeech.models.nn.flow import Flow, RecurrentNet
+from cospeech.models.nn.norm import BatchNorm1d
+from cospeech.models.nn.objective import Batch, Objective
 
 __all__ = ["MODELS", "TinyCascade", "TinyFlow", "TinyGan", "slowly"]
 

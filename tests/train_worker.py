@@ -23,8 +23,8 @@ from torch import distributed as dist
 
 import tiny_models
 from cospeech.models import NETWORKS
-from cospeech.recipe import read_recipe
-from cospeech.train import train
+from cospeech.training.recipe import read_recipe
+from cospeech.training.train import train
 
 
 def do(job: dict) -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.features.reduce import audio_width
-from cospeech.poses import find_pose
-from cospeech.runtime.conv_graph import ConvGraph, Signal
+from cospeech.audio.features.reduce import audio_width
+from cospeech.motion.poses import find_pose
 from cospeech.runtime.window_bundle import WindowStatistics, half, write_window
 from cospeech.runtime.window_engine import WindowSizes
+from cospeech.training.export.conv_graph import ConvGraph, Signal
 
 __all__ = ["REACH", "small_network", "small_statistics", "write_small_window"]
 

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cospeech.checkpoint import network
-from cospeech.recipe import build
+from cospeech.training.checkpoint import network
+from cospeech.training.recipe import build
 
 __all__ = ["KINDS", "given", "made_by", "make_network"]
 

@@ -5,12 +5,13 @@ python tools/build_mannequin.py
 
 from pathlib import Path
 
-from cospeech import mannequin
-from cospeech.mannequin import asset
+from mannequin.modelling import sculpt
+
+from cospeech.export.mannequin import asset
 
 if __name__ == "__main__":
     target = Path(__file__).parents[1] / "src" / "cospeech" / "assets" / "mannequin.npz"
-    character = mannequin.sculpt()
+    character = sculpt()
     asset.save(character, target)
     counts = [(len(p.vertices), len(p.triangles)) for p in character.parts]
     vertices, triangles = (sum(column) for column in zip(*counts, strict=True))

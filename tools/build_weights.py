@@ -23,18 +23,18 @@ from typing import Any
 
 from measure_face import measured
 
-from cospeech.bundling import bundle_run
-from cospeech.checkpoint import read_facts
-from cospeech.contest import contest
-from cospeech.evaluation import Table
+from cospeech.audio.speech import Speech
+from cospeech.corpora.prepare import prepare
+from cospeech.corpora.synthetic import synthesise
+from cospeech.evaluation import contest
+from cospeech.metrics.evaluation import Table
 from cospeech.models import BUNDLE, SHIPPED, load
 from cospeech.models.speech_to_face import SpeechToFaceConfig
-from cospeech.motion import Motion
-from cospeech.prepare import prepare
-from cospeech.recipe import build, load_recipe
-from cospeech.speech import Speech
-from cospeech.synthesise import synthesise
-from cospeech.train import train
+from cospeech.motion.motion import Motion
+from cospeech.training.checkpoint import read_facts
+from cospeech.training.export.bundles import bundle_run
+from cospeech.training.recipe import build, load_recipe
+from cospeech.training.train import train
 
 ROOT = Path(__file__).parents[1]
 SPEAKERS, SEED, STYLE = 8, 0, "elif"  # the orator: neither the largest nor the smallest

@@ -9,11 +9,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from mannequin.modelling import sculpt
 from PIL import Image, ImageDraw
 
-from cospeech import mannequin
-from cospeech.rotations import euler_to_quat, quat_identity
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.export import mannequin
+from cospeech.motion.rotations import euler_to_quat, quat_identity
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 KEY = np.array([0.45, 0.6, 0.75])
 FILL = np.array([-0.7, 0.1, 0.4])
@@ -229,7 +230,7 @@ def morphs(character, folder, names=ARKIT, file="morphs.png"):
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    figure = mannequin.sculpt() if "sculpt" in sys.argv else mannequin.build()
+    figure = sculpt() if "sculpt" in sys.argv else mannequin.build()
     for name in sys.argv[2:] or ("body", "hands", "face", "morphs"):
         if name != "sculpt":
             {"body": body, "hands": hands, "face": face, "morphs": morphs}[name](figure, folder)

@@ -19,10 +19,10 @@ import soundfile
 from PIL import Image, ImageDraw, ImageFont
 
 import cospeech
-from cospeech.demo import EXAMPLE, EXAMPLE_WORDS
-from cospeech.render.artist import Look
-from cospeech.render.camera import view_named
-from cospeech.render.film import Film
+from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
+from cospeech.export.render.camera import view_named
+from cospeech.export.render.frames import Film
+from cospeech.export.render.worker import Look
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
 STYLE, EMOTION, SEED = "natural", "happiness", 0

@@ -21,17 +21,17 @@ import numpy as np
 import torch
 
 import cospeech
-from cospeech.checkpoint import load_run, read_tensors
+from cospeech.audio.features import analyse, audio_features, reduce_audio
+from cospeech.audio.features.mel import FPS
+from cospeech.audio.speech import Speech
 from cospeech.corpora.store import Store
-from cospeech.features import analyse, audio_features, reduce_audio
-from cospeech.features.mel import FPS
 from cospeech.metrics.macro_f1 import macro_f1
 from cospeech.metrics.sample import Score
 from cospeech.metrics.wrists import Wrists, against, wrists_of
-from cospeech.recipe import load_recipe
 from cospeech.rules import EMOTIONS, RuleGesturer
-from cospeech.speech import Speech
-from cospeech.train import train
+from cospeech.training.checkpoint import load_run, read_tensors
+from cospeech.training.recipe import load_recipe
+from cospeech.training.train import train
 
 PIECE = 3.5  # seconds; ours: as long as a sentence, and what a listener needs to hear a mood
 SPOKEN = {"neutral": "neutral", "anger": "anger", "joy": "happiness", "sadness": "sadness"}

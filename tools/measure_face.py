@@ -17,15 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
+from cospeech.audio.features import AUDIO_NAMES, audio_features
+from cospeech.audio.features.reduce import reduce_audio
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.faces import LOWER, read
-from cospeech.features import AUDIO_NAMES, audio_features
-from cospeech.features.reduce import reduce_audio
+from cospeech.corpora.prepare.pieces import split_of
 from cospeech.metrics.interval import bootstrap
 from cospeech.models import BUNDLE, SHIPPED
-from cospeech.prepare.pieces import split_of
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.runtime.mouth import BundleMouth, open_mouth
-from cospeech.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 JAW = ARKIT_INDEX["jawOpen"]
 LIVE = 0.005  # deviation from which a channel of a tracked face counts as live: a two-hundredth of its range

@@ -13,14 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cospeech.demo import EXAMPLE
+from cospeech.audio.speech import Speech
+from cospeech.cli.demo import EXAMPLE
 from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.listener import Listener
+from cospeech.runtime.sliding_window_decoder import Setting, WindowPlayer, live, whole
+from cospeech.runtime.speech_frontend import Listener
 from cospeech.runtime.systems import open_system
 from cospeech.runtime.window_bundle import WindowSystem
-from cospeech.runtime.window_player import Setting, WindowPlayer, live, whole
 from cospeech.runtime.window_style import named_window
-from cospeech.speech import Speech
 
 AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
 

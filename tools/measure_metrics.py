@@ -17,16 +17,16 @@ from pathlib import Path
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
+from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip, Points, Semantic
 from cospeech.corpora.keypoints import joint_points
-from cospeech.evaluation import POSE_STATISTICS, evaluate, sample_of
 from cospeech.metrics import METRICS, FeatureNet, Tools, load_metric
+from cospeech.metrics.evaluation import POSE_STATISTICS, evaluate, sample_of
 from cospeech.metrics.mode_f1 import mode_features
 from cospeech.models import PARTS
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.pats import JOINTS
 from cospeech.rules import STYLES, RuleGesturer
-from cospeech.skeleton import humanoid
-from cospeech.skeletons.pats import JOINTS
-from cospeech.speech import Speech
 
 PAGES = Path(__file__).parents[1] / "docs" / "metrics"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)

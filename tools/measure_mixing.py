@@ -1,4 +1,4 @@
-"""Measures mixtures of two styles (`cospeech.style_mixing`): a table on the screen, and curves with heat maps as a picture.
+"""Measures mixtures of two styles (`cospeech.experiments.style_mixing`): a table on the screen, and curves with heat maps as a picture.
 
     python tools/measure_mixing.py BUNDLE SPEECH... [--pair ada,ben] [--pair cleo,dan] [--store STORE] [--out FILE]
 
@@ -14,12 +14,12 @@ from pathlib import Path
 from PIL import Image
 
 import cospeech
+from cospeech.audio.speech import Speech
 from cospeech.corpora.attributes import speaker_attributes
 from cospeech.corpora.store import Store
+from cospeech.experiments.style_mixing import APART, MEASURES, TAKES, TOLERANCE, Mixing, draw_mixing, fall_back, measure_mixing
 from cospeech.files import atomic
-from cospeech.poses import find_pose
-from cospeech.speech import Speech
-from cospeech.style_mixing import APART, MEASURES, TAKES, TOLERANCE, Mixing, draw_mixing, fall_back, measure_mixing
+from cospeech.motion.poses import find_pose
 
 
 def table(mixing: Mixing) -> str:

@@ -20,21 +20,21 @@ from typing import Any
 
 import numpy as np
 
+from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.store import Store
-from cospeech.evaluation import sample_of, stored_clips
 from cospeech.metrics import Tools, load_metric
+from cospeech.metrics.evaluation import sample_of, stored_clips
 from cospeech.metrics.movement import Track, wrist_speeds
-from cospeech.motion import Motion
-from cospeech.poses import find_pose
+from cospeech.motion.motion import Motion
+from cospeech.motion.poses import find_pose
+from cospeech.runtime.autoregressive_decoder import FlowPlayer, Source
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
-from cospeech.runtime.flow_player import FlowPlayer, Source
-from cospeech.runtime.listener import Listener
-from cospeech.runtime.manner import named
-from cospeech.runtime.performance import PIECE, Performance, Wish
+from cospeech.runtime.session import PIECE, Performance, Wish
+from cospeech.runtime.speech_frontend import Listener
 from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
-from cospeech.speech import Speech
+from cospeech.runtime.style_measures import named
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)

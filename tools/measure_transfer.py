@@ -23,8 +23,8 @@ import cospeech
 from cospeech.corpora.attributes import attributes_of, body_of
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.store import Store
-from cospeech.evaluation import sample_of, stored_clips
 from cospeech.metrics import Tools, load_metric
+from cospeech.metrics.evaluation import sample_of, stored_clips
 
 PAGE = Path(__file__).parents[1] / "docs" / "models" / "mix_stage.md"
 BLOCK = re.compile(r"(<!-- transfer -->\n).*?(<!-- end -->)", re.S)

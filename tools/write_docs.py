@@ -13,8 +13,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from cospeech.catalogue import catalogue
-from cospeech.how_to_open import HOW_TO_OPEN
+from cospeech.cli.catalogue import catalogue
+from cospeech.export.how_to_open import HOW_TO_OPEN
 from cospeech.limits import LIMITS, Limit
 
 ROOT = Path(__file__).resolve().parents[1]

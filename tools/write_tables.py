@@ -13,8 +13,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from cospeech.tables import TABLES
-from cospeech.tables.report import to_markdown
+from cospeech.experiments.tables import TABLES
+from cospeech.experiments.tables.report import to_markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "tables.md"

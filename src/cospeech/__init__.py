@@ -10,12 +10,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .contest import evaluate
+    from .audio.speech import Speech, Word
     from .errors import CospeechError, InputError
+    from .evaluation import evaluate
     from .models import load
-    from .motion import Motion
-    from .skeleton import Skeleton, humanoid
-    from .speech import Speech, Word
+    from .motion.motion import Motion
+    from .motion.skeleton import Skeleton, humanoid
 
 __version__ = "0.1.0"
 
@@ -38,12 +38,12 @@ os.environ.update(NO_TELEMETRY)
 _HOME = {
     "CospeechError": "errors",
     "InputError": "errors",
-    "Motion": "motion",
-    "Skeleton": "skeleton",
-    "Speech": "speech",
-    "Word": "speech",
-    "evaluate": "contest",
-    "humanoid": "skeleton",
+    "Motion": "motion.motion",
+    "Skeleton": "motion.skeleton",
+    "Speech": "audio.speech",
+    "Word": "audio.speech",
+    "evaluate": "evaluation",
+    "humanoid": "motion.skeleton",
     "load": "models",
 }
 

@@ -1,6 +1,6 @@
 """``python -m cospeech`` is ``cospeech``."""
 
-from .cli import main
+from .cli.main import main
 
 __all__: list[str] = []
 

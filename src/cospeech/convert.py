@@ -5,11 +5,11 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
-from .checks import FPS_RANGE, LISTENS, File, check_avatar, check_files, check_range, check_skeleton
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
-from .motion import Motion
-from .recognise import load_map
+from .export.checks import FPS_RANGE, LISTENS, File, check_avatar, check_files, check_range, check_skeleton
+from .motion.bone_mapping import load_map
+from .motion.motion import Motion
 
 __all__ = ["convert_file"]
 

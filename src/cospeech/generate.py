@@ -19,8 +19,12 @@ from os import PathLike
 from pathlib import Path
 
 from . import __version__
-from .alignment import align_with_recogniser
-from .checks import (
+from .audio.emotions import EmotionTrack, emotion_track, read_emotion_track
+from .audio.forced_alignment import align_with_recogniser
+from .audio.speech import Speech, SpeechSource, Word, open_speech
+from .errors import CospeechWarning, InputError, nearest
+from .export import FORMATS, Writer, check_parts, open_writer
+from .export.checks import (
     FPS_RANGE,
     KEEPS_SKELETON,
     LISTENS,
@@ -31,18 +35,14 @@ from .checks import (
     check_range,
     check_skeleton,
 )
-from .emotions import EmotionTrack, emotion_track, read_emotion_track
-from .errors import CospeechWarning, InputError, nearest
-from .export import FORMATS, Writer, check_parts, open_writer
+from .face.gains import face_gains
 from .files import all_or_none
 from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
-from .motion import Motion
-from .report import Report
-from .rules.gains import face_gains
-from .runtime.gesturer import MotionLike
+from .motion.motion import Motion
+from .runtime.model import MotionLike
+from .runtime.report import Report
 from .runtime.style import example_files
-from .speech import Speech, SpeechSource, Word, open_speech
 
 __all__ = ["MOST_TAKES", "check_asked", "generate_files", "speech_chunks", "take_path"]
 
@@ -106,7 +106,7 @@ def generate_files(
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
-        emotion: one of `cospeech.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over time: an
+        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over time: an
             `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
@@ -116,7 +116,7 @@ def generate_files(
         temperature: how far choices stray from the likeliest, 0 … 2.
         intensity: size of the motion, 0 … 2.
         parts: of `PARTS`.
-        face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.rules.gains.face_gains`.
+        face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.face.gains.face_gains`.
         face: motion with a face, or a file of one, from which body and hands follow and which is shown; for chains.
         continue_from: motion, or a file of one, at whose last poses it begins; for chains.
         skeleton: of the BVH files.

@@ -22,10 +22,10 @@ class Corpus(NamedTuple):
 
 
 CORPORA: dict[str, Corpus] = {
-    "ted": Corpus("cospeech.corpora.ted", "TED talks (Yoon 2019/2020): LMDB of 10 joints in 3-D, raw audio, words", True),
-    "trinity": Corpus("cospeech.corpora.trinity", "Trinity Speech-Gesture / GENEA 2020: BVH, WAV, word JSON", True),
-    "pats": Corpus("cospeech.corpora.pats", "PATS: HDF5 of 52 key points in 2-D, log-mel, words", True),
-    "beat": Corpus("cospeech.corpora.beat", "BEAT: BVH, face JSON, WAV, TextGrid, semantics, emotion", True),
+    "ted": Corpus("cospeech.corpora.ted.read", "TED talks (Yoon 2019/2020): LMDB of 10 joints in 3-D, raw audio, words", True),
+    "trinity": Corpus("cospeech.corpora.trinity.read", "Trinity Speech-Gesture / GENEA 2020: BVH, WAV, word JSON", True),
+    "pats": Corpus("cospeech.corpora.pats.read", "PATS: HDF5 of 52 key points in 2-D, log-mel, words", True),
+    "beat": Corpus("cospeech.corpora.beat.read", "BEAT: BVH, face JSON, WAV, TextGrid, semantics, emotion", True),
     "beat2": Corpus("cospeech.corpora.beat2", "BEAT2: SMPL-X npz, WAV, TextGrid, semantics", False),
     "zeroeggs": Corpus("cospeech.corpora.zeroeggs", "ZeroEGGS: BVH and WAV in 19 styles", False),
     "faces": Corpus("cospeech.corpora.faces", "tracked faces of talking people: GRID by MediaPipe, FACEGOOD", False),

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
-from ..skeletons import pats, ted
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from ..motion.skeletons import pats, ted
 from .clip import Points
 from .store import Store
 
@@ -68,7 +68,7 @@ def attributes_of(clips: Array | Iterable[Array], names: Sequence[str], fps: flo
 
     Args:
         clips: (T, J, 2 or 3) positions of the joints, y up, the person's left at +x; or several such.
-        names: of the J joints, as one of our skeletons (`cospeech.skeletons`) has them, or PATS' or TED's key points.
+        names: of the J joints, as one of our skeletons (`cospeech.motion.skeletons`) has them, or PATS' or TED's key points.
         fps: frames per second.
 
     Raises:

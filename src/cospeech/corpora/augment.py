@@ -8,12 +8,12 @@ from fractions import Fraction
 
 import numpy as np
 
+from ..audio.speech import Speech, Word
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
-from ..skeleton import Skeleton
-from ..skeletons.arkit import ARKIT_MIRROR
-from ..speech import Speech, Word
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from ..motion.skeleton import Skeleton
+from ..motion.skeletons.arkit import ARKIT_MIRROR
 from .clip import Clip, Points
 
 __all__ = ["faster", "mirrored", "mirrored_motion", "mirrored_points", "shifted"]

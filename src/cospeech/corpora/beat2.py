@@ -15,8 +15,8 @@ import numpy as np
 from ..errors import InputError
 from ..export.npz_arrays import open_arrays
 from ..export.reading import open_file
-from ..rotations import Array
-from .annotations import read_semantics, take_of
+from ..motion.rotations import Array
+from .beat.annotations import read_semantics, take_of
 from .clip import Clip, Dropped
 from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_rows, usable_folder, words_alone
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ..audio.speech import Speech
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
-from ..speech import Speech
+from ..motion.motion import Motion
+from ..motion.rotations import Array
 
 __all__ = ["SPLITS", "Clip", "Dropped", "Points", "Semantic"]
 

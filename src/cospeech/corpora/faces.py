@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from ..audio.speech import Speech, Word
 from ..errors import InputError
 from ..export.npz_arrays import open_arrays
 from ..export.reading import check_frames, open_file, size_of
-from ..motion import Motion
-from ..rotations import (
+from ..motion.motion import Motion
+from ..motion.rotations import (
     Array,
     matrix_to_quat,
     quat_conjugate,
@@ -32,9 +33,8 @@ from ..rotations import (
     quat_to_rotvec,
     rotvec_to_quat,
 )
-from ..skeleton import humanoid
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
-from ..speech import Speech, Word
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from .clip import Clip, Dropped
 from .reading import check_lengths, files_of, number, read_each, read_text, usable_folder
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..motion import Motion
-from ..rotations import Array, quat_to_euler
-from ..skeleton import Skeleton
-from ..speech import Speech, Word
+from ..audio.speech import Speech, Word
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_to_euler
+from ..motion.skeleton import Skeleton
 
 __all__ = ["on_rate", "textgrid", "write_bvh", "write_float_wav"]
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..audio.speech import Speech
 from ..errors import CospeechError, InputError
 from ..files import describe_os_error, read_regular
 from ..limits import CORPUS_TEXT_BYTES
-from ..motion import Motion
-from ..speech import Speech
+from ..motion.motion import Motion
 from .clip import Clip, Dropped
 
 __all__ = [
@@ -151,7 +151,7 @@ def words_alone(sound: Path | None, transcript: Path | None, motion: Motion) -> 
     """``{"words": …}`` for `Clip.extra` where there are words but no sound to hold them; else nothing."""
     if sound is not None or transcript is None:
         return {}
-    from ..transcripts import load_words
+    from ..audio.transcripts import load_words
 
     return {"words": load_words(transcript, speech_seconds=motion.duration)}
 

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..export.arrays import read_array_head
 from ..files import read_regular, regular_file
 from ..limits import STORE_INDEX_BYTES
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", "read_entry", "read_index"]
 
@@ -24,8 +24,8 @@ ARRAYS = {
     "cluster": "<i4", "text": "<i4", "wav2vec": "<f2",
 }  # fmt: skip
 """Name → type of the arrays that run along the frames; only the pose is always there. ``control``, ``cluster`` and ``text``
-are in no file: they are worked out of the poses (`cospeech.poses.controls`, `cospeech.poses.modes`) and of the words
-(`cospeech.corpora.texts`, where ``text`` may be float32 as well)."""
+are in no file: they are worked out of the poses (`cospeech.motion.poses.controls`, `cospeech.motion.poses.modes`) and of the words
+(`cospeech.training.texts`, where ``text`` may be float32 as well)."""
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
 """Those that have statistics."""

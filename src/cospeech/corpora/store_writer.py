@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import all_or_none, describe_os_error
-from ..rotations import Array
+from ..motion.rotations import Array
 from .store_files import ARRAYS, FORMAT, STATISTICS, Entry
 
 __all__ = ["Piece", "RowMoments", "write_store"]

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 from ..errors import InputError
 from ..files import atomic
-from ..motion import Motion
-from ..skeleton import Skeleton
+from ..motion.motion import Motion
+from ..motion.skeleton import Skeleton
 
 __all__ = ["FORMATS", "Format", "Writer", "check_parts", "load", "open_writer", "save"]
 

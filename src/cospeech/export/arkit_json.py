@@ -16,14 +16,14 @@ import numpy as np
 from ..errors import InputError
 from ..files import parse_json
 from ..limits import FACE_JSON_BYTES, JSON_VALUES, PLAUSIBLE_SECONDS
-from ..motion import Motion
-from ..rotations import Array
-from ..skeleton import humanoid
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .reading import check_frames, read_bytes
-from .standing import standing
 from .timing import frame_rate, frames_of, on_grid
+from .to_humanoid import standing
 
 __all__ = ["NAMES", "Writer", "load"]
 

@@ -15,9 +15,9 @@ from typing import IO
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array, quat_conjugate, quat_multiply, quat_normalize, quat_rotate, quat_to_euler
-from ..skeleton import Skeleton
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_normalize, quat_rotate, quat_to_euler
+from ..motion.skeleton import Skeleton
 from . import Writer as _Writer
 from .bvh_reader import file_names, load
 

@@ -6,7 +6,7 @@ A BVH says none of: its unit, which way is up, what its zero pose is. The rules 
   (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Skeletons
   that are not recognised are in centimetres. ``units=`` overrides.
 * **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
-* **Rest**: `cospeech.tpose.with_tpose`, for skeletons that `cospeech.recognise` knows; else the zero pose.
+* **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows; else the zero pose.
 * **Positions** of joints other than the root: most exporters write the offset itself, some what is to be added to it. The one
   that fits the whole file better is taken; the mean over the frames becomes the offset, bones that stretch do not.
 """
@@ -24,12 +24,20 @@ import numpy as np
 
 from ..errors import InputError
 from ..limits import MOTION_RATES
-from ..motion import Motion
-from ..recognise import recognise
-from ..rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_identity, quat_multiply, quat_rotate
-from ..skeleton import Skeleton, named_skeleton
-from ..skeletons import SKELETONS
-from ..tpose import on_floor, with_tpose
+from ..motion.bone_mapping import recognise
+from ..motion.motion import Motion
+from ..motion.rotations import (
+    Array,
+    axis_angle_to_quat,
+    euler_to_quat,
+    quat_continuous,
+    quat_identity,
+    quat_multiply,
+    quat_rotate,
+)
+from ..motion.skeleton import Skeleton, named_skeleton
+from ..motion.skeletons import SKELETONS
+from ..motion.tpose import on_floor, with_tpose
 from .bvh_text import Header, read_header, read_rows
 from .reading import check_frames, open_file, size_of
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..limits import JOINTS, LINE_CHARACTERS
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = ["MAX_VALUE", "Header", "read_header", "read_rows"]
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from .gltf import GltfFile, checked
 from .tracks import Curve
 from .visemes import oculus_visemes, vrm_presets

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..render.artist import Pictures
-from ..skeleton import Skeleton
-from .moving import MovingWriter
+from ..motion.skeleton import Skeleton
+from .render.worker import Pictures
+from .video_writer import MovingWriter
 
 __all__ = ["Writer"]
 

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..motion import Motion
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
+from .avatar import Avatar, AvatarStage, load_avatar
 from .gltf_build import GltfBuilder
-from .standing import as_humanoid
+from .to_humanoid import as_humanoid
 from .tracks import Recorder, Track
-from .worn import Avatar, AvatarStage, load_avatar
 
 if TYPE_CHECKING:
-    from ..mannequin import Character, Part
+    from .mannequin import Character, Part
 
 __all__ = ["Writer", "load"]
 
@@ -35,7 +35,7 @@ class Writer(BaseWriter):
     """Streams motion onto a character; tracks wait in a temporary file, so that hours of motion fit in memory.
 
     Args:
-        character: a skinned figure on our humanoid, `cospeech.mannequin.build` where not given.
+        character: a skinned figure on our humanoid, `cospeech.export.mannequin.build` where not given.
         avatar: somebody's character in place of ours: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read.
     """
 
@@ -57,7 +57,7 @@ class Writer(BaseWriter):
         if self._avatar is not None:
             return AvatarStage(self._avatar if isinstance(self._avatar, Avatar) else load_avatar(self._avatar))
         if self._character is None:
-            from ..mannequin import build
+            from .mannequin import build
 
             self._character = build()
         return CharacterStage(self._character)

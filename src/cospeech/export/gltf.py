@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import CospeechError, InputError
 from ..limits import GLTF_VALUES, GLTF_ZEROS
-from ..rotations import Array
+from ..motion.rotations import Array
 from .glb_container import split_glb
 from .reading import read_bytes
 

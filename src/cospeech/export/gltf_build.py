@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError, InternalError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .glb_container import BIN, JSON, MAGIC
 from .gltf import COMPONENTS, WIDTHS
 

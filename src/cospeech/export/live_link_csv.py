@@ -19,14 +19,14 @@ from typing import IO
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array, euler_to_quat, quat_conjugate, quat_identity, quat_multiply, quat_slerp, quat_to_euler
-from ..skeleton import Skeleton, humanoid
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.motion import Motion
+from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_identity, quat_multiply, quat_slerp, quat_to_euler
+from ..motion.skeleton import Skeleton, humanoid
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .reading import check_frames, open_file, size_of
-from .standing import as_humanoid, standing
 from .timing import frame_rate, frames_of, on_grid
+from .to_humanoid import as_humanoid, standing
 
 __all__ = ["COLUMNS", "Writer", "load"]
 

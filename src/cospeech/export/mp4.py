@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from ..audio.speech import SpeechSource, open_speech
 from ..errors import InputError
-from ..render.artist import Pictures
-from ..skeleton import Skeleton
-from ..speech import SpeechSource, open_speech
-from .moving import MovingWriter
+from ..motion.skeleton import Skeleton
+from .render.worker import Pictures
+from .video_writer import MovingWriter
 
 __all__ = ["Writer"]
 

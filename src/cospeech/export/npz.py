@@ -22,14 +22,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..limits import MOTION_RATES
-from ..motion import Motion
-from ..rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
-from ..skeleton import named_skeleton
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
+from ..motion.skeleton import named_skeleton
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
+from .frame_buffer import Spool
 from .npz_arrays import Arrays, open_arrays
 from .reading import check_frames, open_file, size_of
-from .spool import Spool
 
 __all__ = ["Writer", "load"]
 

@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
-from ..motion import Motion
-from ..render.film import BACKDROP
+from ..motion.motion import Motion
 from . import save
+from .render.frames import BACKDROP
 
 __all__ = ["PICTURES", "background_of", "no_avatar", "render_motion", "size_of"]
 

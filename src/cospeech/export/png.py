@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ..audio.speech import Word, open_speech
 from ..errors import InputError
-from ..motion import Motion
-from ..render.artist import Artist, Look, pack
-from ..render.camera import view_named
-from ..render.moments import Moments
-from ..render.stage import Stage, box_of
-from ..skeleton import Skeleton, humanoid
-from ..speech import Word, open_speech
+from ..motion.motion import Motion
+from ..motion.skeleton import Skeleton, humanoid
 from . import Writer as BaseWriter
 from .pictures import background_of, no_avatar, size_of
-from .standing import as_humanoid
+from .render.camera import view_named
+from .render.framing import Stage, box_of
+from .render.keyframes import Moments
+from .render.worker import Artist, Look, pack
+from .to_humanoid import as_humanoid
 
 __all__ = ["Writer"]
 
@@ -76,7 +76,7 @@ class Writer(BaseWriter):
     def _finish(self) -> None:
         from PIL import Image
 
-        from ..render.strip import Layout, draw_strip
+        from .render.strip import Layout, draw_strip
 
         moments = self._moments.best(self._pictures)
         layout = Layout(*self._size, len(moments), rows=2 if self._words else 0)
@@ -90,7 +90,7 @@ class Writer(BaseWriter):
 
     def _sound(self):  # type: ignore[no-untyped-def]
         """The waveform of the speech, or None without one."""
-        from ..render.strip import Sound
+        from .render.strip import Sound
 
         if self.audio is None:
             return None

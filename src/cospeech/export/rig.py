@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..limits import GLTF_NODES
-from ..rotations import (
+from ..motion.rotations import (  # fmt: skip
     Array,
     matrix_to_quat,
     quat_conjugate,
@@ -24,8 +24,8 @@ from ..rotations import (
     quat_normalize,
     quat_rotate,
     quat_to_matrix,
-)  # fmt: skip
-from ..skeleton import Skeleton
+)
+from ..motion.skeleton import Skeleton
 from .gltf import GltfFile, checked
 from .tracks import Curve
 

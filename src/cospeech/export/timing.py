@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = ["frame_rate", "frames_of", "on_grid"]
 

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array, quat_continuous, quat_normalize, quat_slerp
+from ..motion.rotations import Array, quat_continuous, quat_normalize, quat_slerp
+from .frame_buffer import Spool
 from .gltf import GltfFile, checked
 from .gltf_build import GltfBuilder
 from .reading import check_frames
-from .spool import Spool
 from .timing import frame_rate
 
 __all__ = ["Curve", "Recorder", "Track", "clock_of", "read_animation"]

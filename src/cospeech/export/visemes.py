@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 __all__ = ["arkit_from_presets", "oculus_visemes", "vrm_presets"]
 

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
-from ..skeleton import humanoid
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.motion import Motion
+from ..motion.rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
+from .find_humanoid import read_rig
 from .gltf import GltfFile, checked, read_glb
 from .gltf_build import GltfBuilder
-from .rig_find import read_rig
-from .standing import as_humanoid
+from .to_humanoid import as_humanoid
 from .tracks import Curve, Recorder, Track, clock_of, read_animation
 from .visemes import arkit_from_presets, vrm_presets
 

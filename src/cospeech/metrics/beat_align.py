@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array, quat_to_euler
+from ..motion.rotations import Array, quat_to_euler
 from ._scipy import scipy
 from .beat_lift import accents, lift_of_times, wrist_peaks
 from .interval import mean_score

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
+from ..motion.motion import Motion
+from ..motion.rotations import Array
 from ._scipy import scipy
 from .movement import Track, wrist_speeds
 from .movement_signal import FPS, SMOOTH, low_pass

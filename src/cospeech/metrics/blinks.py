@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT_INDEX
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT_INDEX
 from ._scipy import scipy
 from .interval import bootstrap
 from .metric import metric

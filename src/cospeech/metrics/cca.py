@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .interval import mean_score
 from .metric import metric, paired_samples
 from .sample import Sample, Score, Tools

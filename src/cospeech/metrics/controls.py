@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array, quat_conjugate, quat_multiply, quat_normalize, quat_to_rotvec, rotvec_to_quat
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_normalize, quat_to_rotvec, rotvec_to_quat
 from .metric import About
 from .sample import Score
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array, quat_to_euler
+from ..motion.rotations import Array, quat_to_euler
 from .interval import bootstrap, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .interval import bootstrap, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools

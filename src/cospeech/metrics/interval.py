@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .sample import Score
 
 __all__ = ["bootstrap", "mean_score"]

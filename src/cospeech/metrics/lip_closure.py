@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT_INDEX
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT_INDEX
 from .interval import bootstrap, mean_score
 from .metric import metric, paired_samples
 from .sample import Sample, Score, Tools

@@ -16,7 +16,7 @@ from functools import update_wrapper
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .sample import Sample, Score, Tools
 
 __all__ = ["BETTER", "About", "Metric", "metric", "paired_samples"]

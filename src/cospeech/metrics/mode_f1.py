@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .interval import bootstrap
 from .metric import metric, paired_samples
 from .sample import Sample, Score, Tools

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array, quat_multiply, quat_rotate
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_multiply, quat_rotate
 from .movement_body import finger_rows, ground_rows, head_rows, torso_rows
 from .movement_hands import place_rows, spectrum_rows, speed_rows, stroke_rows
 from .movement_reference import REFERENCE

@@ -5,7 +5,7 @@ Each function takes series of the whole motion and a window (a slice of frames),
 
 import numpy as np
 
-from ..rotations import Array, quat_angle, quat_conjugate, quat_multiply, quat_rotate, quat_to_rotvec
+from ..motion.rotations import Array, quat_angle, quat_conjugate, quat_multiply, quat_rotate, quat_to_rotvec
 from ._scipy import scipy
 from .movement_signal import FPS, REST, SMOOTH, low_pass, norm, percentiles, rate, spectrum
 

@@ -5,7 +5,7 @@ Each function takes series of the whole motion and a window (a slice of frames),
 
 import numpy as np
 
-from ..rotations import Array
+from ..motion.rotations import Array
 from ._scipy import scipy
 from .movement_signal import FPS, REST, norm, percentiles, rate, spectrum
 

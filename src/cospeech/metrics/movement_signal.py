@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..rotations import Array
+from ..motion.rotations import Array
 from ._scipy import scipy
 
 __all__ = ["FPS", "REST", "SMOOTH", "low_pass", "norm", "percentiles", "rate", "spectrum"]

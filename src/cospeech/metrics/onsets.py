@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = ["HOP", "backtracked", "onset_frames", "onset_strength", "onset_times", "rms"]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..audio.speech import Speech
 from ..errors import InputError
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT
-from ..speech import Speech
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT
 from .movement import Track
 
 __all__ = ["FeatureNet", "Sample", "Score", "Tools", "pose_vectors"]
@@ -33,7 +33,7 @@ class Sample:
         points: (T, K, 2) key points, pixels of the corpus with y up; point 0 is the root.
         rotations: (T, J, 4) local rotations, xyzw.
         names: of the J joints.
-        face: (T, 52) ARKit weights in the order of `cospeech.skeletons.arkit.ARKIT`.
+        face: (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`.
         track: hips, shoulders, elbows and wrists (beat and movement metrics).
         speech: what was spoken meanwhile.
         semantics: (T,) semantic score of each frame, 0 … 1.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..audio.speech import Speech
 from ..errors import InputError
-from ..rotations import Array
-from ..speech import Speech
+from ..motion.rotations import Array
 
 __all__ = ["RATE", "at_rate", "level", "silent"]
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array, quat_angle, quat_to_euler
+from ..motion.rotations import Array, quat_angle, quat_to_euler
 from .interval import mean_score
 from .metric import metric, paired_samples
 from .sample import Sample, Score, Tools

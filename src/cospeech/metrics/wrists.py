@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
+from ..motion.motion import Motion
+from ..motion.rotations import Array
 from .interval import mean_score
 from .movement import Track, arms_of, wrist_speeds
 from .movement_signal import norm

@@ -12,8 +12,8 @@ from ..errors import InputError, nearest
 from ..files import scratch, workplace
 
 if TYPE_CHECKING:
-    from ..motion import Motion
-    from ..speech import Speech
+    from ..audio.speech import Speech
+    from ..motion.motion import Motion
 
 __all__ = ["BUNDLE", "DEFAULT", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "Performance", "load", "plays"]
 
@@ -193,7 +193,7 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
 
 def _open(name: str) -> Any:
     """A trained system: the bundle that ships, a bundle, or a run, which becomes one first."""
-    from ..runtime.gesturer import BundleGesturer
+    from ..runtime.model import BundleGesturer
 
     shipped = SHIPPED / f"{name}{BUNDLE}"
     if name in MODELS and not shipped.is_file():
@@ -203,7 +203,7 @@ def _open(name: str) -> Any:
         return BundleGesturer.open(path)
     with workplace(scratch()) as folder:
         try:
-            from ..bundling import bundle_run
+            from ..training.export.bundles import bundle_run
 
             bundle_run(path, folder / f"run{BUNDLE}")
         except ModuleNotFoundError as error:

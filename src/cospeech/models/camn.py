@@ -28,14 +28,14 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.basic_block import BasicBlock, basic_blocks
-from ..nn.cascade import EMOTIONS, FACE
-from ..nn.modalities import SEEDS, Given, ManyInputs
-from ..nn.norm import BatchNorm1d
-from ..nn.objective import Batch, Objective
-from ..nn.recurrent import BothWays
-from ..nn.temporal import Memory, TextTcn
-from ..nn.words import word_embedding
+from .nn.basic_block import BasicBlock, basic_blocks
+from .nn.cascade import EMOTIONS, FACE
+from .nn.modalities import SEEDS, Given, ManyInputs
+from .nn.norm import BatchNorm1d
+from .nn.objective import Batch, Objective
+from .nn.recurrent import BothWays
+from .nn.temporal import Memory, TextTcn
+from .nn.words import word_embedding
 
 __all__ = ["Camn", "CamnConfig", "EmotionEncoder", "SpeakerEncoder", "face_encoder", "huber", "speech_encoder"]
 

@@ -26,7 +26,7 @@ class ChainConfig:
     reduction: int = 8
     """By how much channel attention narrows; not stated, ours."""
     ear: str = "own"
-    """What makes Â of speech, one of nn/speech_ears.py; the paper's is wav2vec."""
+    """What makes Â of speech, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
     """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
@@ -70,7 +70,7 @@ class ChainConfig:
     persistence: float = 15.0
     """Frames over which the noise correlates. Ours."""
     adversarial: float = 0.0
-    """Weight of what a discriminator says (nn/pose_judge.py), by least squares; 0: there is none. Ours."""
+    """Weight of what a discriminator says (models/nn/pose_discriminator.py), by least squares; 0: there is none. Ours."""
     judge_channels: int = 48
     """Of its first convolution. Ours."""
     attention: bool = True

@@ -18,13 +18,13 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..nn.cascade import Layers
-from ..nn.channel_attention import PastAttention
-from ..nn.objective import Batch, Objective
-from ..nn.recurrent import Forwards
-from ..nn.temporal import CausalConv, Memory
 from .chain_config import ChainConfig
 from .chain_of_generation import Chain, ChainOfGeneration, Turn
+from .nn.cascade import Layers
+from .nn.channel_attention import PastAttention
+from .nn.objective import Batch, Objective
+from .nn.recurrent import Forwards
+from .nn.temporal import CausalConv, Memory
 
 __all__ = ["ChainLive", "ChainLiveConfig"]
 

@@ -6,17 +6,17 @@ too, so that nothing but speech and words is needed to play it. What is known be
     speech ──► ear ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
         │              ├─────────────────────────────────────┤
         │    words ──► TCN ──► T̂ ────────────────────────────┴─► CW-Attn ─► AdaLN ─► body ──► B
-        └──► classifier ──► E, I ──► HyNet ──► S ─────────────────────────────┴───► hands ──► H      (nn/cascade.py)
+        └──► classifier ──► E, I ──► HyNet ──► S ─────────────────────────────┴───► hands ──► H      (models/nn/cascade.py)
 
     ℓ = λ_Rhy ℓ_Rhy + λ_Mse ℓ_Mse + λ_Rec (ℓ_B + α ℓ_H)     (9), λ = 1, 1000, 500
 
-ℓ_Rhy of F̂ and Â (6, nn/contrast.py), ℓ_Mse = (F − F̂*)² of the recorded face (7), ℓ_B and ℓ_H the L1 distances of body and hands
+ℓ_Rhy of F̂ and Â (6, models/nn/contrast.py), ℓ_Mse = (F − F̂*)² of the recorded face (7), ℓ_B and ℓ_H the L1 distances of body and hands
 (8). In a first stage of ``classifier_steps`` the classifier alone is trained (10, models/speech_classifier.py); then it is
 frozen, and what it says is what the style is made of. Both decoders get the seed poses, the first four frames, with a flag.
 
 Followed, changed, not said: docs/models/chain_of_generation.md. Ours, off by default: clips without words or seeds, with the
 style of their labels or with their recorded face, so that all of these may be missing or given when it plays; smooth noise, by
-which takes differ; and, as a distance to one recording is least for the mean of all poses, a discriminator (nn/pose_judge.py)
+which takes differ; and, as a distance to one recording is least for the mean of all poses, a discriminator (models/nn/pose_discriminator.py)
 and a loss of how large and how fast a clip moves, also to the speech of somebody else.
 """
 
@@ -31,23 +31,23 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
-from ..nn.cascade import EMOTIONS, Cascade, Layers, Made, Signals, Through, Widths
-from ..nn.channel_attention import ChannelAttention
-from ..nn.contrast import RhythmIdentity
-from ..nn.gain import Gain
-from ..nn.gumbel import smooth_gumbel
-from ..nn.judging import JUDGINGS
-from ..nn.manner import manner
-from ..nn.modalities import INPUTS
-from ..nn.objective import Batch, Objective
-from ..nn.patch import PATCH_FRAMES
-from ..nn.pose_judge import PoseJudge
-from ..nn.recurrent import BothWays
-from ..nn.speech_ears import EARS
-from ..nn.temporal import Memory, SameConv
-from ..nn.windowed import Windowed
-from ..nn.words import word_embedding
 from .chain_config import ChainConfig
+from .nn.adversarial_losses import JUDGINGS
+from .nn.cascade import EMOTIONS, Cascade, Layers, Made, Signals, Through, Widths
+from .nn.channel_attention import ChannelAttention
+from .nn.contrast import RhythmIdentity
+from .nn.gain_augmentation import Gain
+from .nn.gumbel import smooth_gumbel
+from .nn.modalities import INPUTS
+from .nn.motion_statistics_loss import manner
+from .nn.objective import Batch, Objective
+from .nn.patch import PATCH_FRAMES
+from .nn.pose_discriminator import PoseJudge
+from .nn.recurrent import BothWays
+from .nn.speech_encoders import EARS
+from .nn.temporal import Memory, SameConv
+from .nn.windowed import Windowed
+from .nn.words import word_embedding
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]

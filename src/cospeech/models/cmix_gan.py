@@ -7,8 +7,8 @@ no L_id. Sub-generators, priors and all other losses are those of `cospeech.mode
 from __future__ import annotations
 
 from ..errors import InputError
-from ..nn.style import NoStyle
 from .mix_stage import MixGan, MixGanConfig
+from .nn.style import NoStyle
 
 __all__ = ["CMixGan"]
 

@@ -14,10 +14,10 @@ from torch import Tensor, nn
 from ..corpora.clip import Points
 from ..errors import InputError
 from ..metrics.sample import FeatureNet, Sample
-from ..motion import Motion
-from ..poses import Pose, find_pose
-from ..rotations import Array
-from ..skeleton import named_skeleton
+from ..motion.motion import Motion
+from ..motion.poses import Pose, find_pose
+from ..motion.rotations import Array
+from ..motion.skeleton import named_skeleton
 from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
 from .speaker_classifier import SpeakerClassifier
 
@@ -122,7 +122,7 @@ def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Ar
 
 def _load(run: str | PathLike[str], which: str, build: Callable[..., FeatureNet]) -> FeatureNet:
     """A network of a run, with what it was trained on."""
-    from ..checkpoint import load_run, read_tensors
+    from ..training.checkpoint import load_run, read_tensors
 
     net, facts = load_run(run, which)
     statistics, _ = read_tensors(Path(run) / "statistics.safetensors")

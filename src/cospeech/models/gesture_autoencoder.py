@@ -29,8 +29,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.norm import BatchNorm1d, batch_norm
-from ..nn.objective import Batch, Objective
+from .nn.norm import BatchNorm1d, batch_norm
+from .nn.objective import Batch, Objective
 
 __all__ = ["AutoencoderConfig", "FgdAutoencoder", "FgdConfig", "GestureAutoencoder", "Omega"]
 

@@ -27,10 +27,10 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
-from ..nn.conditioning import drop_history, frame_windows
-from ..nn.flow import Flow, RecurrentNet, State
-from ..nn.objective import Batch, Objective
-from ..poses.controls import CONTROLS
+from ..motion.poses.controls import CONTROLS
+from .nn.conditioning import drop_history, frame_windows
+from .nn.flow import Flow, RecurrentNet, State
+from .nn.objective import Batch, Objective
 
 __all__ = ["MoGlow", "MoGlowConfig"]
 
@@ -56,7 +56,7 @@ class MoGlowConfig:
     history_dropout: float = 0.4
     """Probability that a pose of the history is blanked; authors' configuration 0.4."""
     controls: tuple[str, ...] = ()
-    """Style controls by name (`cospeech.poses.controls.CONTROLS`); the paper trains one system for each."""
+    """Style controls by name (`cospeech.motion.poses.controls.CONTROLS`); the paper trains one system for each."""
     nll_unit: float = 1.0
     """Nats of the unit in which the loss is told; the authors' code has bits (0.6931)."""
     pose_noise: float = 0.0
@@ -201,7 +201,7 @@ class MoGlow(nn.Module):
             z: (B, F, D) latents (`Latent.sample`); N(0, 1) where the latent is normal.
             history: (B, τ, D); zeros, the mean pose, begin a performance.
             audio: (B, τ + F + l, A).
-            control: (B, τ + F + l, 3), constant for a style (`cospeech.poses.controls.control_row`).
+            control: (B, τ + F + l, 3), constant for a style (`cospeech.motion.poses.controls.control_row`).
 
         Returns:
             (B, F, D).

@@ -24,13 +24,13 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.modalities import SEEDS, Given, ManyInputs, weights_of
-from ..nn.norm import BatchNorm1d
-from ..nn.objective import Batch, Objective
-from ..nn.recurrent import BothWaysGru
-from ..nn.temporal import Memory, TextTcn
-from ..nn.words import word_embedding
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
+from .nn.modalities import SEEDS, Given, ManyInputs, weights_of
+from .nn.norm import BatchNorm1d
+from .nn.objective import Batch, Objective
+from .nn.recurrent import BothWaysGru
+from .nn.temporal import Memory, TextTcn
+from .nn.words import word_embedding
 
 __all__ = ["MultiContext", "MultiContextConfig"]
 

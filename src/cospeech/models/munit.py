@@ -29,9 +29,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.objective import Batch, Objective
-from ..nn.unet1d import SLOPE
-from ..nn.windowed import Windowed
+from .nn.objective import Batch, Objective
+from .nn.unet1d import SLOPE
+from .nn.windowed import Windowed
 
 __all__ = ["Munit", "MunitConfig"]
 

@@ -23,10 +23,10 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
-from ..nn.modalities import INPUTS, SEEDS
-from ..nn.norm import BatchNorm1d
-from ..nn.objective import Batch, Objective
-from ..nn.words import word_embedding
+from .nn.modalities import INPUTS, SEEDS
+from .nn.norm import BatchNorm1d
+from .nn.objective import Batch, Objective
+from .nn.words import word_embedding
 
 __all__ = ["Seq2Seq", "Seq2SeqConfig"]
 

@@ -16,8 +16,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.norm import BatchNorm1d
-from ..nn.objective import Batch, Objective
+from .nn.norm import BatchNorm1d
+from .nn.objective import Batch, Objective
 
 __all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
 

@@ -24,12 +24,12 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.content import AudioContent
-from ..nn.judging import JUDGINGS
-from ..nn.objective import Batch, Objective
-from ..nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
-from ..nn.unet1d import UNet1d, conv_block
-from ..nn.windowed import Windowed
+from .nn.adversarial_losses import JUDGINGS
+from .nn.content import AudioContent
+from .nn.objective import Batch, Objective
+from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
+from .nn.unet1d import UNet1d, conv_block
+from .nn.windowed import Windowed
 
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 

@@ -18,10 +18,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from ..nn.cascade import EMOTIONS
-from ..nn.gain import Gain
-from ..nn.objective import Batch, Objective
-from ..nn.temporal import SLOPE, Memory, SameConv
+from .nn.cascade import EMOTIONS
+from .nn.gain_augmentation import Gain
+from .nn.objective import Batch, Objective
+from .nn.temporal import SLOPE, Memory, SameConv
 
 __all__ = ["SpeechClassifier", "SpeechClassifierConfig"]
 

@@ -24,12 +24,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..audio.features.mel import FLOOR
 from ..errors import InputError
-from ..features.mel import FLOOR
-from ..nn.objective import Batch, Chance, Objective
-from ..nn.windowed import Windowed
-from ..poses.face import FACE, MIRROR
-from ..skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.poses.face import FACE, MIRROR
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .nn.objective import Batch, Chance, Objective
+from .nn.windowed import Windowed
 
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 

@@ -28,9 +28,9 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
-from ..nn.flow import Flow, RecurrentNet, State
-from ..nn.objective import Batch, Objective
+from .nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
+from .nn.flow import Flow, RecurrentNet, State
+from .nn.objective import Batch, Objective
 
 __all__ = ["FlowConfig", "StylisedFlow"]
 

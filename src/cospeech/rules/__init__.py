@@ -10,13 +10,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from numbers import Integral, Real
 
-from ..emotions import EMOTIONS, EmotionTrack, emotion_track
+from ..audio.emotions import EMOTIONS, EmotionTrack, emotion_track
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.speech import Speech
 from ..errors import InputError, nearest
-from ..features.shared import SharedProsody
-from ..motion import Motion
-from ..speech import Speech
-from .gains import face_gains
-from .mouth import Mouth, MouthMaker
+from ..face.gains import face_gains
+from ..face.mouth import Mouth, MouthMaker
+from ..motion.motion import Motion
 from .plan import Gesture
 from .session import LATENCY, LOOK_AHEAD, Session, check_speech, streamed
 from .styles import STYLES, Style, mix_styles
@@ -117,7 +117,7 @@ class RuleGesturer:
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
-                or a dict), see `cospeech.rules.gains.face_gains`.
+                or a dict), see `cospeech.face.gains.face_gains`.
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..emotions import EMOTIONS, EmotionTrack
-from ..rotations import Array
-from .heard import RATE, Accent, Heard
+from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.prosodic_events import RATE, Accent, Heard
+from ..motion.rotations import Array
 
 __all__ = ["SPAN", "Mood", "voice_cues"]
 

@@ -6,9 +6,9 @@ from random import Random
 
 import numpy as np
 
-from ..rotations import Array
-from .arms import arm_lengths
-from .manners import Manner
+from ..motion.kinematics.arms import arm_lengths
+from ..motion.rotations import Array
+from .emotion_modifiers import Manner
 from .repertoire import FORMS, Form
 from .rests import RESTS
 from .styles import Style

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import Array
-from ..speech import Word
-from .hands import CHANNELS, LAGS
-from .heard import Accent, Phrase
+from ..audio.prosodic_events import Accent, Phrase
+from ..audio.speech import Word
+from ..motion.kinematics.hands import CHANNELS, LAGS
+from ..motion.rotations import Array
+from .emotion_modifiers import Manner
 from .lexicon import form_for
-from .manners import Manner
 from .places import Places, reach_time, stroke_time
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form

@@ -8,11 +8,11 @@ from random import Random
 
 import numpy as np
 
-from ..rotations import Array
-from .bodytrack import BODY_CHANNELS, Body
-from .heard import Accent, Phrase
-from .legs import STANCE, TOE_OUT
-from .manners import Manner
+from ..audio.prosodic_events import Accent, Phrase
+from ..motion.kinematics.body import BODY_CHANNELS, Body
+from ..motion.kinematics.legs import STANCE, TOE_OUT
+from ..motion.rotations import Array
+from .emotion_modifiers import Manner
 from .styles import Style
 from .track import Track
 

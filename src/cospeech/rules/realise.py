@@ -11,7 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import (
+from ..motion.kinematics import arms
+from ..motion.kinematics.body import Body
+from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
+from ..motion.kinematics.hands import Channel
+from ..motion.kinematics.legs import stand
+from ..motion.noise import smooth_noise
+from ..motion.rotations import (
     Array,
     euler_to_quat,
     quat_conjugate,
@@ -21,15 +27,9 @@ from ..rotations import (
     quat_to_rotvec,
     rotvec_to_quat,
 )
-from ..skeleton import humanoid
-from . import arms
-from .bodytrack import Body
-from .hands import Channel
-from .legs import stand
-from .noise import smooth_noise
+from ..motion.skeleton import humanoid
 from .styles import Style
 from .track import Track
-from .volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
 
 __all__ = ["NECK_SHARE", "SPINE", "Pieces", "realise"]
 

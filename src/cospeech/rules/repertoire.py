@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import Array
-from .hands import HAND_SHAPES
+from ..motion.kinematics.hands import HAND_SHAPES
+from ..motion.rotations import Array
 
 __all__ = ["FORMS", "LEXICAL_FORMS", "Form", "Pose"]
 

@@ -10,21 +10,21 @@ from typing import Protocol
 
 import numpy as np
 
-from ..emotions import EMOTIONS, EmotionTrack
+from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.event_detection import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
+from ..audio.features.at_16_khz import At16kHz
+from ..audio.features.mel import RATE as SAMPLE_RATE
+from ..audio.features.prosody import DELAY
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.speech import Speech, Word, count_frames, counted_from
 from ..errors import InputError
-from ..features.at_16_khz import At16kHz
-from ..features.mel import RATE as SAMPLE_RATE
-from ..features.prosody import DELAY
-from ..features.shared import SharedProsody
-from ..motion import Motion
-from ..rotations import Array, QuatStream, quat_identity
-from ..skeleton import humanoid
-from ..speech import Speech, Word, count_frames, counted_from
-from .face import Face
-from .listen import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
-from .manners import blend_manners
+from ..face.composition import Face
+from ..face.mouth import Mouth, Sharing
+from ..motion.motion import Motion
+from ..motion.rotations import Array, QuatStream, quat_identity
+from ..motion.skeleton import humanoid
+from .emotion_modifiers import blend_manners
 from .mood import SPAN, Mood
-from .mouth import Mouth, Sharing
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = ["Track", "minimum_jerk"]
 

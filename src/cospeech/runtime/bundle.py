@@ -25,15 +25,15 @@ import numpy as np
 from ..errors import InputError
 from ..export.arrays import check_zip
 from ..files import atomic, parse_json, read_regular
-from ..limits import (
+from ..limits import (  # fmt: skip
     BUNDLE_CARD_BYTES,
     BUNDLE_GRAPH_BYTES,
     BUNDLE_MANIFEST_BYTES,
     BUNDLE_MEMBERS,
     BUNDLE_WEIGHTS_BYTES,
     TENSORS_HEAD_BYTES,
-)  # fmt: skip
-from ..rotations import Array
+)
+from ..motion.rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..audio.features.words import BUCKETS, plain_word, subword_rows
 from ..errors import InputError
-from ..features.words import BUCKETS, plain_word, subword_rows
-from ..rotations import Array
+from ..motion.rotations import Array
 from .bundle import Bundle
 from .chain_engine import ChainEngine, ChainSizes
 from .manifest import (
@@ -53,7 +53,7 @@ class ChainStatistics(Scales):
     strays: Array
     """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
     words: Array
-    """(n, W) rows that stand for subwords (`cospeech.features.words`), or for the words of the vocabulary; the first: none."""
+    """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first: none."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def write_chain(
         sizes: of the networks.
         statistics: of the training data.
         pose, fps: representation and rate.
-        audio: name of the reduction of audio (`cospeech.features.reduce.REDUCTIONS`).
+        audio: name of the reduction of audio (`cospeech.audio.features.reduce.REDUCTIONS`).
         smooth: see `cospeech.runtime.manifest.Facts`.
         facts: for the manifest; ``styles`` are the names of the speakers, and `VOICE` where there is a classifier, ``style``
             one of them; ``vocabulary``, the words of ``statistics.words``, where these are not subwords.

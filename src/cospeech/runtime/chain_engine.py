@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..emotions import EMOTIONS
+from ..audio.emotions import EMOTIONS
 from ..errors import InputError
-from ..rotations import Array
-from ..skeletons.arkit import ARKIT
-from .onnx_check import check_onnx
-from .session import open_session, run_session
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT
+from .graph_check import check_onnx
+from .onnx_session import open_session, run_session
 from .window_engine import LIMIT, WindowEngine, WindowSizes, check_weights
 
 __all__ = ["ChainEngine", "ChainSizes", "Live"]
@@ -89,7 +89,7 @@ class ChainEngine:
         sizes: of the networks.
         weights: of their graphs, float32.
         graphs: ``make``; ``classify`` where it has a classifier, ``live`` where it can be played frame by frame
-            (`cospeech.models.chain_graph`).
+            (`cospeech.training.export.chain_graph`).
         low, high: (D,) bounds of every pose that is made.
 
     Raises:

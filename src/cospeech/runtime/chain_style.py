@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
+from ..motion.motion import Motion
 from .chain_bundle import VOICE, ChainSystem
-from .manner import Blend, Manner, weighted
+from .style_measures import Blend, Manner, weighted
 from .window_style import shown_shares
 
 __all__ = ["example_chain", "mixture_chain", "named_chain"]

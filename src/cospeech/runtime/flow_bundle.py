@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..poses.controls import CONTROLS, QUANTILES
-from ..rotations import Array
+from ..motion.poses.controls import CONTROLS, QUANTILES
+from ..motion.rotations import Array
 from .bundle import Bundle
 from .flow_engine import FlowEngine
 from .flow_graph import build_graphs
@@ -63,7 +63,7 @@ class FlowSystem(System):
     engine: FlowEngine
     statistics: Statistics
     controls: tuple[str, ...]
-    """Names of the style controls (`cospeech.poses.controls`) that it was trained with: further columns of the speech."""
+    """Names of the style controls (`cospeech.motion.poses.controls`) that it was trained with: further columns of the speech."""
 
 
 def write_flow(
@@ -86,7 +86,7 @@ def write_flow(
         sizes: of the network; ``int8`` says how weights are kept.
         statistics: of the training data.
         pose, fps: representation and rate.
-        audio: name of the reduction of audio (`cospeech.features.reduce.REDUCTIONS`).
+        audio: name of the reduction of audio (`cospeech.audio.features.reduce.REDUCTIONS`).
         smooth: see `FlowSystem`.
         facts: for the manifest; ``styles`` are the names of the speakers, ``style`` one of them,
             ``controls`` the network's style controls, if it has any.

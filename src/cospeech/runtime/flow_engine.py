@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .session import failed, open_session, run_session
+from .onnx_session import failed, open_session, run_session
 
 __all__ = ["FlowEngine", "StudentT", "Takes"]
 

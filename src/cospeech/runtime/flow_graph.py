@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ..rotations import Array
+from ..motion.rotations import Array
 from .flow_weights import SCALE_FLOOR, STEP_GAIN, FlowSizes, state_kinds
 from .graph_builder import GraphBuilder
 
@@ -141,7 +141,7 @@ def _past(b: _Builder, outputs: int | tuple[str, ...] = 1) -> str:
 
 
 def _steps(b: _Builder) -> list[str]:
-    """`cospeech.nn.conditioning.as_steps` of the history.
+    """`cospeech.models.nn.conditioning.as_steps` of the history.
 
     It is not folded into W_past: weights that differ from pose to pose by `STEP_GAIN` times what steps need would be rounded as
     coarsely, and poses are nearly equal; measured, 7 % of a frame's step in place of 1 %.

@@ -12,15 +12,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 
 __all__ = [
     "CODE", "GATES", "LEVELS", "SCALE_FLOOR", "STEP_GAIN", "FlowSizes", "check_weights", "pack_weights", "state_kinds",
     "unpack",
 ]  # fmt: skip
 
-SCALE_SHIFT, SCALE_FLOOR = 2.0, 1e-6  # cospeech.nn.flow
-CODE, STEP_GAIN = 64, 10.0  # cospeech.nn.conditioning
+SCALE_SHIFT, SCALE_FLOOR = 2.0, 1e-6  # cospeech.models.nn.flow
+CODE, STEP_GAIN = 64, 10.0  # cospeech.models.nn.conditioning
 BATCH_NORM_EPS = 1e-5  # PyTorch's default
 LEVELS = 63  # 7 bits, see above
 LARGEST = 1e6  # ours: no weight of a trained network comes near; with it, nothing overflows
@@ -208,7 +208,7 @@ def _double(arrays: Mapping[str, Array], name: str) -> Array:
 
 
 def _mixing(arrays: Mapping[str, Array], at: str) -> Array:
-    """W of `cospeech.nn.flow.InvertibleLinear` from its parts, in float64."""
+    """W of `cospeech.models.nn.flow.InvertibleLinear` from its parts, in float64."""
     lower, upper = np.tril(_double(arrays, f"{at}lower"), -1), np.triu(_double(arrays, f"{at}upper"), 1)
     diagonal = _double(arrays, f"{at}sign") * np.exp(_double(arrays, f"{at}log_s"))
     return _double(arrays, f"{at}permutation") @ (lower + np.eye(len(lower))) @ (upper + np.diag(diagonal))

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..rotations import Array
-from .onnx_check import WEIGHTS
+from ..motion.rotations import Array
+from .graph_check import WEIGHTS
 
 __all__ = ["GraphBuilder"]
 

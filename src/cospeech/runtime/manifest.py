@@ -1,7 +1,7 @@
 """What the bundles of every kind of system have in common: facts, sizes, statistics of the training data, members.
 
 A kind is a module with its ``KIND``, its `System` and its `Scales`, a function that checks and writes (`write_system`) and
-one that opens; `cospeech.runtime.systems` and `cospeech.runtime.players` list the kinds.
+one that opens; `cospeech.runtime.systems` and `cospeech.runtime.backends` list the kinds.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..audio.features.reduce import REDUCTIONS, audio_width
 from ..errors import InputError
-from ..features.reduce import REDUCTIONS, audio_width
-from ..poses import POSES, find_pose
-from ..rotations import Array
+from ..motion.poses import POSES, find_pose
+from ..motion.rotations import Array
 from .bundle import Bundle, pack_arrays, write_bundle
 
 __all__ = [

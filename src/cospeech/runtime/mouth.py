@@ -11,21 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.speech import Speech
 from ..errors import InputError
-from ..features.shared import SharedProsody
-from ..rotations import Array
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT
 from ..rules.session import MOUTH_WAITS
-from ..skeletons.arkit import ARKIT
-from ..speech import Speech
 from .bundle import read_bundle
-from .listener import Listener
-from .sampling import Sampled
-from .sliding import Setting
+from .pose_resampler import Sampled
+from .sliding_window_decoder import WindowPlayer
+from .speech_frontend import Listener
 from .style import Styles
 from .systems import open_system
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
-from .window_player import WindowPlayer
+from .window_layout import Setting
 from .window_style import example_window, named_window
 
 __all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "open_mouth", "shipped_mouth", "spoken_setting"]
@@ -50,7 +50,7 @@ def spoken_setting(sizes: WindowSizes, fps: float) -> Setting:
 
 
 class BundleMouth:
-    """The mouth of one speech; see `cospeech.rules.mouth.Mouth`.
+    """The mouth of one speech; see `cospeech.face.mouth.Mouth`.
 
     Args:
         system: a bundle of poses "face", opened.
@@ -77,7 +77,7 @@ class BundleMouth:
         self._finished = False
 
     def share(self, prosody: SharedProsody) -> None:
-        """See `cospeech.rules.mouth.Sharing`."""
+        """See `cospeech.face.mouth.Sharing`."""
         self._listener.share(prosody)
 
     @property

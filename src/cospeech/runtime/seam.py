@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..motion import Motion
-from ..rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
-from .given import FADE
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
+from .conditioning import FADE
 
 __all__ = ["Seam"]
 

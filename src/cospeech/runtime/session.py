@@ -1,58 +1,372 @@
-"""Graphs of ours in onnxruntime, on one core; what the engines share."""
+"""One speech under way on a trained system: features, poses of one or several takes, faces from the rules.
+
+speech → standardised rows of features (`Listener`) → standardised poses (`Player`) → smoothed and brought to the asked rate
+(`Sampled`), in the space of poses → decoded. Every number of a frame follows from its own index, so that a stream has
+the bits of the whole.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Protocol
 
+import numpy as np
+
+from ..audio.emotions import Moods
+from ..audio.speech import Speech, count_frames, counted_from
+from ..corpora.clip import Points
 from ..errors import InputError
-from ..rotations import Array
-from .onnx_check import check_onnx
+from ..motion.motion import Motion
+from ..motion.poses import Pose, find_pose
+from ..motion.poses.lift import lift
+from ..motion.rotations import Array, QuatStream, quat_identity
+from ..motion.skeleton import humanoid
+from ..rules import Session as RuleSession
+from ..rules.session import check_speech, in_short
+from .face_override import WornFace
+from .manifest import System
+from .pose_resampler import Sampled
+from .seam import Seam
+from .speech_frontend import Listener
+from .speech_text_frontend import Reader
+from .style_measures import Blend
 
-__all__ = ["failed", "open_session", "run_session"]
+__all__ = ["PIECE", "Performance", "Player", "Wish"]
 
-_HINT = "is the bundle damaged?"
+_EYES = ("leftEye", "rightEye")
+PIECE = 2.0  # seconds of speech worked off at once
 
 
-def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
-    """An onnxruntime session on one core, its weights handed over by name.
+class Player(Protocol):
+    """A network of any kind under way: rows of speech in, poses of N takes out."""
 
-    Raises:
-        InputError: the graph is not one of ours, or the weights do not fit it.
+    @property
+    def takes(self) -> int:
+        """N."""
+        ...
+
+    @property
+    def width(self) -> int:
+        """D."""
+        ...
+
+    @property
+    def latency(self) -> float:
+        """Seconds of speech, from a frame's own time on, that the network waits for at most."""
+        ...
+
+    @property
+    def moods(self) -> Moods | None:
+        """The emotions that the network plays, as far as speech was pushed; None for one that knows none."""
+        ...
+
+    @property
+    def speaker(self) -> dict[str, float] | None:
+        """See `Performance.speaker`."""
+        ...
+
+    @property
+    def emotion(self) -> dict[str, float] | None:
+        """See `Performance.emotion`; None where the network hears none."""
+        ...
+
+    def push(self, rows: Array) -> Array:
+        """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
+        ...
+
+    def finish(self, quiet: Array) -> Array:
+        """The poses of the rest; ``quiet`` (1, A) is the row of silence, which is after the speech."""
+        ...
+
+    def units(self, poses: Array, at: Array) -> Array:
+        """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
+
+        Args:
+            at: (n,) where they lie, in frames of the model.
+        """
+        ...
+
+    def restyle(self, blend: Blend, frame: int) -> None:
+        """Another style, faded in from this frame of the model on; no row beyond it has been pushed yet."""
+        ...
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A style, understood."""
+
+    blend: Blend
+    controls: Array
+    """(C,) standardised style controls."""
+    mixture: Mapping[str, float] | None = None
+    """Of which speakers the network plays a mixture, where it plays one."""
+
+
+class Performance:
+    """One take, or several of one speech: pushed into like `cospeech.rules.Session`.
+
+    Args:
+        system: the bundle, opened.
+        listener: of the speech.
+        player: of the network.
+        faces: a rule-based session for each take: face, eyes, and the emotion that is heard.
+        fps: of the motion.
+        parts: what is generated.
+        wish: the style that the player begins with.
+        direct: understands a style, as `BundleGesturer.generate` describes them.
+        before: motion that it goes on from, where some is given.
     """
-    import onnxruntime as ort
 
-    ort.disable_telemetry_events()  # for a program that has imported onnxruntime before cospeech and its NO_TELEMETRY
-    wanted = check_onnx(graph)
-    for name, (kind, shape) in wanted.items():
-        if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
-            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], _HINT)
-    options = ort.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # what goes wrong is told by the error
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
-    try:  # without its fallback, which prints, and without options that a graph names
-        return ort.InferenceSession(
-            graph, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
-        )
-    except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError("a graph does not fit together", _HINT) from error
+    def __init__(
+        self,
+        system: System,
+        listener: Listener | Reader,
+        player: Player,
+        faces: Sequence[RuleSession | WornFace],
+        *,
+        fps: float,
+        parts: tuple[str, ...],
+        wish: Wish,
+        direct: Callable[[object], Wish],
+        before: Motion | None = None,
+    ) -> None:
+        self._pose: Pose = find_pose(system.pose)
+        self._listener, self._player = listener, player
+        self._sampled = Sampled(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
+        self._faces, self._fps, self._parts = faces, fps, parts
+        self._wish, self._direct = wish, direct
+        behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
+        self._latency = self._look_ahead = player.latency + behind + listener.delay
+        if "face" in parts:
+            self._latency = max(self._latency, *(face.latency for face in faces))
+            self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
+        self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
+        self._bodies = [_Waiting() for _ in faces]
+        self._heads = [_Waiting() for _ in faces]
+        self._signs = [QuatStream() for _ in faces]
+        still = [joint for joint in _resting(parts) if "face" not in parts or joint not in _eyes()]
+        placed = "body" in parts
+        self._seams = [] if before is None else [Seam(before, fps, still=still, placed=placed) for _ in faces]
+        self._ready: deque[list[Motion]] = deque()
+        self._duration, self._frame = Fraction(0), 0
+        self._rate: int | None = None
+        self._origin, self._over = 0.0, False
+
+    @property
+    def emotion(self) -> dict[str, float]:
+        """Probability of each emotion, over all that was heard."""
+        return self._player.emotion or self._faces[0].emotion
+
+    @property
+    def speaker(self) -> dict[str, float] | None:
+        """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
+        return self._player.speaker
+
+    @property
+    def latency(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given.
+
+        What the network, the features, smoothing and the cubic wait for; with a face, at least `cospeech.rules.LATENCY`.
+        """
+        return self._latency
+
+    @property
+    def look_ahead(self) -> float:
+        """Seconds of sound after a frame's time on which the frame depends, at most; where there is a face, at least
+        `cospeech.rules.LOOK_AHEAD`."""
+        return self._look_ahead
+
+    @property
+    def style_mixture(self) -> dict[str, float] | None:
+        """Speaker → weight, the heaviest first, where a system that plays mixtures of its speakers plays one; of an example
+        the nearest. None for a speaker by name, and for systems of another kind. After `restyle` that of the new style."""
+        return None if self._wish.mixture is None else dict(self._wish.mixture)
+
+    def restyle(self, style: object) -> None:
+        """Another style from here on: it is faded in over half a second from where the speech that was pushed has come to.
+
+        The same speech and the same changes at the same samples give the same motion, however the speech is cut. Motion that
+        was not made yet may foresee the change: by as much as the network looks ahead, smoothing and the cubic included
+        (docs/runtime.md).
+
+        Raises:
+            InputError: a style that cannot be used; the old one goes on.
+        """
+        wish = self._direct(style)
+        self._player.restyle(wish.blend, self._listener.frames)
+        self._listener.control(wish.controls)
+        self._wish = wish
+
+    def push(self, chunk: Speech) -> Iterator[Motion]:
+        """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
+
+        Raises:
+            InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
+        """
+        return (takes[0] for takes in self.push_takes(chunk))
+
+    def finish(self) -> Iterator[Motion]:
+        """The speech is over, from now on; the rest, to exactly ceil(duration × fps) frames.
+
+        Raises:
+            InputError: there was no speech at all.
+        """
+        return (takes[0] for takes in self.finish_takes())
+
+    def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
+        """As `push`, of every take."""
+        self._check(chunk)
+        for piece in in_short(counted_from(chunk, self._origin)):
+            self._duration += piece.duration
+            made = self._player.push(self._listener.push(piece))
+            self._keep(made)
+            for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
+                self._see(kept, face.push(piece))
+            if (count := self._count()) > 0:
+                self._ready.append(self._made(count))
+            elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
+                self._decode()
+        return self._taken()
+
+    def finish_takes(self) -> Iterator[list[Motion]]:
+        """As `finish`, of every take."""
+        total = count_frames(self._duration, self._fps)
+        if total == 0:
+            raise InputError("there is no speech to gesture to", "give at least one sample")
+        if self._over:
+            return self._taken()
+        self._over = True
+        rest = self._player.push(self._listener.finish())
+        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
+        self._keep(rest, total, self._listener.frames - 1)
+        for face, kept in zip(self._faces, self._heads, strict=True):
+            self._see(kept, face.finish())
+        if (count := self._count()) > 0:
+            self._ready.append(self._made(count))
+        return self._taken()
+
+    def _check(self, chunk: Speech) -> None:
+        """Before any of those who listen has heard it: that all of them can."""
+        check_speech(chunk)
+        if self._over or self._rate not in (None, chunk.rate):
+            was = "the speech is over" if self._over else f"the speech began at {self._rate} Hz"
+            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one session, one rate, one speech")
+        if self._rate is None:
+            self._rate, self._origin = chunk.rate, chunk.start
+
+    def _taken(self) -> Iterator[list[Motion]]:
+        """What is ready: a piece leaves the queue before anybody sees it."""
+        while self._ready:
+            yield self._ready.popleft()
+
+    def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
+        """Further poses of the model, and what they make certain."""
+        poses, at = self._sampled.push(made, total, last)
+        if len(at):
+            self._rows.append(self._player.units(poses, at))
+
+    def _decode(self) -> None:
+        """All that waits for it; many frames at once take hardly longer than few."""
+        if not self._rows:
+            return
+        rows, self._rows = np.concatenate(self._rows, 1), []
+        for vectors, kept, signs in zip(rows, self._bodies, self._signs, strict=True):
+            rotations, root = _moving(self._pose, vectors, self._fps)
+            if "body" not in self._parts or "hands" not in self._parts:
+                rotations, root = _chosen(rotations, root, self._parts)
+            kept.push((signs.push(rotations), root))
+
+    def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
+        """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
+        for head in made:
+            if "face" in self._parts and head.face is not None:
+                kept.push((head.rotations[:, _eyes()], head.face))
+
+    def _count(self) -> int:
+        """Frames that body and face have both come to."""
+        if "face" not in self._parts:
+            self._decode()
+            return len(self._bodies[0])
+        heads = len(self._heads[0])
+        if heads > len(self._bodies[0]):
+            self._decode()
+        return min(heads, len(self._bodies[0]))
+
+    def _made(self, count: int) -> list[Motion]:
+        """The next frames of every take, as one."""
+        start = self._frame / self._fps
+        self._frame += count
+        made = []
+        for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
+            rotations, root = body.take(count)
+            face = None
+            if "face" in self._parts:
+                eyes, face = head.take(count)
+                rotations = rotations.copy()
+                rotations[:, _eyes()] = eyes
+            if self._seams:
+                rotations, root = self._seams[take].closed(rotations, root, self._frame - count)
+            made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
+        return made
 
 
-def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
-    """Outputs for inputs.
+class _Waiting:
+    """Frames of arrays that lie side by side, in pieces, until they are wanted."""
 
-    Raises:
-        InputError: it fails, as only a graph of somebody else's does.
-    """
-    try:
-        made: list[Array] = session.run(None, given)
-    except Exception as error:  # as where a session is opened
-        raise failed() from error
-    return made
+    def __init__(self) -> None:
+        self._pieces: list[tuple[Array, ...]] = []
+        self._frames = 0
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def push(self, piece: tuple[Array, ...]) -> None:
+        """What comes next."""
+        self._pieces.append(piece)
+        self._frames += len(piece[0])
+
+    def take(self, count: int) -> tuple[Array, ...]:
+        """The first frames, which wait no more."""
+        if len(self._pieces) > 1 and len(self._pieces[0][0]) < count:
+            self._pieces = [tuple(np.concatenate(arrays) for arrays in zip(*self._pieces, strict=True))]
+        first, self._frames = self._pieces[0], self._frames - count
+        rest = tuple(array[count:] for array in first)
+        self._pieces[:1] = [rest] if len(rest[0]) else []
+        return tuple(array[:count] for array in first)
 
 
-def failed() -> InputError:
-    """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
-    return InputError("a graph fails while it runs", _HINT)
+def _moving(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:
+    """Vectors of any representation as rotations and root of our humanoid, in float32."""
+    made = pose.decode(vectors, fps)
+    if isinstance(made, Points):
+        made = lift(made)
+    if made.skeleton != humanoid():
+        made = made.retarget("humanoid")
+    return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
+
+
+@cache
+def _resting(parts: tuple[str, ...]) -> list[int]:
+    """Joints that were not asked for."""
+    s = humanoid()
+    fingers = {*s.left_hand, *s.right_hand}
+    resting = [] if "hands" in parts else sorted(fingers)
+    return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
+
+
+def _chosen(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
+    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
+    rotations = rotations.copy()
+    rotations[:, _resting(parts)] = quat_identity(1)
+    if "body" not in parts:
+        root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
+    return rotations, root
+
+
+@cache
+def _eyes() -> list[int]:
+    return [humanoid().index[name] for name in _EYES]

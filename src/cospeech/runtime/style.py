@@ -23,13 +23,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..motion import Motion
-from ..rotations import Array
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from .autoregressive_decoder import Source
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
-from .flow_player import Source
 from .manifest import System
-from .manner import Blend, Manner, example, latents_of, named, weighted
+from .style_measures import Blend, Manner, example, latents_of, named, weighted
 
 __all__ = [
     "Blend", "CodeSource", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer", "example_files",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
+from ..motion.rotations import Array
 from .bundle import Bundle
 from .manifest import (
     WEIGHTS,
@@ -94,7 +94,7 @@ def write_window(
         sizes: of the network.
         statistics: of the training data.
         pose, fps: representation and rate.
-        audio: name of the reduction of audio (`cospeech.features.reduce.REDUCTIONS`).
+        audio: name of the reduction of audio (`cospeech.audio.features.reduce.REDUCTIONS`).
         smooth: see `WindowSystem`.
         facts: for the manifest; ``styles`` are the names of the speakers, ``style`` one of them.
         card: Markdown.

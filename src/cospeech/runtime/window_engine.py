@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..rotations import Array
-from .onnx_check import check_onnx
-from .session import open_session, run_session
+from ..motion.rotations import Array
+from .graph_check import check_onnx
+from .onnx_session import open_session, run_session
 
 __all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes", "check_weights"]
 
@@ -71,7 +71,7 @@ class WindowEngine:
     Args:
         sizes: of the network.
         weights: of its graphs, float32.
-        graphs: ``make``, and ``style`` where it recognises styles (`cospeech.models.lowering`).
+        graphs: ``make``, and ``style`` where it recognises styles (`cospeech.training.export.window_graph`).
         low, high: (D,) bounds of every pose that is made.
         optional: inputs of ``make`` that may be left out, the same for all takes → numbers per frame.
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import InputError
-from ..motion import Motion
-from ..rotations import Array
-from .manner import Blend, Manner, seen, stretches, weighted
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from .style_measures import Blend, Manner, seen, stretches, weighted
 from .window_bundle import WindowSystem
 from .window_engine import STYLE_FRAMES
 

@@ -1,0 +1,224 @@
+"""Emotions by name, and emotions that change over a speech: tracks, and the CSV files that hold them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from os import PathLike, fsdecode
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from ..errors import InputError, nearest
+from ..files import read_regular
+from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
+from ..motion.rotations import Array
+
+__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "emotion_track", "read_emotion_track"]
+
+EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
+"""The eight emotions of BEAT in its order."""
+BLEND = 0.5
+"""Seconds in which a named emotion takes over from the one before it; ours: faces show one in about so long."""
+
+_SUM = 1e-6  # how far the weights of a moment may be from 1
+
+
+@runtime_checkable
+class Moods(Protocol):
+    """What tells the emotions of a time: an `EmotionTrack`, or whoever hears them."""
+
+    def at(self, times: Array) -> Array:
+        """(…, 8) weights at these times (…) in seconds; they sum to 1."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class EmotionTrack:
+    """How much of each emotion there is, over time: linear between the moments given, held at the ends.
+
+    >>> track = EmotionTrack([0, 10], [[1, 0, 0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0, 0, 0]])
+    >>> track.at([5, 60])[:, :2].tolist()
+    [[0.5, 0.5], [0.0, 1.0]]
+
+    Args:
+        times: (n,) seconds, each later than the one before.
+        weights: (n, 8) in the order of `EMOTIONS`, 0 … 1, each row with the sum 1.
+
+    Raises:
+        InputError: they are of other shapes, or break what is said above.
+    """
+
+    times: Array
+    weights: Array
+
+    def __post_init__(self) -> None:
+        try:
+            times, weights = np.array(self.times, float), np.array(self.weights, float)
+        except (TypeError, ValueError):
+            raise InputError("an emotion track of something else than numbers", "times (n,), weights (n, 8)") from None
+        if times.ndim != 1 or not len(times) or weights.shape != (len(times), len(EMOTIONS)):
+            problem = f"an emotion track with times {times.shape} and weights {weights.shape}"
+            raise InputError(problem, f"(n,) and (n, {len(EMOTIONS)}), n from 1 on")
+        if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
+            raise InputError("times of an emotion track that do not ascend", "seconds, each later than the one before")
+        if not ((weights >= 0) & (weights <= 1)).all() or np.abs(weights.sum(1) - 1).max() > _SUM:
+            raise InputError("weights of an emotion track that are no shares", "0 … 1, with the sum 1 at every time")
+        for name, value in (("times", times), ("weights", weights)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def constant(cls, name: str) -> EmotionTrack:
+        """One emotion all the time.
+
+        Raises:
+            InputError: there is none of that name.
+        """
+        if name not in EMOTIONS:
+            raise InputError(f"no emotion is called {str(name)[:60]!r}", nearest(str(name)[:60], EMOTIONS))
+        return cls(np.zeros(1), np.array([[float(name == one) for one in EMOTIONS]]))
+
+    def at(self, times: Array) -> Array:
+        """(T, 8) weights at these times in seconds; they sum to 1."""
+        wanted, last = np.asarray(times, float), len(self.times) - 1
+        after = np.searchsorted(self.times, wanted, side="right")
+        low, high = np.clip(after - 1, 0, last), np.clip(after, 0, last)
+        length = np.where(low < high, self.times[high] - self.times[low], 1.0)
+        share = np.clip((wanted - self.times[low]) / length, 0.0, 1.0)[..., None]
+        return self.weights[low] + share * (self.weights[high] - self.weights[low])
+
+
+def emotion_track(emotion: object) -> Moods | None:
+    """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the voice.
+
+    Raises:
+        InputError: neither "auto", nor the name of an emotion, nor a track.
+    """
+    if isinstance(emotion, Moods):
+        return emotion
+    if emotion == "auto":
+        return None
+    if isinstance(emotion, str) and emotion in EMOTIONS:
+        return EmotionTrack.constant(emotion)
+    raise InputError(f"no emotion is called {str(emotion)[:60]!r}", nearest(str(emotion)[:60], ("auto", *EMOTIONS)))
+
+
+def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
+    """The track that a CSV file holds, in one of two layouts.
+
+    ``time,emotion`` or ``time,emotion,weight``: from each row's time on its emotion takes over, in half a second (less where
+    the next row comes sooner); a weight below 1 leaves the rest to neutral. Before the first row there is its emotion.
+
+    ``time`` and any of the emotions' names as columns: shares at that moment, linear in between; what they lack to 1 is
+    neutral, and where they exceed it they are scaled down.
+
+    Args:
+        path: UTF-8 text; times in seconds, each later than the one before.
+
+    Raises:
+        InputError: it cannot be read, or a row is wrong: the message says which line.
+    """
+    shown = fsdecode(path)[-80:]
+    rows = _rows(path, shown)
+    if not rows:
+        raise InputError(f"{shown!r} is empty", "a header, time,emotion, and a row for every change")
+    header = [cell.strip() for cell in rows[0][1]]
+    read = _layout(header, f"{shown!r} line {rows[0][0]}")
+    keys: list[tuple[float, Array]] = []
+    for line, cells in rows[1:]:
+        place = f"{shown!r} line {line}"
+        if len(cells) != len(header):
+            raise InputError(f"{place}: {len(cells)} cells", f"{len(header)}, as in the header")
+        time = _number(cells[0], f"{place}: time")
+        if not 0 <= time <= PLAUSIBLE_SECONDS:
+            raise InputError(f"{place}: time {time:g}", f"seconds, 0 … {PLAUSIBLE_SECONDS:,.0f}")
+        if keys and time <= keys[-1][0]:
+            raise InputError(f"{place}: time {time:g} after {keys[-1][0]:g}", "each row is later than the one before")
+        keys.append((time, read(cells[1:], place)))
+    if not keys:
+        raise InputError(f"{shown!r} has a header and no row", "a row for every change")
+    return _blended(keys) if "emotion" in header else EmotionTrack(*map(np.array, zip(*keys, strict=True)))
+
+
+def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
+    """(line, cells) of every line that is not blank."""
+    try:
+        text = read_regular(path, "an emotion track", EMOTION_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{shown!r} is no UTF-8 text at byte {error.start}", "save it as CSV in UTF-8") from None
+    reader, rows = csv.reader(io.StringIO(text, newline=None)), []
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                rows.append((reader.line_num, cells))
+            if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
+                raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
+    except csv.Error as error:
+        raise InputError(f"{shown!r} line {reader.line_num}: {error}", "is it CSV?") from None
+    return rows
+
+
+def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
+    """What reads the cells behind the time as (8,) weights."""
+    hint = f"time,emotion or time,emotion,weight or time and some of {', '.join(EMOTIONS)}"
+    if header[0] != "time" or len(header) < 2:
+        raise InputError(f"{place}: header {','.join(header)[:80]!r}", hint)
+    if header[1:] in (["emotion"], ["emotion", "weight"]):
+        return _named
+    for name in header[1:]:
+        if name not in EMOTIONS:
+            raise InputError(f"{place}: column {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
+    if len(set(header)) < len(header):
+        raise InputError(f"{place}: two columns of one name", hint)
+    return lambda cells, where: _shares(header[1:], cells, where)
+
+
+def _named(cells: list[str], place: str) -> Array:
+    name = cells[0].strip()
+    if name not in EMOTIONS:
+        raise InputError(f"{place}: {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
+    weight = _number(cells[1], f"{place}: weight") if len(cells) > 1 and cells[1].strip() else 1.0
+    if not 0 <= weight <= 1:
+        raise InputError(f"{place}: weight {weight:g}", "0 … 1")
+    return weight * EmotionTrack.constant(name).weights[0] + (1 - weight) * EmotionTrack.constant("neutral").weights[0]
+
+
+def _shares(names: list[str], cells: list[str], place: str) -> Array:
+    row = np.zeros(len(EMOTIONS))
+    for name, cell in zip(names, cells, strict=True):
+        weight = _number(cell, f"{place}: {name}") if cell.strip() else 0.0
+        if not 0 <= weight <= 1:
+            raise InputError(f"{place}: {name} {weight:g}", "0 … 1")
+        row[EMOTIONS.index(name)] = weight
+    if row.sum() > 1:
+        return row / row.sum()
+    row[0] += 1 - row.sum()
+    return row
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise InputError(f"{place} {text.strip()[:40]!r} is no number", "such as 12.5")
+    return value
+
+
+def _blended(keys: list[tuple[float, Array]]) -> EmotionTrack:
+    """Named emotions that take over from their time on, in `BLEND` seconds, or as far as they come till the next."""
+    times, weights = [keys[0][0]], [keys[0][1]]
+    for k, (time, wanted) in enumerate(keys[1:], start=1):
+        until = keys[k + 1][0] if k + 1 < len(keys) else np.inf
+        done = min(time + BLEND, until)
+        if time > times[-1]:
+            times.append(time)
+            weights.append(weights[-1])
+        times.append(done)
+        weights.append(weights[-1] + min((done - time) / BLEND, 1.0) * (wanted - weights[-1]))
+    return EmotionTrack(np.array(times), np.array(weights))

@@ -1,0 +1,241 @@
+"""Listening: speech in pieces → normalised prosody, accents and phrases, with a bounded delay.
+
+Everything is worked out in ticks of 0.1 s from what has been heard up to then, so the result does not depend on the size
+of the pieces: streamed equals offline.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import fields
+
+import numpy as np
+
+from ..motion.rotations import Array
+from .features.prosody import Features, ProsodyStream
+from .features.shared_prosody import Prosody, SharedProsody
+from .prosodic_events import RATE, Accent, Heard, Phrase
+from .speech import Speech
+
+__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "Listener", "listen"]
+
+TICK = 0.1  # seconds between two decisions; ours
+_TICK = round(TICK * RATE)
+LEVEL_DELAY = 0.25  # seconds the running level sees ahead of the frame that it scales (ours)
+PEAK_DELAY = 0.20  # seconds after a peak that its prominence is judged on (ours)
+_KEEP = 12.0  # seconds of the past that stay in memory
+_WEAKEST = -58.0  # dBFS; a peak level below this is treated as silence (ours: room noise of a quiet microphone)
+_RANGE = (22.0, 38.0)  # dB between the floor and the loud syllables: least and most that are believed
+_SPEAKING = 0.40  # loudness above which somebody speaks (≈ 20 dB under the loud syllables)
+_PAUSE = 0.28  # seconds of silence that part two phrases; shorter ones are stops and hesitations
+_SMOOTH = np.hanning(21)[1:-1] / np.hanning(21)[1:-1].sum()  # ≈ 6 Hz low-pass at 100 Hz (motion.md: accents)
+_HALF = len(_SMOOTH) // 2
+
+
+class _Buffer:
+    """Rows appended at the end, dropped from the front; addressed by absolute index."""
+
+    def __init__(self, width: int = 0) -> None:
+        self.first = 0
+        self._rows = np.zeros((0, width) if width else 0)
+
+    @property
+    def end(self) -> int:
+        return self.first + len(self._rows)
+
+    def append(self, rows: Array) -> None:
+        self._rows = np.concatenate([self._rows, rows])
+
+    def rows(self, a: int, b: int) -> Array:
+        return self._rows[max(a - self.first, 0) : max(b - self.first, 0)]
+
+    def drop_before(self, index: int) -> None:
+        if index - self.first > 400:  # copy now and then, not at every tick
+            self._rows = self._rows[index - self.first :].copy()
+            self.first = index
+
+
+class Listener:
+    """Hears speech piece by piece.
+
+    Attributes:
+        known: seconds up to which `window` can answer.
+        accents: recent accents in time order, each known ``LEVEL_DELAY + PEAK_DELAY + 0.1`` s after it happened.
+        phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
+    """
+
+    def __init__(self) -> None:
+        self._prosody: Prosody = ProsodyStream()
+        self._raw: dict[str, _Buffer] = {}
+        self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
+        self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
+        self._judged = 0
+        self._speaking = False
+        self._silent_since = 0
+        self.accents: deque[Accent] = deque()
+        self.phrases: deque[Phrase] = deque()
+        self.finished = False
+
+    def share(self, prosody: SharedProsody) -> None:
+        """Hear with what others hear, too; before anything is pushed."""
+        self._prosody = prosody.tap()
+
+    @property
+    def known(self) -> float:
+        """Seconds for which normalised prosody is ready."""
+        return self._loudness.end / RATE
+
+    def push(self, samples: Array) -> None:
+        """Hear more samples at the announced rate."""
+        self._take(self._prosody.push(samples))
+        delay = round(LEVEL_DELAY * RATE)
+        while self._raw and self._raw["energy"].end - delay >= self._loudness.end + _TICK:
+            self._tick(self._loudness.end + _TICK)
+
+    def finish(self) -> None:
+        """The speech is over: what is left becomes known, followed by silence."""
+        self._take(self._prosody.flush())
+        if self._raw:
+            while self._loudness.end < self._raw["energy"].end:
+                self._tick(min(self._loudness.end + _TICK, self._raw["energy"].end))
+            self._smooth(self._loudness.end, max(self._peak, _WEAKEST), tail=_HALF)
+        self.finished = True
+        self._judge(last=True)
+
+    def _take(self, features: Features) -> None:
+        if not len(features.energy):
+            return
+        for name in ("energy", "pitch", "voicing", "onset", "bands"):
+            rows = np.asarray(getattr(features, name), float)
+            self._raw.setdefault(name, _Buffer(rows.shape[1] if rows.ndim > 1 else 0)).append(rows)
+
+    def _tick(self, end: int) -> None:
+        first = self._loudness.end
+        energy = self._raw["energy"].rows(first, end)
+        self._follow_level(self._raw["energy"].rows(first, end + round(LEVEL_DELAY * RATE)))
+        spread = float(np.clip(self._peak - self._floor, *_RANGE))
+        top = max(self._peak, _WEAKEST)
+        self._loudness.append(np.clip((energy - (top - spread)) / spread, 0.0, 1.25))
+        pitch, voicing = self._raw["pitch"].rows(first, end), self._raw["voicing"].rows(first, end)
+        self._tone.append(self._semitones(pitch, voicing))
+        self._smooth(end, top)
+        self._follow_phrases(first, end)
+        self._judge()
+        oldest = end - round(_KEEP * RATE)
+        for buffer in (self._loudness, self._tone, self._envelope, *self._raw.values()):
+            buffer.drop_before(oldest)
+        while self.accents and self.accents[0].time < oldest / RATE:
+            self.accents.popleft()
+        while len(self.phrases) > 1 and self.phrases[0].end < oldest / RATE:
+            self.phrases.popleft()
+
+    def _smooth(self, end: int, top: float, tail: int = 0) -> None:
+        """Extend the envelope (linear amplitude against the level of loud syllables) as far as the kernel reaches."""
+        energy = self._raw["energy"].rows(self._envelope.end - _HALF, end)
+        amplitude = 10 ** ((energy - top) / 20)
+        before = max(_HALF - self._envelope.end, 0)
+        amplitude = np.concatenate([np.zeros(before), amplitude, np.zeros(tail)])
+        if len(amplitude) >= len(_SMOOTH):
+            self._envelope.append(np.convolve(amplitude, _SMOOTH, "valid"))
+
+    def _follow_level(self, ahead: Array) -> None:
+        """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
+        ordered = np.sort(ahead)
+        low, high = _quantile(ordered, 0.10), _quantile(ordered, 0.92)
+        if math.isnan(self._peak):
+            self._floor, self._peak = low, max(high, low + _RANGE[0])
+        self._peak = max(high, self._peak - 0.6 * TICK) if high > self._peak - 14 else self._peak - 0.25 * TICK
+        self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * TICK * 0.5
+
+    def _semitones(self, pitch: Array, voicing: Array) -> Array:
+        voiced = (pitch > 0) & (voicing > 0.5)
+        if voiced.any():
+            ordered = np.sort(pitch[voiced])
+            median = float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+            self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
+        if math.isnan(self._pitch):
+            return np.zeros(len(pitch))
+        return np.where(voiced, np.clip(12 * np.log2(np.maximum(pitch, 1) / self._pitch), -12, 14), 0.0)
+
+    def _follow_phrases(self, first: int, end: int) -> None:
+        for k, loud in enumerate(self._loudness.rows(first, end) > _SPEAKING):
+            t = first + k
+            if loud:
+                self._silent_since = t + 1
+                if not self._speaking:
+                    self._speaking = True
+                    self.phrases.append(Phrase(t / RATE, t / RATE))
+            elif self._speaking and (t - self._silent_since) / RATE > _PAUSE:
+                self._speaking = False
+        if self.phrases and self._speaking:
+            self.phrases[-1] = Phrase(self.phrases[-1].start, self._silent_since / RATE)
+
+    def _judge(self, last: bool = False) -> None:
+        """Accept peaks of the envelope whose right-hand neighbourhood is known."""
+        wait = 0 if last else round(PEAK_DELAY * RATE)
+        a, b = self._judged, self._envelope.end - wait
+        if b <= a + 2:
+            return
+        e = self._envelope.rows(a - 60, b + wait)
+        base = max(a - 60, self._envelope.first)
+        for k in range(max(1, a - base), min(b - base, len(e) - 1)):
+            if e[k] < 0.12 or e[k] <= e[k - 1] or e[k] < e[k + 1]:
+                continue
+            if e[k] < e[max(0, k - 11) : k + 12].max():
+                continue
+            dip = max(e[max(0, k - 40) : k + 1].min(), e[k : k + 21].min())
+            prominence = e[k] - dip
+            if prominence < 0.10:
+                continue
+            t = base + k
+            tone = self._tone.rows(t - 8, t + 9)
+            rise = float(tone.max()) if len(tone) else 0.0
+            strength = float(np.clip(0.65 * prominence + 0.2 * e[k] + 0.02 * np.clip(rise, 0, 7), 0.05, 1.0))
+            self.accents.append(Accent(t / RATE, strength))
+        self._judged = b
+
+    def window(self, start: float, end: float) -> Heard:
+        """Everything known between two times in seconds (clipped to what is known and still kept)."""
+        a = max(int(np.floor(start * RATE)), self._loudness.first, 0)
+        b = min(int(np.ceil(end * RATE)) + 1, self._loudness.end)
+        if b <= a:
+            bands = self._raw["bands"].rows(0, 0).shape[1:] if self._raw else (5,)
+            return Heard(a, np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), np.full((1, *bands), -80.0))
+        raw = {name: self._raw[name].rows(a, b) for name in ("voicing", "onset", "bands")}
+        return Heard(a, self._loudness.rows(a, b), self._tone.rows(a, b), raw["voicing"], raw["onset"], raw["bands"])
+
+
+def _quantile(ordered: Array, share: float) -> float:
+    """As `numpy.quantile` of what is in order, which takes twenty times as long over so few."""
+    place = (len(ordered) - 1) * share
+    low = int(place)
+    below, above = float(ordered[low]), float(ordered[min(low + 1, len(ordered) - 1)])
+    part = place - low
+    return below + (above - below) * part if part < 0.5 else above - (above - below) * (1 - part)
+
+
+def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
+    """Hear a whole speech at once: for tests, plots and short files (nothing is dropped)."""
+    listener = Listener()
+    parts: list[Heard] = []
+    accents: dict[float, Accent] = {}
+    phrases: dict[float, Phrase] = {}
+    done = 0.0
+
+    def collect() -> None:
+        nonlocal done
+        if listener.known > done:
+            parts.append(listener.window(done, listener.known - 1.5 / RATE))
+            done = listener.known
+        accents.update({a.time: a for a in listener.accents})
+        phrases.update({p.start: p for p in listener.phrases})
+
+    for chunk in speech.chunks(seconds=1.0):
+        listener.push(chunk.samples)
+        collect()
+    listener.finish()
+    collect()
+    names = [f.name for f in fields(Heard)][1:]
+    heard = Heard(0, *(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+    return heard, list(accents.values()), list(phrases.values())

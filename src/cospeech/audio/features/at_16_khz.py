@@ -1,0 +1,61 @@
+"""Speech that arrives in pieces, brought to the rate at which features are computed."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError
+from .mel import RATE, Floats
+
+if TYPE_CHECKING:
+    from ..speech import Speech
+
+__all__ = ["At16kHz"]
+
+
+class At16kHz:
+    """Pieces of any size and of one rate, whichever → samples at 16 kHz, the same ones however the speech is cut.
+
+    >>> from cospeech.audio.speech import Speech
+    >>> stream = At16kHz()
+    >>> len(stream.push(Speech(np.zeros(4800, np.float32), 48_000))) + len(stream.finish())
+    1600
+    """
+
+    def __init__(self) -> None:
+        self.duration = Fraction(0)
+        """Seconds heard so far."""
+        self.finished = False
+        self._resampler: Any = None
+        self._rate: int | None = None
+
+    def push(self, chunk: Speech) -> Floats:
+        """(n,) the samples that this piece makes certain; possibly none.
+
+        Raises:
+            InputError: the piece has another rate than those before, or the speech is over.
+        """
+        if self.finished or self._rate not in (None, chunk.rate):
+            was = "the speech is over" if self.finished else f"the speech began at {self._rate} Hz"
+            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one stream, one rate, one speech")
+        self._rate = chunk.rate
+        self.duration += chunk.duration
+        if chunk.rate == RATE:
+            return chunk.samples
+        if self._resampler is None:
+            from soxr import ResampleStream  # its output does not depend on the pieces either
+
+            self._resampler = ResampleStream(chunk.rate, RATE, 1, "float32", "HQ")
+        return self._resampler.resample_chunk(chunk.samples)  # type: ignore[no-any-return]
+
+    def finish(self) -> Floats:
+        """(n,) the rest; none at a second call."""
+        nothing = np.zeros(0, np.float32)
+        if self.finished or self._resampler is None:
+            self.finished = True
+            return nothing
+        self.finished = True
+        return self._resampler.resample_chunk(nothing, last=True)  # type: ignore[no-any-return]

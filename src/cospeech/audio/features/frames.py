@@ -1,0 +1,114 @@
+"""Audio features at the rate of the motion: the mean of what `prosody` hears over each frame's own time; whole or streamed.
+
+Frame f of the motion is at f / fps seconds; its row covers half a frame before to half a frame after. The same class works out
+the features that a network is trained on and those that it is given at run time: all rows have the same bits, whatever the
+pieces in which the sound arrived.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .mel import FPS, Floats
+from .prosody import DELAY, N_MELS, Features, ProsodyStream
+from .shared_prosody import Prosody, SharedProsody
+from .streaming import Hearing
+
+if TYPE_CHECKING:
+    from ..speech import Speech
+
+__all__ = ["AUDIO_NAMES", "FrameFeatures", "audio_features", "frame_delay"]
+
+AUDIO_NAMES = (*(f"mel{k}" for k in range(N_MELS)), "energy", "pitch", "voicing", "onset")
+"""Columns of a row: natural log of 80 mel powers, then as in `Features`."""
+_PITCH = AUDIO_NAMES.index("pitch")
+_PIECE = 10.0  # seconds; ours: long speech is heard in pieces, which needs less memory and gives the same bits
+
+
+def frame_delay(fps: float) -> float:
+    """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain.
+
+    Half a frame, the rounding to hundredths, and what a hundredth itself waits for (`prosody.DELAY`); 65 ms at 20 frames a
+    second. The resampler of speech at another rate keeps another 25 to 115 ms back (measured; 40 ms at 44.1 and 48 kHz).
+
+    >>> round(frame_delay(20), 3)
+    0.065
+    """
+    return 0.5 / fps + 0.5 / FPS + DELAY - 1 / FPS
+
+
+class FrameFeatures(Hearing):
+    """Rows of `AUDIO_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; hundredths are kept.
+
+    Args:
+        fps: frames per second of the motion.
+
+    Raises:
+        InputError: fps is not a positive number.
+
+    >>> from cospeech.audio.speech import Speech
+    >>> heard = FrameFeatures(20)
+    >>> len(heard.push(Speech(np.zeros(24_000, np.float32)))), len(heard.finish())
+    (29, 1)
+    """
+
+    def __init__(self, fps: float) -> None:
+        super().__init__(fps, np.zeros((0, len(AUDIO_NAMES)), np.float32))
+        self.delay = frame_delay(fps)
+        self._stream: Prosody = ProsodyStream(mel=True)
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `Hearing`."""
+        self._stream = prosody.tap()
+
+    def _made(self, samples: Floats) -> Floats:
+        return _columns(self._stream.push(samples))
+
+    def _rest(self) -> Floats:
+        return _columns(self._stream.flush())
+
+    def _edge(self, frame: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The hundredth at which a frame's time begins."""
+        edge: NDArray[np.int64] = np.maximum(np.round((frame - 0.5) * (FPS / self.fps)), 0).astype(int)
+        return edge
+
+    def _edge_of(self, frame: int) -> int:
+        """The same of one frame, without arrays: it is asked for at every piece."""
+        return max(round((frame - 0.5) * (FPS / self.fps)), 0)
+
+    def _certain(self, frame: int) -> bool:
+        return self._edge_of(frame + 1) <= self._end and self._edge_of(frame) < self._end
+
+    def _rows(self, frames: NDArray[np.int64]) -> Floats:
+        low = np.minimum(self._edge(frames), self._end - 1)
+        count = np.clip(self._edge(frames + 1), low + 1, self._end) - low
+        total = np.zeros((len(frames), len(AUDIO_NAMES)))
+        voiced = np.zeros(len(frames))
+        for k in range(count.max(initial=0)):  # one after the other: the bits do not depend on the rows beside
+            row = self._heard[np.minimum(low + k, self._end - 1) - self._first]
+            row = np.where((k < count)[:, None], row, 0.0)
+            total += row
+            voiced += row[:, _PITCH] > 0
+        pitch = total[:, _PITCH] / np.maximum(voiced, 1)
+        out = (total / count[:, None]).astype(np.float32)
+        out[:, _PITCH] = pitch
+        return out
+
+    def _needed(self, frame: int) -> int:
+        return min(self._edge_of(frame), self._end - 1)
+
+
+def _columns(heard: Features) -> Floats:
+    """(n, 84) of hundredths."""
+    assert heard.mel is not None
+    return np.concatenate([heard.mel, np.stack([heard.energy, heard.pitch, heard.voicing, heard.onset], 1)], 1)
+
+
+def audio_features(speech: Speech, frames: int, fps: float) -> Floats:
+    """(frames, 84) float32 of a whole speech of any rate: the mean over a frame's own time (of pitch: its voiced part)."""
+    heard = FrameFeatures(fps)
+    parts = [heard.push(chunk) for chunk in speech.chunks(_PIECE)]
+    return np.concatenate([*parts, heard.finish(frames)])[:frames]

@@ -1,0 +1,401 @@
+"""Speech: mono samples at one rate, with the words where they are known; whole in memory or streamed.
+
+Files are decoded in a process of their own (`_decode.py`): a codec that crashes, hangs or eats memory ends there and is
+reported as an `InputError`. The format is found by content, never by suffix.
+
+What happens to odd files: silence is valid speech (the character idles); a file without a single sample, with samples that are
+not numbers or far outside -1 … 1, or damaged in the middle is an error; one that merely ends early (a recorder that was
+switched off) gives what it holds. Channels are averaged, unless they cancel each other out: then the louder one speaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import reduce
+from math import isfinite
+from numbers import Rational
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..files import regular_file
+from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
+from .decoding import Decoder
+
+__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
+
+Samples = NDArray[np.float32]
+
+RATE = 16_000  # Hz; what the features are computed at (wideband speech)
+SPARE = 1  # second by which a speech may be said to be longer than its samples; ours: encoders pad and cut
+LOUDEST = 100.0  # ours: +40 dB over full scale; floats beyond were not scaled to -1 … 1
+AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
+CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
+FPS_DENOMINATOR = 1_001_000  # exact for 30000/1001 and for three decimals
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A word and when it is spoken, in seconds from the start of the speech."""
+
+    text: str
+    start: float
+    end: float
+
+
+def count_frames(duration: Fraction, fps: float | Fraction) -> int:
+    """Exactly ceil(duration × fps); fps as a float is read as the simple fraction it stands for (29.97…, 30000/1001).
+
+    >>> count_frames(Fraction(48_000, 16_000), 30), count_frames(Fraction(48_001, 16_000), 30)
+    (90, 91)
+
+    Raises:
+        InputError: fps is not a positive number.
+    """
+    try:
+        exact = Fraction(fps).limit_denominator(FPS_DENOMINATOR)
+    except (ValueError, OverflowError, TypeError):
+        exact = Fraction(0)
+    if exact <= 0:
+        raise InputError(f"{fps} frames per second", "a positive number, such as 30")
+    return -(-(duration * exact).numerator // (duration * exact).denominator)
+
+
+@dataclass(frozen=True, eq=False)
+class Speech:
+    """A stretch of speech.
+
+    Args:
+        samples: (N,) float32, mono, full scale ±1.
+        rate: samples per second.
+        words: what is said and when, in order of their starts; None where not known.
+        seconds: how long it is; N / rate where not given. Of a file: its frames over its own rate, before resampling.
+        name: for reports and messages.
+        start: time of the first sample in seconds (chunks of a stream carry theirs).
+        duration: ``seconds`` as an exact fraction; worked out where not given.
+    """
+
+    samples: Samples = field(repr=False)
+    rate: int = RATE
+    words: tuple[Word, ...] | None = None
+    seconds: float | None = None  # type: ignore[assignment]  # a float once made
+    name: str = "speech"
+    start: float = 0.0
+    duration: Fraction = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        samples = np.asarray(self.samples)
+        if samples.ndim != 1 or samples.dtype.kind not in "fiu":
+            raise InputError(f"samples of shape {samples.shape} and type {samples.dtype}", "one channel of floats in -1 … 1")
+        if samples.dtype.kind in "iu" and samples.dtype != np.int16:
+            raise InputError(f"samples of type {samples.dtype}", "floats in -1 … 1, or 16-bit integers")
+        if samples.dtype != np.float32:
+            samples = samples.astype(np.float32) / np.float32(1 if samples.dtype.kind == "f" else 32768)
+        object.__setattr__(self, "rate", _check_rate(self.rate))
+        _check_samples(samples[:, None], self.name, 0, self.rate)
+        object.__setattr__(self, "samples", samples)
+        if self.duration is None:
+            given = self.seconds is not None
+            exact = _fraction("seconds", self.seconds) if given else Fraction(len(samples), self.rate)
+            object.__setattr__(self, "duration", exact)
+        if not (isinstance(self.duration, Rational) and 0 <= self.duration <= Fraction(len(samples), self.rate) + SPARE):
+            problem = f"{len(samples)} samples at {self.rate} Hz as a speech of {str(self.duration)[:40]} s"
+            raise InputError(problem, f"{len(samples) / self.rate:g} s, or a little less")
+        object.__setattr__(self, "seconds", float(self.duration))
+        _fraction("start", self.start)
+
+    @staticmethod
+    def load(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> Speech:
+        """Read a whole file; see `open_speech` for what can be read.
+
+        Raises:
+            InputError: it cannot be read, or is longer than two hours (stream it with `open_speech`).
+        """
+        parts, count = [], 0
+        with open_speech(path, rate=rate) as source:
+            for block in source.blocks():
+                parts.append(block)
+                count += len(block)
+                if count > SECONDS_IN_MEMORY * rate:
+                    hours = f"{SECONDS_IN_MEMORY / 3600:g} hours"
+                    raise InputError(f"{source.name!r} is longer than {hours}", "stream it: cospeech.audio.speech.open_speech")
+        assert source.duration is not None
+        speech = Speech(np.concatenate(parts), rate, name=source.name, duration=source.duration)
+        if transcript is None:
+            return speech
+        from .transcripts import load_words
+
+        return replace(speech, words=load_words(transcript, speech=speech))
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def frames(self, fps: float | Fraction) -> int:
+        """How many frames of motion this speech takes: exactly ceil(duration × fps)."""
+        return count_frames(self.duration, fps)
+
+    def window(self, start: float, end: float) -> Speech:
+        """The speech from ``start`` to ``end`` seconds, cut to what there is, with the words that overlap it.
+
+        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window
+        of a window, or of a chunk, is given in the same seconds as of the whole.
+
+        Raises:
+            InputError: times that are no numbers, an end that is not after the start, or no sample of this speech in between.
+        """
+        if not start < end:  # false for NaN, too
+            raise InputError(f"a window from {start} to {end} s", "the end comes after the start")
+        bounds = np.clip((np.array([start, end], float) - self.start) * self.rate, 0, len(self.samples))
+        first, last = (round(float(bound)) for bound in bounds)
+        if first == last:
+            there = f"{self.start:g} … {self.start + len(self.samples) / self.rate:g} s"
+            raise InputError(f"no sample of {self.name!r} from {start:g} to {end:g} s", f"times are kept: here it is {there}")
+        at = self.start + first / self.rate
+        until = self.start + last / self.rate
+        words = None if self.words is None else tuple(w for w in self.words if w.start < until and w.end > at)
+        return self._cut(first, last, words)
+
+    def chunks(self, seconds: float = 0.2) -> Iterator[Speech]:
+        """The speech in pieces, as a microphone would give it; each word travels with the chunk in which it starts.
+
+        Raises:
+            InputError: ``seconds`` is shorter than a sample.
+        """
+        step = seconds * self.rate
+        if not (step >= 1 and isfinite(step)):
+            raise InputError(f"chunks of {seconds} s", f"at least one sample, 1/{self.rate} s")
+        words, said, first, number = self.words or (), 0, 0, 1
+        while first < len(self.samples):
+            last = min(round(number * step), len(self.samples))
+            until = self.start + last / self.rate if last < len(self.samples) else np.inf
+            before = said
+            while said < len(words) and words[said].start < until:
+                said += 1
+            yield self._cut(first, last, None if self.words is None else words[before:said])
+            first, number = last, number + 1
+
+    def _cut(self, first: int, last: int, words: tuple[Word, ...] | None) -> Speech:
+        whole = self.duration if last == len(self.samples) else Fraction(last, self.rate)
+        duration = max(whole - Fraction(first, self.rate), Fraction(0))
+        return Speech(self.samples[first:last], self.rate, words, None, self.name, self.start + first / self.rate, duration)
+
+
+def counted_from(speech: Speech, origin: float) -> Speech:
+    """The same speech, its times and those of its words counted from ``origin`` seconds: of a window, from its own start.
+
+    >>> part = Speech(np.zeros(800, np.float32), words=(Word("so", 4.1, 4.3),), start=4.0)
+    >>> counted_from(part, 4.0).start, round(counted_from(part, 4.0).words[0].start, 3)
+    (0.0, 0.1)
+    """
+    if not origin:
+        return speech
+    words = speech.words and tuple(Word(w.text, w.start - origin, w.end - origin) for w in speech.words)
+    return replace(speech, words=words, start=speech.start - origin)
+
+
+def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:
+    """Open a sound file for reading in blocks, in constant memory, whatever its length.
+
+    WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (``cospeech[av]``).
+    8 … 384 kHz, any number of channels.
+
+    >>> with open_speech("talk.wav") as source:                                        # doctest: +SKIP
+    ...     for block in source.blocks():
+    ...         ...                             # float32 at source.rate
+    ...     print(source.seconds)               # exact, now that all of it has been heard
+
+    Raises:
+        InputError: there is no such file, it is not sound, or its rate is out of range.
+    """
+    source = SpeechSource(path, rate)
+    try:
+        if transcript is not None:
+            source._load_words(transcript)
+    except BaseException:
+        source.close()
+        raise
+    return source
+
+
+def example() -> tuple[Path, Path]:
+    """The speech that comes with cospeech (19 s, a synthetic voice) and its word times: (.ogg, .TextGrid)."""
+    folder = Path(__file__).parents[1] / "assets" / "example"
+    return folder / "example.ogg", folder / "example.TextGrid"
+
+
+class SpeechSource:
+    """A sound file being read; made by `open_speech`. A context manager: leaving it ends the decoder.
+
+    Attributes:
+        name: the file's name.
+        rate: of the blocks that come out.
+        source_rate, channels: of the file.
+        expected_seconds: what the file's header says, for progress bars; None where it says nothing believable.
+        source_frames, duration, seconds: exact, once `blocks` has come to its end; None before.
+        words: from the transcript; None without one.
+    """
+
+    def __init__(self, path: str | PathLike[str], rate: int = RATE) -> None:
+        self.path, self.rate = regular_file(path), _check_rate(rate)
+        self.name = Path(path).name
+        self.words: tuple[Word, ...] | None = None
+        self.source_frames: int | None = None
+        self._decoder = Decoder(self.path, self.name)
+        self._fresh = True
+        try:
+            self.source_rate, self.channels, claim = self._decoder.header()
+        except BaseException:
+            self.close()
+            raise
+        self.expected_seconds = claim / self.source_rate if 0 < claim < (1 << 48) else None
+
+    @property
+    def duration(self) -> Fraction | None:
+        return None if self.source_frames is None else Fraction(self.source_frames, self.source_rate)
+
+    @property
+    def seconds(self) -> float | None:
+        return None if self.duration is None else float(self.duration)
+
+    def frames(self, fps: float | Fraction) -> int:
+        """Exactly ceil(duration × fps); only once `blocks` has come to its end."""
+        if self.duration is None:
+            raise InputError(f"the length of {self.name!r} is not known before its end", "read all blocks first")
+        return count_frames(self.duration, fps)
+
+    def blocks(self) -> Iterator[Samples]:
+        """The speech in float32 blocks of some seconds at ``rate``; called again, it starts again.
+
+        All blocks together are ceil(duration × rate) samples; time 0 of the file is sample 0 of the first block.
+
+        Raises:
+            InputError: the file is damaged, has no samples, or samples that are not numbers.
+        """
+        if not self._fresh:
+            self._decoder.close()
+            self._decoder = Decoder(self.path, self.name)
+            self._decoder.header()
+        self._fresh = False
+        decoder = self._decoder
+        try:
+            yield from self._resampled(self._mono(decoder))
+        finally:
+            decoder.close()
+
+    def _mono(self, decoder: Decoder) -> Iterator[Samples]:
+        """Checked blocks, channels merged. Sets source_frames at the end."""
+        frames, merge = 0, _Merge(self.channels, self.source_rate)
+        for raw in decoder.blocks():
+            block = np.frombuffer(raw, np.float32).reshape(-1, self.channels)
+            _check_samples(block, self.name, frames, self.source_rate)
+            frames += len(block)
+            yield from merge.push(block)
+        yield from merge.flush()
+        if not frames:
+            raise InputError(f"there is no sound in {self.name!r}: 0 samples", "was the recording stopped before it began?")
+        self.source_frames = frames
+
+    def _resampled(self, blocks: Iterator[Samples]) -> Iterator[Samples]:
+        """At ``rate``, aligned to the first sample, ceil(duration × rate) samples in all."""
+        if self.source_rate == self.rate:
+            yield from blocks
+            return
+        from soxr import ResampleStream
+
+        resampler, count = ResampleStream(self.source_rate, self.rate, 1, "float32", "HQ"), 0
+        for block in blocks:
+            out = resampler.resample_chunk(block)
+            count += len(out)
+            if len(out):
+                yield out
+        tail = resampler.resample_chunk(np.zeros(0, np.float32), last=True)
+        assert self.source_frames is not None
+        missing = -(-self.source_frames * self.rate // self.source_rate) - count
+        if missing > 0:
+            yield np.pad(tail, (0, max(missing - len(tail), 0)))[:missing]
+
+    def _load_words(self, transcript: str | PathLike[str]) -> None:
+        from .transcripts import load_words
+
+        self.words = load_words(transcript, speech=self)
+
+    def close(self) -> None:
+        """End the decoder; no process and no pipe is left."""
+        self._decoder.close()
+
+    def __enter__(self) -> SpeechSource:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+class _Merge:
+    """Channels to one, in a stream: the mean, or the loudest if they cancel out (decided once, in the first audible second)."""
+
+    def __init__(self, channels: int, rate: int) -> None:
+        self.channels, self.rate = channels, rate
+        self.pick: int | None = None  # -1: mean
+        self.waiting: list[NDArray[np.float32]] = []
+
+    def push(self, block: NDArray[np.float32]) -> Iterator[Samples]:
+        if self.channels == 1:
+            yield block[:, 0]
+            return
+        self.waiting.append(block)
+        if self.pick is not None or sum(map(len, self.waiting)) >= self.rate:
+            yield from self.flush()
+
+    def flush(self) -> Iterator[Samples]:
+        if not self.waiting:
+            return
+        block = np.concatenate(self.waiting) if len(self.waiting) > 1 else self.waiting[0]
+        self.waiting = []
+        mean = reduce(np.add, block.T) / np.float32(self.channels)  # not through BLAS: the same bits on any number of threads
+        if self.pick is None:
+            loudness = np.sqrt(np.mean(np.square(block), axis=0))
+            if loudness.max() > AUDIBLE:
+                unrelated = loudness.max() / np.sqrt(self.channels)
+                cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
+                self.pick = int(loudness.argmax()) if cancelled else -1
+        yield mean if self.pick in (None, -1) else np.ascontiguousarray(block[:, self.pick])
+
+
+def _check_rate(rate: object) -> int:
+    """A number of samples per second, whole: 16000, 16000.0 and numpy's are.
+
+    Raises:
+        InputError: it is none, or no rate that speech has.
+    """
+    known = isinstance(rate, int | float | np.integer | np.floating) and not isinstance(rate, bool)
+    if known and SPEECH_RATES[0] <= rate <= SPEECH_RATES[1] and rate == int(rate):  # type: ignore[operator,call-overload]
+        return int(rate)  # type: ignore[call-overload]
+    shown = repr(rate)[:40] if not isinstance(rate, int) or abs(rate) < 10**30 else "too many"  # digits of an int have a limit
+    raise InputError(f"{shown} samples per second", f"a whole number, {SPEECH_RATES[0]:,} … {SPEECH_RATES[1]:,}, such as 16000")
+
+
+def _fraction(what: str, value: object) -> Fraction:
+    """A time in seconds as the simple fraction that it stands for.
+
+    Raises:
+        InputError: it is no number, or not finite.
+    """
+    try:
+        return Fraction(value).limit_denominator(SOUND_RATES[1])  # type: ignore[call-overload]
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"a speech whose {what} is {str(value)[:40]!r}", "a number of seconds") from None
+
+
+def _check_samples(block: NDArray[np.float32], name: str, before: int, rate: int) -> None:
+    if not block.size or (block.max() <= LOUDEST and block.min() >= -LOUDEST):  # false for NaN
+        return
+    row, column = np.argwhere(~(np.abs(block) <= LOUDEST))[0]
+    value = float(block[row, column])
+    hint = "full scale is ±1" if np.isfinite(value) else "the file is damaged or was written wrongly"
+    raise InputError(f"a sample of {name!r} at {(before + row) / rate:.2f} s is {value:g}", hint)

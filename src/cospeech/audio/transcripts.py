@@ -1,0 +1,330 @@
+"""What is said and when, from the files people have: TextGrid, TSV, SRT, WebVTT, JSON, plain text.
+
+Every reader makes (text, start, end) in seconds; one function, `settle`, then makes of them what the rest may rely on: sorted,
+not overlapping, inside the speech, without silences. Entries of several words are spread over their words by length.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+import re
+from collections.abc import Iterable, Iterator
+from io import StringIO
+from itertools import chain, islice, pairwise
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from ..files import parse_json, read_regular
+from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
+from .forced_alignment import align, bare, spread, tokenise
+from .speech import Word
+
+if TYPE_CHECKING:
+    from .speech import Speech, SpeechSource
+
+__all__ = ["align", "load_words", "settle"]
+
+Entry = tuple[str, float, float]  # text, start, end
+
+SHORTEST = 0.01  # seconds; ours: what a word without a length gets
+SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
+# Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
+NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # words are printed: no escape codes for terminals
+VARIANT = re.compile(r"(?<=\w)\(\d+\)$")  # CMU dictionaries number pronunciations: "and(2)"
+WORD_TIER = re.compile(r"word|wort|\bmots?\b|palabra|parola|ord\b|token|单词|単語|단어|слов", re.IGNORECASE)
+NOT_WORD_TIER = re.compile(r"phon|seg|syl|tone|tobi|break|pitch|point|gest|state", re.IGNORECASE)
+
+
+def load_words(
+    path: str | PathLike[str], *, speech: Speech | SpeechSource | None = None, speech_seconds: float | None = None
+) -> tuple[Word, ...]:
+    """Read a transcript. The suffix picks the reader; where it says nothing, the content does.
+
+    Args:
+        path: .TextGrid (long or short, any encoding Praat writes), .tsv (start, end, word; Audacity's and Whisper's too),
+            .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write), or plain text.
+        speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
+        speech_seconds: its length, where the speech itself is not at hand; plain text is then spread evenly.
+
+    Raises:
+        InputError: it cannot be read, makes no sense, or lies wholly past the end of the speech.
+    """
+    data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
+    text = _decode(data, name)
+    if speech_seconds is None and speech is not None:
+        speech_seconds = speech.seconds
+    reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
+    if reader is None:
+        tokens = tokenise(text)
+        if not tokens:
+            raise InputError(f"there is no word in {name!r}", "leave the transcript out where nothing is said")
+        if speech is not None:
+            return settle(((w.text, w.start, w.end) for w in align(tokens, speech)), speech_seconds, name)
+        if speech_seconds is None:
+            raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
+        return tuple(spread(tokens, 0.0, speech_seconds))
+    try:
+        return settle(reader(text), speech_seconds, name)
+    except InputError as error:
+        problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
+        raise InputError(problem, error.hint) from None
+
+
+def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "transcript") -> tuple[Word, ...]:
+    """Words from entries in any order: silences dropped, several words spread, sorted, overlaps cut, ends cut at ``seconds``.
+
+    Raises:
+        InputError: a time is not a number, an entry ends before it starts, or all lie past the end.
+    """
+    words: list[Word] = []
+    for count, (text, start, end) in enumerate(entries):
+        if not (
+            math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
+        ):
+            raise InputError(f"{text[:40]!r} is at {start:g} … {end:g} s", "times are in seconds")
+        if end < start:
+            raise InputError(f"{text[:40]!r} ends before it starts: {start:g} … {end:g} s", "are its columns swapped?")
+        tokens = _tokens(text)
+        words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
+        if len(words) > WORDS or count > 2 * WORDS:  # between two words there may be a silence
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
+    words = _without_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
+    if seconds is None:
+        return tuple(words)
+    inside = tuple(Word(w.text, w.start, min(w.end, seconds)) for w in words if w.start < seconds)
+    if words and not inside:
+        raise InputError(
+            f"{name!r} begins at {words[0].start:g} s, but the speech is {seconds:.2f} s long",
+            "does it belong to another recording, or are its times in milliseconds?",
+        )
+    return inside
+
+
+def _tokens(text: str) -> list[str]:
+    spoken = NOT_SPOKEN.sub(" ", VARIANT.sub("", CONTROL.sub(" ", text).strip()))
+    return [] if spoken.strip().lower() in SILENCES else tokenise(spoken)
+
+
+def _without_overlaps(words: list[Word]) -> list[Word]:
+    """Where two overlap, the earlier ends where the later begins; each keeps at least SHORTEST."""
+    starts, free = [], 0.0
+    for word in words:
+        starts.append(max(word.start, free))
+        free = starts[-1] + SHORTEST
+    ends = [max(word.end, start + SHORTEST) for word, start in zip(words, starts, strict=True)]
+    ends[:-1] = [min(end, after) for end, after in zip(ends[:-1], starts[1:], strict=True)]
+    return [Word(word.text, start, end) for word, start, end in zip(words, starts, ends, strict=True)]
+
+
+def _decode(data: bytes, name: str) -> str:
+    """The text of a file in UTF-8 or UTF-16, with or without a byte order mark."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    elif b"\0" in data[:200:2] + data[1:200:2] and len(data) % 2 == 0:
+        encoding = "utf-16-le" if data[1:200:2].count(0) > data[:200:2].count(0) else "utf-16-be"
+    else:
+        encoding = "utf-8-sig"
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{data[error.start]:02x} at {error.start}"
+        raise InputError(f"{name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
+    if "\0" in text:
+        raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _number(text: object) -> float:
+    """A time in seconds; a decimal comma is read too."""
+    if isinstance(text, bool) or not isinstance(text, (str, int, float)):
+        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds")
+    try:
+        return float(text.replace(",", ".") if isinstance(text, str) else text)
+    except (ValueError, OverflowError):
+        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds") from None
+
+
+# ---- TextGrid: https://www.fon.hum.uva.nl/praat/manual/TextGrid_file_formats.html ----
+
+# "++", "*+": what was taken is not given back, so that each character is looked at once
+PRAAT_TOKEN = re.compile(r'"([^"]*+(?:""[^"]*+)*+)"|(<[a-z]++>)|![^\n]*+|[^\s"]++')
+PRAAT_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?$")
+
+
+def read_textgrid(text: str) -> Iterator[Entry]:
+    """Long and short forms alike: only free-standing numbers, quoted strings and <flags> count, as in Praat itself."""
+    values: Iterator[str | float] = _praat_values(text)
+
+    def take(kind: type) -> str | float:
+        value = next(values, None)
+        if value is None or not isinstance(value, kind):
+            found = "its end" if value is None else repr(value)[:40]
+            raise InputError(f"a TextGrid with {found} where a {'text' if kind is str else 'number'} belongs", "is it cut off?")
+        return value
+
+    if (take(str), take(str)) != ("ooTextFile", "TextGrid"):
+        raise InputError("not a TextGrid: no 'ooTextFile', 'TextGrid' at its head", "save it as text from Praat")
+    take(float), take(float)
+    if take(str) != "<exists>":
+        raise InputError("a TextGrid without tiers", "add a word tier")
+    tiers: list[tuple[str, list[Entry]]] = []
+    read = 0
+    for _ in range(_count(take(float))):
+        kind, name = str(take(str)), str(take(str))
+        take(float), take(float)
+        entries: list[Entry] = []
+        for _ in range(_count(take(float))):
+            read += 1
+            if read > 4 * WORDS:  # a word and the sounds that it is made of
+                raise InputError(f"a TextGrid of more than {4 * WORDS:,} entries", "cut it into pieces")
+            start = float(take(float))
+            end = float(take(float)) if kind == "IntervalTier" else start
+            entries.append((str(take(str)), start, end))
+        if kind == "IntervalTier":
+            tiers.append((name, entries))
+    yield from _word_tier(tiers)
+
+
+def _praat_values(text: str) -> Iterator[str | float]:
+    for match in PRAAT_TOKEN.finditer(text):
+        if match[1] is not None:
+            yield match[1].replace('""', '"')
+        elif match[2]:
+            yield match[2]
+        elif PRAAT_NUMBER.match(match[0]):
+            yield float(match[0])
+
+
+def _count(number: str | float) -> int:
+    if not (isinstance(number, float) and 0 <= number < 1e8 and number == int(number)):
+        raise InputError(f"a TextGrid that announces {number} entries", "is it damaged?")
+    return int(number)
+
+
+def _word_tier(tiers: list[tuple[str, list[Entry]]]) -> list[Entry]:
+    """The tier called words (Wörter, mots, …); else the one with most labels that is not named after smaller things."""
+    if not tiers:
+        raise InputError("a TextGrid without an interval tier", "words have a start and an end")
+    named = [tier for tier in tiers if WORD_TIER.search(tier[0])]
+    others = [tier for tier in tiers if not NOT_WORD_TIER.search(tier[0])]
+    return max(named or others or tiers, key=lambda tier: sum(bool(_tokens(text)) for text, _, _ in tier[1]))[1]
+
+
+# ---- tables and subtitles ----
+
+TIME = r"(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2})[,.](\d{1,3})"
+NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
+CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
+
+
+def read_tsv(text: str) -> Iterator[Entry]:
+    """start, end, word, separated by tabs; a first line of names is skipped. Whisper's (milliseconds) is recognised."""
+    scale, first = 1.0, True
+    for number, line in _lines(text):
+        cells, head, first = [cell.strip() for cell in line.split("\t")], first, False
+        if head and not any(_is_number(cell) for cell in cells[:2]):
+            if [c.lower() for c in cells] == ["start", "end", "text"]:
+                others = islice(_lines(text), 1, None)
+                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in other.split("\t")[:2]) else 1.0
+            continue
+        if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
+            raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs")
+        yield cells[2] if len(cells) > 2 else "", _number(cells[0]) * scale, _number(cells[1]) * scale
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are not blank, one at a time."""
+    return ((number, line) for number, line in enumerate(map(str.rstrip, StringIO(text)), 1) if line)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        _number(cell)
+    except InputError:
+        return False
+    return True
+
+
+def read_srt(text: str) -> Iterator[Entry]:
+    """SubRip and WebVTT: what stands between one line of times and the next blank line."""
+    if CUE.search(text) is None:
+        raise InputError("no subtitle has a time", "'00:00:01,000 --> 00:00:02,000' belongs above each")
+    for cue, following in pairwise(chain(CUE.finditer(text), [None])):
+        assert cue is not None
+        end = len(text) if following is None else following.start()
+        spoken = re.split(r"\n[ \t]*(?:\n|$)", text[cue.end() : end].removeprefix("\n"), maxsplit=1)[0]
+        parts = cue.groups()
+        said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))
+        yield said.replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
+
+
+def _clock(parts: tuple[str | None, ...]) -> float:
+    hours, minutes, seconds, fraction = parts
+    return int(hours or 0) * 3600 + int(minutes or 0) * 60 + int(seconds or 0) + float(f"0.{fraction}")
+
+
+# ---- JSON ----
+
+TEXT_KEYS = ("word", "text", "w", "t", "label", "punctuated_word", "value")
+START_KEYS = ("start", "b", "begin", "start_time", "startTime", "xmin", "from", "s")
+END_KEYS = ("end", "stop", "end_time", "endTime", "xmax", "to", "e")
+LIST_KEYS = ("words", "w", "segments", "result", "results", "word_segments", "fragments", "transcript")
+
+
+def read_json(text: str) -> Iterator[Entry]:
+    """A list of {word, start, end}; or that list, or segments that hold such lists, named as recognisers do."""
+    yield from _json_entries(parse_json(text, "the transcript", TRANSCRIPT_JSON_VALUES), 0)
+
+
+def _json_entries(node: object, depth: int) -> Iterator[Entry]:
+    if depth > 4:
+        raise InputError("JSON in which words are nested too deeply", "a list of words with start and end")
+    if isinstance(node, list):
+        for item in node:
+            if not isinstance(item, dict):
+                raise InputError(f"{str(item)[:40]!r} in a list of words", '{"word": …, "start": …, "end": …} belongs there')
+            yield from _json_entries(item, depth + 1)
+        return
+    if not isinstance(node, dict):
+        raise InputError(f"JSON that holds {str(node)[:40]!r}", "a list of words with start and end")
+    inner = next((node[key] for key in LIST_KEYS if isinstance(node.get(key), list) and node[key]), None)
+    if inner is not None:
+        yield from _json_entries(inner, depth + 1)
+        return
+    said = next((node[key] for key in TEXT_KEYS if isinstance(node.get(key), str)), None)
+    start = next((node[key] for key in START_KEYS if node.get(key) is not None), None)
+    end = next((node[key] for key in END_KEYS if node.get(key) is not None), None)
+    if said is not None and start is not None:
+        length = next((node[key] for key in ("d", "duration", "dur") if node.get(key) is not None), None)
+        if end is None and length is None:
+            raise InputError(f"{said[:40]!r} has a start but no end", "give each word start and end")
+        begin = _number(start)
+        yield said, begin, begin + _number(length) if end is None else _number(end)
+    elif depth == 0 and not any(isinstance(node.get(key), list) for key in LIST_KEYS):
+        raise InputError(
+            f"JSON without words: its names are {', '.join(map(repr, list(node)[:5]))}", "a list of words with times"
+        )
+    # A word without any time is one that the recogniser could not place: it is left out.
+
+
+_READERS = {".textgrid": read_textgrid, ".tsv": read_tsv, ".srt": read_srt, ".vtt": read_srt, ".json": read_json}
+
+
+def _sniff(text: str):  # type: ignore[no-untyped-def]  # one of the readers above
+    """The reader for a text whose suffix says nothing; None for plain text."""
+    head = text.lstrip()[:400]
+    if "ooTextFile" in head:
+        return read_textgrid
+    if head[:1] in "[{" and head[1:].lstrip()[:1] in ('"', "{", "[", "]", "}") and head:
+        return read_json
+    if CUE.search(text):
+        return read_srt
+    lines = [line for line in text.split("\n") if line.strip()][:20]
+    if lines and all(re.match(r"\s*[-+\d.,eE]+\t\s*[-+\d.,eE]+(\t|$)", line) for line in lines[1:] or lines):
+        return read_tsv
+    return None

@@ -1,0 +1,241 @@
+"""Several speeches at once: files, folders of them, standard input; what ``cospeech generate`` does with its arguments."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import CospeechError, InputError, InternalError
+from ..export import FORMATS
+from ..export.checks import check_files
+from ..files import atomic, describe_os_error, scratch, workplace
+from ..generate import check_asked, generate_files, take_path
+from ..limits import PIPED_BYTES
+from ..models import DEFAULT, PARTS, Gesturer, load
+from ..runtime.report import Failure, Report, Reports
+
+__all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
+
+NAME = "{name}"
+"""Stands for the name of a speech in the name of a file."""
+STANDARD_INPUT = "-"
+_BLOCK = 1 << 20  # bytes
+_USUAL = (".bvh", ".glb")  # what is written where no format is named
+_OF_ONE_SPEECH = ("transcript", "face")  # options that cannot be the same for several
+_WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
+_OF_MODELS = frozenset({
+    "style", "emotion", "speaker", "seed", "intensity", "temperature", "fps", "parts", "face_gain", "face", "continue_from",
+})  # fmt: skip
+
+Progress = Callable[[float, float | None, str], None]
+
+
+class _Job(NamedTuple):
+    """A speech, and the files to be made of it."""
+
+    speech: Path
+    name: str
+    outputs: list[Path]
+    folders: set[Path]
+    """Those that are made where they are missing."""
+    own: dict[str, str]
+    """Options of it alone."""
+
+
+def generate_speeches(
+    speeches: Sequence[str | PathLike[str]],
+    outputs: Sequence[str] = (),
+    *,
+    model: str = DEFAULT,
+    report: str | PathLike[str] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Reports:
+    """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
+
+    Args:
+        speeches: sound files; folders, of which every sound file is taken, those in folders below too; or ``"-"`` alone, for
+            the bytes of one on standard input.
+        outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
+            a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder.
+        model: as for `cospeech.generate.generate_files`.
+        report: write the `Report` of one speech, or the `Reports` of several, as JSON here too.
+        progress: called with (seconds done, seconds in all or None, which speech).
+        options: as for `generate_files`; transcript, emotion, face and continue_from may have ``{name}`` in them.
+
+    Raises:
+        InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
+    """
+    with _found(speeches) as found:
+        loaded = load(model)
+        options = {"parts": PARTS, **options}
+        shown = {*options["parts"]} & {*loaded.makes}
+        jobs = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
+        if len(jobs) == 1:
+            tell = None if progress is None else lambda done, total: progress(done, total, "")
+            return Reports(
+                speeches=[_generate(jobs[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
+            )
+        _check(jobs, options, report)
+        asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
+        check_asked(loaded, **asked)
+        with nullcontext() if report is None else atomic(report) as path:  # it is told now where that cannot be written
+            result = _each(jobs, options, model, loaded, progress)
+            if path is not None:
+                path.write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
+        return result
+
+
+def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Gesturer, progress: Progress | None) -> Reports:
+    """One speech after the other."""
+    made, failed = list[Report](), list[Failure]()
+    for number, job in enumerate(jobs, 1):
+        word = f"{number} of {len(jobs)}: {job.name}"
+        tell = None if progress is None else lambda done, total, word=word: progress(done, total, word)  # type: ignore[misc]
+        try:
+            made.append(_generate(job, options, model=model, loaded=loaded, progress=tell))
+        except CospeechError as error:
+            failed.append(Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError)))
+    return Reports(speeches=made, failed=failed)
+
+
+def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
+    with _made(job.folders):
+        return generate_files(job.speech, job.outputs, **{**options, **job.own, **more})
+
+
+@contextmanager
+def _found(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path]]:
+    """Yield name → sound file, in order.
+
+    Raises:
+        InputError: two have the same name, a folder holds none, or standard input is not alone, closed or too large.
+    """
+    if [os.fspath(speech) for speech in given] == [STANDARD_INPUT]:
+        with _piped() as path:
+            yield {path.name: path}
+        return
+    found: dict[str, Path] = {}
+    for speech in given:
+        if os.fspath(speech) == STANDARD_INPUT:
+            raise InputError("standard input, -, beside other speeches", "it is one speech, and is given alone")
+        for name, path in _files(Path(speech)):
+            if name in found:
+                both = f"{str(found[name])!r} and {str(path)!r}"
+                raise InputError(f"{both} are both called {name!r}", "generate them one after the other")
+            found[name] = path
+    yield found
+
+
+def _files(path: Path) -> list[tuple[str, Path]]:
+    """A file and its name without suffix; of a folder the sound files in it, by their paths below it."""
+    if not path.is_dir():
+        return [(path.stem, path)]
+    from ..corpora.folder import SOUND, sounds
+
+    found = list(sounds(path))
+    if not found:
+        raise InputError(f"no sound file is in the folder {str(path)!r}", f"known: {' '.join(SOUND)}")
+    return found
+
+
+@contextmanager
+def _piped() -> Iterator[Path]:
+    """Yield a file with what standard input has.
+
+    Raises:
+        InputError: it is a terminal, empty, or larger than `PIPED_BYTES`.
+    """
+    if sys.stdin is None or sys.stdin.isatty():
+        raise InputError("there is no sound on standard input", "pipe it in: recorder | cospeech generate - -o talk.bvh")
+    with workplace(scratch()) as place:
+        path, size = place / "stdin", 0
+        with path.open("wb") as file:
+            while block := sys.stdin.buffer.read(_BLOCK):
+                size += len(block)
+                if size > PIPED_BYTES:
+                    raise InputError(f"more than {PIPED_BYTES >> 30} GiB on standard input", "save it to a file first")
+                file.write(block)
+        if not size:
+            raise InputError("there is no sound on standard input: 0 bytes", "did what writes to it fail?")
+        yield path
+
+
+def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, Any], shown: set[str], *, several: bool) -> _Job:
+    """What to make of a speech.
+
+    Args:
+        name, speech: its name and file.
+        given: the outputs as they were named.
+        options: of `generate_files`.
+        shown: the parts that move.
+        several: whether there are other speeches.
+
+    Raises:
+        InputError: a file that would be that of several speeches.
+    """
+    if not given and name == "stdin":
+        raise InputError("no file to write for standard input", f"-o FILE, with a suffix of {' '.join(FORMATS)}")
+    usual = [suffix for suffix in _USUAL if shown & {*FORMATS[suffix].holds}] or _USUAL
+    outputs: list[Path] = []
+    folders: set[Path] = set()
+    for text in given or ["."]:
+        if NAME in text:
+            own = [Path(text.replace(NAME, name))]
+        elif _is_folder(text):
+            own = [Path(text) / f"{name}{suffix}" for suffix in usual]
+        elif several:
+            suffix = Path(text).suffix or ".bvh"
+            raise InputError(f"one file {text!r} for several speeches", f"a folder, -o out/, or -o 'out/{NAME}{suffix}'")
+        else:
+            outputs.append(Path(text))
+            continue
+        outputs += own
+        folders |= {path.parent for path in own}
+    for key in _OF_ONE_SPEECH:
+        if several and options.get(key) is not None and NAME not in str(options[key]):
+            hint = f"one for each, with {NAME} in it: words/{NAME}.srt"
+            raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
+    put_in = {key: str(options[key]).replace(NAME, name) for key in _WITH_NAME if NAME in str(options.get(key))}
+    return _Job(speech, name, outputs, folders, put_in)
+
+
+def _is_folder(text: str) -> bool:
+    """Whether a name of an output means a folder; one called ``x.bvh`` is nothing but in the way."""
+    return text.endswith(("/", os.sep)) or (Path(text).suffix.lower() not in FORMATS and Path(text).is_dir())
+
+
+def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[str] | None) -> None:
+    """All files of all speeches can be told apart."""
+    takes = int(options.get("takes", 1))
+    names = [take_path(path, take, takes) for job in jobs for take in range(1, takes + 1) for path in job.outputs]
+    first, *speeches = (job.speech for job in jobs)
+    read = [Path(job.own[key]) for job in jobs for key in _OF_ONE_SPEECH if key in job.own]
+    check_files(first, names, [*speeches, *read], None if report is None else Path(report))
+
+
+@contextmanager
+def _made(folders: Iterable[Path]) -> Iterator[None]:
+    """Folders that are there meanwhile, and afterwards unless it fails.
+
+    Raises:
+        InputError: one cannot be made.
+    """
+    missing = [path for folder in folders for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        for folder in folders:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
+        yield
+    except BaseException:
+        for folder in missing:
+            with suppress(OSError):  # something else is in it
+                folder.rmdir()
+        raise

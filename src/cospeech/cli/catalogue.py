@@ -1,0 +1,163 @@
+"""What there is, by kind: the tables behind ``cospeech list`` and the documentation, read from the registries themselves."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from inspect import getdoc
+from itertools import groupby
+from pathlib import Path
+
+from ..errors import InputError, nearest
+
+__all__ = ["CATALOGUES", "catalogue", "catalogue_text"]
+
+Row = dict[str, str]
+
+
+def _first_line(thing: object) -> str:
+    return (getdoc(thing) or "").partition("\n")[0].rstrip(".").replace("``", "")
+
+
+def _registered(registry: Mapping[str, str]) -> list[Row]:
+    """Rows of a registry of ``module:name``, described by the first line of the docstrings."""
+    rows = []
+    for name, where in registry.items():
+        module, _, attribute = where.partition(":")
+        rows.append({"name": name, "what": _first_line(getattr(import_module(module), attribute))})
+    return rows
+
+
+def _read(where: str) -> str:
+    """The first line of the docstring of ``module:Class``, read and not imported: networks need torch, a list does not."""
+    module, _, name = where.partition(":")
+    spec = find_spec(module)
+    assert spec is not None
+    body = ast.parse(Path(str(spec.origin)).read_text("utf-8")).body
+    found = next(node for node in body if isinstance(node, ast.ClassDef) and node.name == name)
+    return (ast.get_docstring(found) or "").partition("\n")[0].rstrip(".")
+
+
+def _models() -> list[Row]:
+    from ..models import BUNDLE, MODELS, NETWORKS, SHIPPED
+
+    plays = {name: name not in NETWORKS or (SHIPPED / f"{name}{BUNDLE}").is_file() for name in MODELS}
+    more = {True: "; ready to use", False: "; no weights ship, train it: docs/training.md"}
+    return [{"name": name, "what": _read(where) + more[plays[name]]} for name, where in MODELS.items()]
+
+
+def _styles() -> list[Row]:
+    """Those of the rule-based gesturer, then the speakers of the systems whose weights ship."""
+    from ..models import BUNDLE, SHIPPED
+    from ..rules.styles import STYLES
+    from ..runtime.bundle import read_bundle
+    from ..runtime.chain_bundle import VOICE
+
+    rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
+    for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):
+        names = read_bundle(path).fact("styles", list)
+        about = dict.fromkeys(names, "a speaker that it was trained on") | {VOICE: "whoever is heard in the voice"}
+        rows += [{"name": name, "what": about[name], "model": path.stem} for name in names]
+    return rows
+
+
+def _emotions() -> list[Row]:
+    from ..audio.emotions import EMOTIONS
+
+    return [{"name": "auto", "what": "heard from the speech; the default"}] + [
+        {"name": name, "what": f"{name}, whatever the speech sounds like"} for name in EMOTIONS
+    ]
+
+
+def _formats() -> list[Row]:
+    from ..export import FORMATS
+
+    return [
+        {
+            "name": suffix,
+            "what": entry.what,
+            "holds": ", ".join(entry.holds),
+            "access": "read and write" if entry.readable else "write",
+        }
+        for suffix, entry in FORMATS.items()
+    ]
+
+
+def _skeletons() -> list[Row]:
+    from ..motion.skeletons import SKELETONS
+
+    return [{"name": name, "what": _first_line(import_module(module))} for name, module in SKELETONS.items()]
+
+
+def _metrics() -> list[Row]:
+    from ..metrics import METRICS
+
+    return _registered(METRICS)
+
+
+def _corpora() -> list[Row]:
+    from ..corpora import CORPORA
+
+    return [
+        {"name": name, "what": entry.what, "access": "read and write" if entry.writable else "read"}
+        for name, entry in CORPORA.items()
+    ]
+
+
+CATALOGUES: dict[str, Callable[[], list[Row]]] = {
+    "models": _models,
+    "styles": _styles,
+    "emotions": _emotions,
+    "formats": _formats,
+    "skeletons": _skeletons,
+    "metrics": _metrics,
+    "corpora": _corpora,
+}
+"""Kind → function that lists it."""
+
+
+def catalogue(what: str) -> list[Row]:
+    """Everything of a kind: rows with ``name`` and ``what`` (one line of description), in order of importance.
+
+    Raises:
+        InputError: there is no such kind.
+    """
+    if what not in CATALOGUES:
+        raise InputError(f"cannot list {what!r}", nearest(what, CATALOGUES))
+    return CATALOGUES[what]()
+
+
+_HOW = {
+    "models": "cospeech generate talk.wav --model NAME",
+    "styles": "cospeech generate talk.wav --model MODEL --style NAME; mixed: --style NAME:0.7,NAME:0.3",
+    "emotions": "cospeech generate talk.wav --emotion NAME",
+    "formats": "cospeech generate talk.wav -o talk.SUFFIX; cospeech convert FILE FILE",
+    "skeletons": "cospeech generate talk.wav -o talk.bvh --skeleton NAME; cospeech convert FILE FILE.bvh --skeleton NAME",
+    "metrics": "cospeech evaluate MODEL --corpus STORE --metrics NAME,NAME; what they mean: docs/metrics.md",
+    "corpora": "cospeech prepare NAME FOLDER STORE; synthetic ones: cospeech synthesise FOLDER --layout NAME",
+}
+
+
+def catalogue_text(what: str) -> str:
+    """Everything of a kind for people: a line each, and how a name is used; styles by model.
+
+    Raises:
+        InputError: there is no such kind.
+    """
+    rows = catalogue(what)
+    width = max(len(row["name"]) for row in rows)
+    lines: list[str] = []
+    for model, group in groupby(rows, lambda row: row.get("model")):
+        if model is not None:
+            lines += ["", f"--model {model}"] if lines else [f"--model {model}, the default"]
+        for text, alike in groupby(group, lambda row: row["what"]):
+            row, *others = alike
+            if others:  # speakers, of whom no more is known
+                lines.append(f"  {', '.join([row['name'], *(other['name'] for other in others)])}: {text}")
+                continue
+            more = [f"holds {row['holds']}"] if "holds" in row else []
+            more += [row["access"]] if "access" in row else []
+            lines.append(f"{'  ' if model else ''}{row['name']:<{width}}  {'; '.join([text, *more])}")
+    return "\n".join([*lines, "", _HOW[what]])

@@ -1,0 +1,389 @@
+"""The command line: arguments in, one call of the library, plain words out. Nothing is computed here.
+
+Light on purpose: every command imports what it needs when it runs, so that ``cospeech --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+from typer import Argument, Option
+
+from .. import __version__
+from ..errors import CospeechError, CospeechWarning, InputError, InternalError
+from ..export.how_to_open import HOW_TO_OPEN
+from ..models import DEFAULT, PARTS
+from . import corpora as cli_corpora
+from . import evaluate as cli_evaluate
+from . import train as cli_train
+from .options import (  # fmt: skip
+    Audio,
+    Avatar,
+    Continue,
+    Debug,
+    Drawn,
+    Emotion,
+    Face,
+    FaceGain,
+    Folder,
+    Fps,
+    Intensity,
+    Json,
+    Map,
+    Model,
+    Motion,
+    NewFps,
+    Output,
+    Parts,
+    Quiet,
+    ReportFile,
+    Retarget,
+    Seed,
+    Skeleton,
+    Speaker,
+    Style,
+    Takes,
+    Temperature,
+    Transcribe,
+    Transcript,
+    View,
+    number,
+    option,
+)
+
+if TYPE_CHECKING:
+    from ..runtime.report import Report, Reports
+
+__all__ = ["app", "main"]
+
+INTERRUPTED = 130  # 128 + SIGINT, as shells say
+ALL_PARTS = ",".join(PARTS)
+
+app = typer.Typer(
+    name="cospeech",
+    help="Speech audio in, a moving character out: face, body and hands, in files that your tools open.",
+    epilog="What you generate is yours. Manual: docs/ in the repository, or each command's --help.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context, version: Annotated[bool, Option("--version", "-V", help="Show the version and exit.")] = False
+) -> None:
+    if version:
+        print(f"cospeech {__version__}")
+    elif context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command()
+def generate(
+    audio: Audio,
+    output: Output = None,
+    model: Model = DEFAULT,
+    style: Style = None,
+    emotion: Emotion = "auto",
+    speaker: Speaker = None,
+    transcript: Transcript = None,
+    transcribe: Transcribe = False,
+    seed: Seed = 0,
+    takes: Takes = 1,
+    temperature: Temperature = 1.0,
+    intensity: Intensity = 1.0,
+    parts: Parts = ALL_PARTS,
+    face_gain: FaceGain = "1",
+    face: Face = None,
+    continue_from: Continue = None,
+    skeleton: Skeleton = "humanoid",
+    fps: Fps = 30.0,
+    avatar: Avatar = None,
+    report: ReportFile = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Make motion for a speech, or for each of several.
+
+    \b
+    cospeech generate talk.wav -o talk.bvh -o talk.glb
+    cospeech generate monday.wav tuesday.wav recordings -o out/
+    recorder | cospeech generate - -o talk.bvh
+    cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
+    cospeech generate talk.wav -o talk.bvh --model mine.cospeech --style clip.bvh
+    cospeech generate talk.wav -o talk.glb --emotion moods.csv --face-gain 1.2,jawOpen:0.9
+    """
+    from .batch import generate_speeches
+
+    with _progress("generating", quiet) as progress:
+        results = generate_speeches(
+            audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
+            transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
+            parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
+            continue_from=continue_from, skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
+        )  # fmt: skip
+    if not quiet:
+        _show_outputs(results.speeches)
+    if results.failed:
+        raise _failure(results)
+
+
+def _failure(results: Reports) -> CospeechError:
+    """What is said when nothing came of some speeches."""
+    failed, shown = results.failed, 3
+    told = [f"{failure.speech}: {failure.error}" for failure in failed[:shown]]
+    told += [f"and {len(failed) - shown} more"] if len(failed) > shown else []
+    problem = f"{len(failed)} of {len(failed) + len(results.speeches)} speeches failed: {'; '.join(told)}"
+    kind = InternalError if all(failure.ours for failure in failed) else InputError
+    return kind(problem, "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all")
+
+
+@app.command()
+def convert(
+    source: Motion,
+    target: Annotated[Path, Argument(metavar="FILE", help="File to write; the suffix picks the format.")],
+    skeleton: Retarget = None,
+    fps: NewFps = None,
+    names: Map = None,
+    avatar: Avatar = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Turn a motion file into one of another format.
+
+    \b
+    cospeech convert talk.bvh talk.vrma
+    cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
+    """
+    from ..convert import convert_file
+
+    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar)
+    if not quiet:
+        print(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({HOW_TO_OPEN[target.suffix.lower()]})")
+
+
+@app.command()
+def render(
+    source: Motion,
+    target: Annotated[Path, Argument(metavar="PICTURE", help="Picture to write: .mp4, .gif (both moving) or .png (a strip).")],
+    audio: Drawn = None,
+    camera: View = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Draw a motion file: a video, a .gif or a strip of frames.
+
+    \b
+    cospeech render talk.glb talk.mp4 --audio talk.wav
+    """
+    from ..convert import convert_file
+    from ..export.checks import LISTENS
+
+    if target.suffix.lower() not in LISTENS:
+        known = " ".join(sorted(LISTENS))
+        raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
+    convert_file(source, target, audio=audio, camera=camera)
+    if not quiet:
+        print(f"{target}  ({HOW_TO_OPEN[target.suffix.lower()]})")
+
+
+@app.command("list")
+def list_(
+    what: Annotated[str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics or corpora.")],
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Show what there is: models, styles, formats and so on."""
+    from .catalogue import catalogue, catalogue_text
+
+    if as_json:
+        import json
+
+        print(json.dumps(catalogue(what), indent=2, ensure_ascii=False))
+    else:
+        print(catalogue_text(what))
+
+
+@app.command()
+def demo(
+    folder: Folder = Path("demo"),
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Make every kind of file from the example speech.
+
+    These are .bvh .glb .vrma .csv .json .npz .mp4 .png.
+    """
+    from .demo import make_demo
+
+    with _progress("making the demo", quiet) as progress:
+        result = make_demo(folder, progress=progress)
+    if not quiet:
+        _show_outputs([result])
+
+
+@app.command()
+def bench(
+    seconds: Annotated[
+        float, option("--seconds", metavar="NUMBER", parser=number, help="Length of the speech that is timed.")
+    ] = 60.0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Measure the speed on this machine.
+
+    A real-time factor is seconds of work per second of speech: below 1 is faster than speech.
+    """
+    from .bench import measure
+
+    rows = measure(seconds)
+    if as_json:
+        import json
+
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        return
+    width = max(len(str(row["what"])) for row in rows)
+    for row in rows:
+        print(f"{row['what']:<{width}}  {row['value']:>9.4g} {row['unit']:<4}  {row['note']}")
+
+
+def _show_outputs(results: list[Report]) -> None:
+    """The files, and where each kind goes, once per kind."""
+    if not results:
+        return
+    took = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)
+    seconds, frames = (sum(values) for values in zip(*((r.speech_seconds, r.frames) for r in results), strict=True))
+    what = "" if len(results) == 1 else f"{len(results)} speeches: "
+    print(f"{what}{seconds:.2f} s of speech, {frames} frames at {results[0].fps:g} fps, made in {took:.1f} s")
+    outputs = [name for result in results for name in result.outputs]
+    width = max(map(len, outputs))
+    told = set()
+    for name in outputs:
+        suffix = Path(name).suffix.lower()
+        print(f"  {name}" if suffix in told else f"  {name:<{width}}  {HOW_TO_OPEN[suffix]}")
+        told.add(suffix)
+
+
+@contextmanager
+def _progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
+    """A bar on stderr from the second second on; None where nobody would see it."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from time import monotonic
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
+    task = bar.add_task(title, total=None)
+
+    def tell(done: float, total: float | None, word: str = "") -> None:
+        if not bar.live.is_started and monotonic() - began > 1:
+            bar.start()
+        bar.update(task, completed=done, total=total, description=f"{title} {word}".rstrip())
+
+    try:
+        yield tell
+    finally:
+        bar.stop()
+
+
+cli_corpora.register(app, _progress)
+cli_evaluate.register(app)
+cli_train.register(app, _progress)
+
+
+def _usage_error(error: typer.TyperException) -> InputError:
+    """Typer's words as ours: what is wrong, and how to mend it in brackets."""
+    what, _, rest = error.format_message().replace("\n", " ").strip().partition(". ")
+    if not rest and what.endswith(")") and " (" in what:
+        what, _, rest = what[:-1].partition(" (")
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "cospeech"
+    hint = rest.strip().rstrip(".") or f"see `{command} --help`"
+    return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
+
+
+def _stop(signum: int, frame: object) -> NoReturn:
+    raise SystemExit(128 + signum)
+
+
+def _ready_streams() -> None:
+    """Standard streams that take whatever is said.
+
+    What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            null = open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8")  # noqa: SIM115, PTH123  # open to the end
+            setattr(sys, name, null)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+    _ready_streams()
+    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: what is half-written is removed; SIGHUP: the terminal was closed
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, _stop)
+    try:
+        with _noting():
+            code = app(prog_name="cospeech", standalone_mode=False)
+        if code == INTERRUPTED:  # Typer has caught it
+            print("interrupted", file=sys.stderr)
+    except (CospeechError, typer.TyperException) as problem:
+        error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
+        code = _say(error, 1 if isinstance(error, InternalError) else 2)
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        sys.stdout = None  # type: ignore[assignment]  # nothing is flushed into the void at exit
+        code = 0
+    except OSError as problem:  # a full disk, say
+        code = _say(InternalError(problem.strerror or str(problem), "is there room on the disk, and in memory?"), 1)
+    except Exception as problem:
+        code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
+    sys.exit(code)
+
+
+@contextmanager
+def _noting() -> Iterator[None]:
+    """Our warnings as lines of their own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", CospeechWarning)
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, CospeechWarning):
+                print(f"note: {' '.join(str(message).split())}", file=sys.stderr)
+            else:
+                usual(message, category, *where)
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
+
+def _say(error: CospeechError, code: int) -> int:
+    if "--debug" in sys.argv:
+        import traceback
+
+        traceback.print_exc()
+    with suppress(OSError):  # nobody can be told, but the exit code
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""``cospeech train`` and ``cospeech bundle``: from a recipe to a model that anyone can run. As light as `cli`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from ..errors import InputError
+
+__all__ = ["register"]
+
+Tell = Callable[..., None]
+Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
+Recipe = Annotated[
+    Path,
+    Argument(
+        metavar="RECIPE", help="What is trained and how: a TOML file; or laptop, which is small and comes with the program."
+    ),
+]
+Store = Annotated[
+    Path | None,
+    Option(
+        "--store", metavar="STORE",
+        help="Folder made by `cospeech prepare`; else the recipe's data.store, or stores/ and the corpus.",
+    ),
+]  # fmt: skip
+Set = Annotated[
+    list[str] | None, Option("--set", metavar="KEY=VALUE", help="In place of what the recipe says: train.steps=2000.")
+]
+Resume = Annotated[bool, Option("--resume", help="Go on with the run in the folder, where there is one.")]
+Out = Annotated[Path | None, Option("--out", "-o", metavar="FOLDER", help="Run folder; else runs/ and the recipe's name.")]
+Run = Annotated[Path, Argument(metavar="RUN", help="Folder made by `cospeech train`.")]
+Bundle = Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write: NAME.cospeech.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress bar, no summary.")]
+Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
+
+
+@contextmanager
+def _training() -> Iterator[None]:
+    """Says what to install where PyTorch is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
+            raise
+        raise InputError(f"training needs {error.name}, which is not installed", "pip install 'cospeech[train]'") from None
+
+
+def register(app: typer.Typer, progress: Progress) -> None:
+    """Add both commands; the arguments as in `cospeech.cli.corpora.register`."""
+    _add_train(app, progress)
+    _add_bundle(app)
+
+
+def _add_train(app: typer.Typer, progress: Progress) -> None:
+    @app.command()
+    def train(
+        recipe: Recipe,
+        *,
+        store: Store = None,
+        changes: Set = None,
+        resume: Resume = False,
+        out: Out = None,
+        quiet: Quiet = False,
+        debug: Debug = False,
+    ) -> None:
+        """Train a model by a recipe.
+
+        Stopped or killed, it goes on with --resume where it was.
+
+        \b
+        cospeech train laptop --store stores/laptop
+        cospeech train recipes/flow_ted.toml --set train.steps=2000 --out runs/short
+        torchrun --nproc-per-node 4 -m cospeech train recipes/flow_ted.toml --store stores/ted
+        """
+        from ..training.recipe import load_recipe
+
+        plan, folder = load_recipe(recipe, changes or ()), Path("runs", recipe.stem) if out is None else out
+        data = _store(store, plan.data.store, plan.data.corpus)
+        with _training():
+            from ..training.train import train as run
+        with progress("training", quiet) as tell:
+            report = run(plan, data, folder, resume=resume, progress=tell, notice=lambda text: typer.echo(text, err=True))
+        if quiet or report.rank:
+            return
+        typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")
+        if report.best:
+            typer.echo(f"  best: {report.best['name']} {report.best['value']:.5g} at step {report.best['step']}")
+
+
+def _store(named: Path | None, recipe: str, corpus: str) -> Path:
+    """Where the data lie.
+
+    Raises:
+        InputError: neither the user nor the recipe says.
+    """
+    if named is not None or recipe:
+        return named or Path(recipe)
+    if not corpus:
+        raise InputError("no store is named", "--store FOLDER, which `cospeech prepare` makes")
+    folder = Path("stores", corpus)
+    if not folder.is_dir():
+        raise InputError(f"there is no store in {str(folder)!r}", "--store names another; `cospeech prepare` makes one")
+    return folder
+
+
+def _add_bundle(app: typer.Typer) -> None:
+    @app.command()
+    def bundle(run: Run, *, output: Bundle, quiet: Quiet = False, debug: Debug = False) -> None:
+        """Pack what a run has learnt into one file.
+
+        `cospeech generate --model NAME.cospeech` plays it, without PyTorch.
+
+        \b
+        cospeech bundle runs/flow_ted -o mine.cospeech
+        """
+        with _training():
+            from ..training.export.bundles import bundle_run
+
+            bundle_run(run, output)
+        if not quiet:
+            typer.echo(f"{output}  {output.stat().st_size / 1e6:.1f} MB")

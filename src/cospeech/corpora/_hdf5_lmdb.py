@@ -1,0 +1,183 @@
+"""A process of its own that reads HDF5 and LMDB files: both libraries crash on damaged ones, and it is this process that dies.
+
+Run as a script by `cospeech.corpora.hdf5_lmdb`; it imports nothing of the package. A line of JSON comes in per file:
+{"kind": "hdf5" | "lmdb", "path", "want"}; messages go out on standard output: one letter, the length of what follows (uint32,
+little endian), then the bytes.
+
+    J  JSON: for HDF5 all data sets and attributes, for LMDB {"entries"}
+    B  bytes: the data sets in the order of the JSON, in pieces; for LMDB keys and values in turn
+    E  the end of this file
+    X  JSON {"problem", "hint"}: it cannot be read
+
+Only what lies in the file itself is read: no soft or external links, no external storage, no virtual data sets, no plug-ins.
+"""
+
+import json
+import os
+import signal
+import struct
+import sys
+
+__all__: "list[str]" = []
+
+PIECE = 1 << 24  # bytes per message; ours
+
+
+class Refused(Exception):
+    """What to tell the user: problem and hint."""
+
+    def __init__(self, problem: str, hint: str = "") -> None:
+        self.message = {"problem": problem, "hint": hint}
+
+
+def confine(memory: "int | None") -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    limits = [(resource.RLIMIT_CORE, 0), *([(resource.RLIMIT_AS, memory)] if memory else [])]
+    for kind, limit in limits:
+        try:
+            resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
+        except (ValueError, OSError):  # not on this system
+            continue
+
+
+def send(kind: bytes, payload: "bytes | memoryview") -> None:
+    out = sys.stdout.buffer
+    out.write(kind + struct.pack("<I", len(payload)))
+    out.write(payload)
+
+
+def send_json(kind: bytes, values: object) -> None:
+    send(kind, json.dumps(values).encode())
+    sys.stdout.buffer.flush()
+
+
+def as_text(value: object) -> object:
+    """An attribute as JSON can hold it; bytes as latin-1, so that nothing is lost."""
+    if isinstance(value, bytes):
+        return value.decode("latin-1")
+    item = getattr(value, "item", None)
+    if item is not None and getattr(value, "size", 1) == 1:
+        return as_text(item())
+    return value if isinstance(value, (str, int, float, bool)) else None
+
+
+def described(dtype) -> object:  # type: ignore[no-untyped-def]  # numpy is imported only where it is needed
+    """A numpy type as JSON: "<f8", or a list of [name, type, shape]."""
+    if dtype.names is None:
+        return dtype.str
+    return [[name, described(dtype[name].base), list(dtype[name].shape)] for name in dtype.names]
+
+
+def load(data):  # type: ignore[no-untyped-def]
+    """The description of one data set, and its bytes; text of variable length goes into the description."""
+    import h5py
+    import numpy as np
+
+    about = {"name": data.name.lstrip("/"), "shape": list(data.shape), "attrs": {k: as_text(v) for k, v in data.attrs.items()}}
+    if data.external or data.is_virtual:
+        raise Refused(f"{data.name} lies in another file", "copy it into one")
+    text = h5py.check_string_dtype(data.dtype)
+    whole = data[()] if data.dtype.hasobject else None
+    objects = [whole] if data.shape == () else [] if whole is None else whole.reshape(-1)
+    if text is not None and text.length is None:
+        values = [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in objects]
+        return about | {"text": values}, b""
+    if h5py.check_vlen_dtype(data.dtype) is not None:
+        values = [np.asarray(v).tobytes().decode("latin-1") for v in objects]
+        return about | {"pieces": values}, b""
+    if data.dtype.hasobject:
+        raise Refused(f"{data.name} holds objects", "plain numbers and text are right")
+    array = np.ascontiguousarray(data[()])
+    return about | {"dtype": described(array.dtype), "bytes": array.nbytes}, array.tobytes()
+
+
+def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects: int) -> None:
+    import h5py
+
+    found: list = []
+    groups: dict = {}
+
+    def wanted(name: str) -> bool:
+        return want is None or any(name == w or name.startswith(w + "/") or w.startswith(name + "/") for w in want)
+
+    def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
+        if len(found) + len(groups) > most_objects:
+            raise Refused(f"it holds more than {most_objects} data sets", "is it of this corpus?")
+        if not wanted(name):
+            return
+        if isinstance(item, h5py.Dataset):
+            if item.shape is not None:
+                found.append(item)
+        else:
+            groups[name] = {k: as_text(v) for k, v in item.attrs.items()}
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+        total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in found)
+        if total > most_bytes:
+            raise Refused(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
+        loaded = [load(item) for item in found]
+    send_json(b"J", {"datasets": [about for about, _ in loaded], "groups": groups})
+    for _, data in loaded:
+        for at in range(0, len(data), PIECE):
+            send(b"B", memoryview(data)[at : at + PIECE])
+
+
+def read_lmdb(path: str) -> None:
+    import lmdb
+
+    try:
+        store = lmdb.open(path, readonly=True, lock=False, readahead=False, create=False)
+        with store, store.begin(buffers=True) as look:
+            entries = look.stat()["entries"]
+            send_json(b"J", {"entries": entries})
+            last, count = b"", 0
+            for key, value in look.cursor():
+                count += 1
+                name = bytes(key)
+                if count > entries or (count > 1 and name <= last):
+                    raise Refused("its keys are out of order: it is damaged", "copy it again from its source")
+                last = name
+                send(b"B", name)
+                send(b"B", value)
+            if count != entries:
+                raise Refused(f"it says that it holds {entries} entries, and holds {count}", "copy it again from its source")
+    except lmdb.Error as error:
+        raise Refused(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
+
+
+def serve(most_bytes: int, most_objects: int) -> None:
+    for line in sys.stdin.buffer:
+        request = json.loads(line)
+        try:
+            if request["kind"] == "hdf5":
+                read_hdf5(request["path"], request["want"], most_bytes, most_objects)
+            else:
+                read_lmdb(request["path"])
+            send_json(b"E", {})
+        except Refused as refused:
+            send_json(b"X", refused.message)
+        except ImportError as error:
+            send_json(b"X", {"problem": f"reading it needs {error.name}", "hint": "pip install 'cospeech[corpora]'"})
+        except MemoryError:
+            send_json(b"X", {"problem": "it wants more memory than such a file should", "hint": "is it damaged?"})
+        except BrokenPipeError:
+            raise
+        except Exception as error:  # whatever a damaged file brings a library to raise
+            reason = " ".join((str(error) or type(error).__name__).replace(request["path"], "it").split())[:160]
+            send_json(b"X", {"problem": f"damaged: {reason}", "hint": "copy it again from its source"})
+
+
+if __name__ == "__main__":
+    sys.path[:] = sys.argv[1].split(os.pathsep)
+    os.environ["HDF5_PLUGIN_PRELOAD"] = "::"  # HDF5's own word for: load no plug-ins
+    kind, memory, size, objects = sys.argv[2], *map(int, sys.argv[3:6])
+    confine(memory if kind == "hdf5" else None)  # LMDB maps whole files of any size
+    try:
+        serve(size, objects)
+    except BrokenPipeError:  # the parent has read enough
+        os._exit(0)

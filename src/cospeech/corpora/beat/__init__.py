@@ -1,0 +1,3 @@
+"""BEAT: the corpus read as it lies on disk, and written in the same layout."""
+
+__all__: list[str] = []

@@ -1,0 +1,361 @@
+"""``cospeech prepare``: a corpus as it lies on disk → a store that trains at full speed.
+
+Clip by clip: the corpus's reader → augmentation → poses and features at one rate → the papers' filters → a part on disk. When
+all are there they are put together (`cospeech.corpora.store`). Stopped half-way and started again, it makes only the parts that
+are missing, and the store has the same bytes. Parts are made by joblib's workers, on this machine or, with the backends of Dask
+and Ray, on a cluster that sees the same folder.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from itertools import count
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...errors import CospeechError, InputError, nearest
+from ...files import atomic, describe_os_error
+from ...motion.poses import find_pose
+from ...motion.skeletons.arkit import ARKIT
+from .. import CORPORA
+from ..attributes import Attributes, speaker_attributes
+from ..augment import faster, mirrored, shifted
+from ..clip import Clip, Dropped
+from ..store import Store
+from ..store_files import FORMAT
+from ..store_writer import write_store
+from .derive_speakers import Change, twin_maker
+from .filters import FILTERS
+from .pieces import Plan, audio_names, make_part, needed, read_part, split_of, wav2vec_names
+
+__all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
+
+DEFAULT_POSES = {
+    "ted": "direction-vectors", "trinity": "expmap-upper", "pats": "keypoints2d", "beat": "euler", "beat2": "rot6d-smplx",
+    "zeroeggs": "rot6d-humanoid", "faces": "face", "folder": "rot6d-humanoid",
+}  # fmt: skip
+"""Corpus → the pose representation of its papers; six numbers per joint where there is no custom."""
+
+_AHEAD = 4  # ours: clips read ahead per worker; bounds the memory
+
+
+@dataclass(frozen=True)
+class PrepareReport:
+    """What went into a store, and what did not; ``report.json`` beside the store's index."""
+
+    corpus: str
+    pose: str
+    fps: float
+    clips: int
+    """Read, without twins and augmented ones."""
+    augmented: int
+    seconds: float
+    """Of motion in the store, twins and augmented clips included."""
+    splits: dict[str, float]
+    """Seconds per split."""
+    speakers: dict[str, float]
+    """Seconds per speaker."""
+    reasons: dict[str, float]
+    """Reason → seconds that filters dropped for it."""
+    dropped: tuple[dict[str, Any], ...]
+    """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
+    twins: int
+    """Clips of twins; see `cospeech.corpora.derived_speakers`."""
+    attributes: dict[str, Attributes]
+    """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
+
+    def summary(self) -> str:
+        """One line."""
+        whole = sum("start" not in row for row in self.dropped)
+        parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
+        parts += [f"of twins: {self.twins}"] if self.twins else []
+        parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
+        parts += [f"dropped: {whole}"] if whole else []
+        parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
+        return ", ".join(parts)
+
+
+def prepare(
+    corpus: str,
+    raw: str | PathLike[str],
+    store: str | PathLike[str],
+    *,
+    pose: str | None = None,
+    fps: float | None = None,
+    filters: bool = True,
+    mirror: bool = False,
+    speeds: Sequence[float] = (),
+    pitches: Sequence[float] = (),
+    twins: Sequence[str] = (),
+    jobs: int = 1,
+    backend: str = "loky",
+    scheduler: str | None = None,
+    wav2vec: str | None = None,
+    overwrite: bool = False,
+    progress: Callable[[float, float | None], None] | None = None,
+) -> PrepareReport:
+    """Make a store of a corpus.
+
+    Args:
+        corpus: a name of `CORPORA`.
+        raw: its folder, as it unpacks.
+        store: the folder to be.
+        pose: a name of `cospeech.motion.poses.POSES`; that of the corpus's papers where not given.
+        fps: frames per second; those of the representation where not given.
+        filters: leave out what the papers do (`FILTERS`).
+        mirror: add every training clip with left and right exchanged.
+        speeds: add training clips so many times as fast, 0.5 … 2.
+        pitches: add training clips with the voice so many semitones higher (−12 … 12).
+        twins: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.TWINS` makes one of every speaker,
+            ``"cleo|leftarm"`` one of cleo. The corpus is read twice then.
+        jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
+        backend: joblib's name: loky, threading, multiprocessing, dask, ray.
+        scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
+        wav2vec: folder or name of a wav2vec 2.0, whose CNN's features are kept in the store too; needs PyTorch.
+        overwrite: replace a store that is there already.
+        progress: called with seconds of motion done, and None (how much there will be is not known).
+
+    Returns:
+        The report; it is also in ``report.json``.
+
+    Raises:
+        InputError: an unknown name, an option out of range, a folder that cannot be read or written, or nothing left.
+    """
+    if corpus not in CORPORA:
+        raise InputError(f"no corpus is called {corpus!r}", nearest(corpus, CORPORA))
+    chosen = find_pose(pose or DEFAULT_POSES[corpus])
+    rate = chosen.fps if fps is None else fps
+    if not 1 <= rate <= 240:
+        raise InputError(f"{rate} frames per second", "1 … 240")
+    if not all(0.5 <= s <= 2 for s in speeds) or not all(-12 <= p <= 12 for p in pitches):
+        raise InputError(
+            f"speeds {tuple(speeds)}, pitches {tuple(pitches)}", "speeds of 0.5 … 2, pitches of -12 … 12 semitones"
+        )
+    if jobs == 0 or jobs < -1:
+        raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
+    if scheduler is not None and backend != "dask":
+        raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
+    if wav2vec is not None:
+        wav2vec_names(wav2vec)  # so that it is told now, not once per clip
+    target = Path(store)
+    if (target / "index.json").exists() and not overwrite:
+        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
+    read = import_module(CORPORA[corpus].module).read
+    twins_for = twin_maker(twins, lambda: read(raw), mirror)
+    plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
+    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*twins]}
+    dropped: list[dict[str, Any]] = []
+    with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
+        tasks = _tasks(read(raw), twins_for, _changes(mirror, speeds, pitches), parts, dropped)
+        with _workers(jobs, backend, scheduler) as (run, together):
+            made = _make_parts(tasks, plan, run, together, progress)
+        return _assemble(target, made, plan, dropped)
+
+
+def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:
+    """The augmentations that were asked for."""
+    found: list[Change] = [mirrored] if mirror else []
+    found += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
+    return found + [lambda clip, p=pitch: shifted(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
+
+
+class _NothingLeft(InputError):
+    """Everything was read, and nothing of it can be in a store."""
+
+
+@contextmanager
+def _parts_folder(target: Path, settings: dict[str, Any]) -> Iterator[Path]:
+    """Yield the folder of the parts, empty unless it was begun with the same settings.
+
+    It stays where there is something to go on with; else it goes, and with it the folders that were made for it.
+    """
+    missing = [folder for folder in (target, *target.parents) if not folder.exists()]
+    parts, keep = _begin_parts(target, settings), False
+    try:
+        yield parts
+    except _NothingLeft:
+        raise
+    except BaseException:
+        keep = next(parts.glob("*.npz"), None) is not None
+        raise
+    finally:
+        if not keep:
+            shutil.rmtree(parts, ignore_errors=True)
+        for folder in missing:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
+
+
+def _begin_parts(target: Path, settings: dict[str, Any]) -> Path:
+    """Make the folder of the parts.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    parts = target / ".parts"
+    text = json.dumps({"format": FORMAT} | settings, sort_keys=True)
+    note = parts / "settings.json"
+    try:
+        if parts.is_dir() and not (note.is_file() and note.read_text("utf-8") == text):
+            shutil.rmtree(parts)
+        parts.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write to {str(target)!r}: {describe_os_error(error)}") from None
+    with atomic(note) as temporary:
+        temporary.write_text(text, "utf-8")
+    return parts
+
+
+class _Task(NamedTuple):
+    """A clip, the path of its part, and where it comes from: read, twin or augmented."""
+
+    clip: Clip
+    path: Path
+    origin: str
+
+
+def _tasks(
+    items: Iterator[Clip | Dropped],
+    twins_for: Callable[[Clip], list[Change]],
+    changes: list[Change],
+    parts: Path,
+    dropped: list[dict[str, Any]],
+) -> Iterator[_Task]:
+    """Every clip, its twins, and what augmentation makes of the training clips among them; drops go into the list."""
+    number, names = count(), set()
+    for item in items:
+        if isinstance(item, Dropped):
+            dropped.append({"name": item.name, "reason": item.reason})
+            continue
+        if item.name in names:
+            dropped.append({"name": item.name, "reason": "a clip of this name was read already"})
+            continue
+        names.add(item.name)
+        clip = replace(item, split=split_of(item), extra=needed(item))
+        twins = _changed(clip, twins_for(clip), "no twin", dropped)
+        for one, origin in ((clip, "read"), *((twin, "twin") for twin in twins)):
+            yield _Task(one, parts / f"{next(number):07d}.npz", origin)
+            for other in _changed(one, changes, "not augmented", dropped) if one.split == "train" else ():
+                yield _Task(other, parts / f"{next(number):07d}.npz", "augmented")
+
+
+def _changed(clip: Clip, changes: list[Change], failed: str, dropped: list[dict[str, Any]]) -> Iterator[Clip]:
+    """What each change makes of a clip; what fails goes into the list."""
+    for change in changes:
+        try:
+            yield change(clip)
+        except CospeechError as error:
+            dropped.append({"name": clip.name, "reason": f"{failed}: {error}"})
+
+
+def _make_parts(
+    tasks: Iterator[_Task],
+    plan: Plan,
+    run: Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]],
+    together: int,
+    progress: Callable[[float, float | None], None] | None,
+) -> list[tuple[Path, dict[str, Any], str]]:
+    """Make the parts, some clips at a time: the reader runs here, joblib's workers encode."""
+    made: list[tuple[Path, dict[str, Any], str]] = []
+    done, more = 0.0, True
+    while more:
+        batch: list[_Task] = []
+        while len(batch) < together and (task := next(tasks, None)) is not None:
+            batch.append(task)
+        more = len(batch) == together
+        results = run([(task.clip, plan, task.path) for task in batch])
+        made += [(task.path, meta, task.origin) for task, meta in zip(batch, results, strict=True)]
+        done += sum(meta["frames"] for meta in results) / plan.fps
+        if progress is not None:
+            progress(done, None)
+    return made
+
+
+@contextmanager
+def _workers(
+    jobs: int, backend: str, scheduler: str | None
+) -> Iterator[tuple[Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]], int]]:
+    """Yield a function that makes parts in parallel, and how many clips it is best given at once."""
+    if jobs == 1 and backend == "loky":
+        yield lambda tasks: [make_part(*task) for task in tasks], 1
+        return
+    try:
+        from joblib import Parallel, delayed, effective_n_jobs, parallel_config
+    except ImportError:
+        raise InputError("several jobs need joblib", "pip install 'cospeech[corpora]'") from None
+    client = None
+    try:
+        client = _connect(backend, scheduler)
+        with parallel_config(backend, n_jobs=jobs), Parallel() as parallel:
+            together = _AHEAD * max(1, effective_n_jobs(jobs))
+            yield lambda tasks: list(parallel(delayed(make_part)(*task) for task in tasks)), together
+    except ValueError as error:  # joblib's words for an unknown backend, or a Dask that has no client
+        if isinstance(error, CospeechError):
+            raise
+        raise InputError(f"the backend {backend!r} cannot be used: {error}"[:240].replace("\n", " ")) from None
+    finally:
+        if client is not None:
+            client.close()
+
+
+def _connect(backend: str, scheduler: str | None) -> Any:
+    """The client of a Dask cluster that was named; Ray's backend made known."""
+    try:
+        if backend == "ray":
+            from ray.util.joblib import register_ray
+
+            register_ray()
+        if backend == "dask":
+            from distributed import Client
+
+            return Client(scheduler, timeout="20s") if scheduler else None
+    except ImportError:
+        hint = "pip install distributed" if backend == "dask" else "pip install 'ray[default]'"
+        raise InputError(f"the backend {backend!r} is not installed", hint) from None
+    except OSError as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler!r}: {error}"[:200], "such as tcp://head:8786") from None
+    return None
+
+
+def _assemble(
+    target: Path, made: list[tuple[Path, dict[str, Any], str]], plan: Plan, dropped: list[dict[str, Any]]
+) -> PrepareReport:
+    """Put the parts together and write the report."""
+    pieces = []
+    reasons: dict[str, float] = {}
+    for path, meta, _ in made:
+        pieces += read_part(path, meta, plan.fps)
+        if meta["why"] is not None:
+            dropped.append({"name": meta["name"], "reason": meta["why"]})
+        for first, end, reason in meta["losses"]:
+            seconds = (end - first) / plan.fps
+            reasons[reason] = reasons.get(reason, 0.0) + seconds
+            dropped.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
+    if not pieces:
+        first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
+        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
+    names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
+    if plan.wav2vec is not None:
+        names["wav2vec"] = wav2vec_names(plan.wav2vec)
+    write_store(target, pieces, corpus=plan.corpus, pose=plan.pose, fps=plan.fps, names=names)
+    splits: dict[str, float] = {}
+    speakers: dict[str, float] = {}
+    for piece in pieces:
+        seconds = piece.entry.frames / plan.fps
+        splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
+        speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
+    origins = Counter(origin for *_, origin in made)
+    report = PrepareReport(
+        plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
+        reasons, tuple(dropped), origins["twin"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
+    )  # fmt: skip
+    with atomic(target / "report.json") as temporary:
+        temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")
+    return report

@@ -1,0 +1,46 @@
+"""Which twins each clip of a corpus is to have, and the mean poses that they need: a first pass over the corpus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+from ...errors import InputError, nearest
+from ..clip import Clip, Dropped
+from ..derived_speakers import TWINS, MeanPose, mean_poses, twin_of
+from .pieces import split_of
+
+__all__ = ["Change", "twin_maker"]
+
+Change = Callable[[Clip], Clip]
+
+
+def twin_maker(
+    twins: Sequence[str], read: Callable[[], Iterator[Clip | Dropped]], mirror: bool
+) -> Callable[[Clip], list[Change]]:
+    """From a clip to the makers of its twins.
+
+    Args:
+        twins: names of `TWINS`, of every speaker, or ``"speaker|name"``; none, and nothing is read.
+        read: begins to read the corpus.
+        mirror: whether training clips are mirrored as well: their speakers are called as twins would be.
+
+    Raises:
+        InputError: no such twin or speaker, or both kinds of mirror.
+    """
+    wanted = [(speaker, name) for speaker, _, name in (twin.rpartition("|") for twin in dict.fromkeys(twins))]
+    for _, name in wanted:
+        if name not in TWINS:
+            raise InputError(f"no twin is called {name!r}", nearest(name, TWINS))
+    if mirror and any(name == "mirror" for _, name in wanted):
+        raise InputError("mirror as twin and as augmentation: the same speakers twice", "choose one of them")
+    means = mean_poses((clip, split_of(clip) == "train") for clip in read() if isinstance(clip, Clip)) if wanted else {}
+    for speaker, _ in wanted:
+        if speaker and speaker not in means:
+            raise InputError(f"no speaker of the corpus is called {speaker!r}", nearest(speaker, means))
+
+    def makers(clip: Clip) -> list[Change]:
+        names = dict.fromkeys(name for speaker, name in wanted if speaker in ("", clip.speaker))
+        return [partial(twin_of, twin=name, mean=means.get(clip.speaker, MeanPose({}))) for name in names]
+
+    return makers

@@ -1,0 +1,321 @@
+"""``cospeech synthesise``: a synthetic corpus in the raw layout of TED, Trinity, PATS or BEAT.
+
+The rule-based gesturer performs real and synthesised speech as several speakers in eight emotions, which in BEAT's layout the
+voices act as well (`acting`). What comes out looks, to every tool that reads the real data set, like that data set; it is there
+to test, to teach and to practise with. It is **synthetic**: a network trained on it learns our rules, not people.
+"""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ...audio.speech import Speech, example
+from ...errors import CospeechWarning, InputError, nearest
+from ...files import describe_os_error, workplace
+from ...motion.motion import Motion
+from ...rules import EMOTIONS, Gesture, RuleGesturer, Style
+from .. import CORPORA
+from ..clip import Clip, Semantic
+from .acting import Actor, act
+from .speakers import Speaker, cast
+from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say
+
+__all__ = ["LAYOUTS", "Layout", "SynthesisReport", "perform", "synthesise"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What suits a raw layout.
+
+    Args:
+        fps: at which motion is made.
+        take: seconds of a take, at most.
+        speakers: how many where the caller does not say.
+        neutral: how many takes are neutral for one of each other emotion.
+        full: whether an emotion of a speaker and split can run out of places.
+        acted: whether speakers have voices of their own, which act the emotion.
+    """
+
+    fps: float
+    take: float
+    speakers: int = 8
+    neutral: int = 7
+    full: bool = False
+    acted: bool = False
+
+
+LAYOUTS: dict[str, Layout] = {
+    "ted": Layout(25.0, 12.0),
+    "trinity": Layout(60.0, 60.0, speakers=1),
+    "pats": Layout(15.0, 15.0),
+    "beat": Layout(120.0, 30.0, neutral=2, full=True, acted=True),
+}
+"""Layout → frame rate of the real data, and a length of takes as they are there; Trinity has one speaker.
+
+Half of the takes are neutral. BEAT's layout is where emotions can be learnt: two neutral takes for one of each other emotion,
+half as long as there, so that a speaker has several of each within half an hour.
+"""
+
+_TAKES = 3  # ours: fewest takes of each speaker, one for each split
+_SHORTEST_TAKE = 5.0  # seconds; ours
+_SHORTEST_STRETCH = 0.05  # seconds; ours: less than two frames of video is nothing to annotate
+_MOST_HELD = 2 * 3600.0  # seconds of speech in memory, each of recorded and synthesised; ours: 460 MB
+_TAKES_PER_SPEECH = 4  # ours: how often a synthesised speech is performed
+_PLACES = {"train": 4, "validation": 1, "test": 1}  # of an emotion per speaker in BEAT's plan of recordings
+_NEUTRAL = {"train": 48, "validation": 8, "test": 8}
+
+
+@dataclass(frozen=True)
+class SynthesisReport:
+    """What was made."""
+
+    layout: str
+    takes: int
+    seconds: float
+    speakers: dict[str, str]
+    """Name → how they gesture."""
+    emotions: dict[str, int]
+    """Emotion → takes."""
+    speeches: int
+    """Different speeches that were performed; the rest are further takes of them."""
+
+    def summary(self) -> str:
+        """One line."""
+        return (
+            f"{self.seconds / 60:.1f} min; takes: {self.takes}, speeches: {self.speeches}, speakers: {len(self.speakers)}, "
+            f"emotions: {len(self.emotions)}; layout of {self.layout}, synthetic"
+        )
+
+
+def synthesise(
+    raw: str | PathLike[str],
+    layout: str = "beat",
+    *,
+    speech: str | PathLike[str] | None = None,
+    hours: float = 0.5,
+    speakers: int | None = None,
+    seed: int = 0,
+    tts: bool = True,
+    act: bool = True,
+    progress: Callable[[float, float | None], None] | None = None,
+) -> SynthesisReport:
+    """Make a synthetic corpus.
+
+    Args:
+        raw: the folder to be; it appears when everything is in it.
+        layout: a name of `LAYOUTS`.
+        speech: a folder of recordings, words beside them; alternates with synthesised speech. Without it, and without an
+            engine that speaks, the example speech that comes with the program is performed again and again.
+        hours: of motion, roughly (takes are not cut).
+        speakers: how many; those of `LAYOUTS` where not given.
+        seed: another seed, another corpus; the same one on the same machine, the same bytes.
+        tts: whether espeak-ng and flite speak, as far as they are installed.
+        act: whether voices act the emotions, in layouts that say which there is (BEAT's).
+        progress: called with seconds done and seconds in all.
+
+    Returns:
+        What was made.
+
+    Raises:
+        InputError: an unknown layout, an option out of range, no speech, or a folder that is not empty.
+        InternalError: a speech engine failed.
+    """
+    if layout not in LAYOUTS:
+        raise InputError(f"no layout is called {layout!r}", nearest(layout, LAYOUTS))
+    if not 0 < hours <= 1000:
+        raise InputError(f"{hours} hours", "more than 0, at most 1000")
+    target, chosen = Path(raw), LAYOUTS[layout]
+    people = cast(chosen.speakers if speakers is None else speakers, seed)
+    take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
+    engines = installed_voices(seed) if tts else []
+    real = _up_to(pieces_of(_spoken(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
+    if not real and not engines:
+        raise InputError("there is nothing to say", "name a folder of speech, or install espeak-ng or flite")
+    made = _Tally()
+    pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
+    clips = _clips(replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, seed, made, progress)
+    write = import_module(CORPORA[layout].module).write
+    try:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise InputError(f"{str(target)!r} is not empty", "name a new folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with workplace(target.parent) as place:
+            write(clips, place / "raw")
+            if target.exists():
+                target.rmdir()
+            shutil.move(str(place / "raw"), str(target))
+    except OSError as error:
+        raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}") from None
+    styles = {person.name: person.style.what for person in people}
+    return SynthesisReport(layout, made.takes, made.seconds, styles, dict(made.emotions), len(made.speeches))
+
+
+def _spoken(speech: str | PathLike[str] | None, alone: bool) -> Iterator[Speech]:
+    """The recordings to perform; where there are none, and nothing else can speak, the one that comes with the program."""
+    if speech is not None:
+        yield from recordings(speech)
+    elif alone:
+        sound, words = example()
+        note = "neither espeak-ng nor flite is installed, and no --speech is named: everybody performs the example speech"
+        warnings.warn(note, CospeechWarning, stacklevel=3)
+        yield Speech.load(sound, transcript=words)
+
+
+def _up_to(speeches: Iterator[Speech], seconds: float) -> list[Speech]:
+    """The first speeches of so many seconds."""
+    found: list[Speech] = []
+    held = 0.0
+    while held < seconds and (speech := next(speeches, None)) is not None:
+        found.append(speech)
+        held += float(speech.duration)
+    return found
+
+
+@dataclass
+class _Tally:
+    takes: int = 0
+    seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.emotions: Counter[str] = Counter()
+        self.speeches: set[tuple[int, int]] = set()
+
+
+class _Pool:
+    """Speeches by number: even numbers are recordings, odd ones synthesised, as far as there are both."""
+
+    def __init__(self, real: list[Speech], engines: list[Voice], seconds: float, synthetic: int, seed: int) -> None:
+        self._real, self._engines, self._seconds, self._seed = real, engines, seconds, seed
+        self._made: dict[int, Speech] = {}
+        self._synthetic = synthetic if engines else 0
+
+    def __getitem__(self, number: int) -> tuple[int, Speech]:
+        """The speech of that number, counted round, and which one it is."""
+        if self._real and (not self._synthetic or number % 2 == 0):
+            which = (number // 2 if self._synthetic else number) % len(self._real)
+            return which, self._real[which]
+        which = (number // 2 if self._real else number) % self._synthetic
+        if which not in self._made:
+            voice = self._engines[which % len(self._engines)]
+            self._made[which] = say(voice, 0.85 * self._seconds, self._seed * 1_000_003 + which)
+        return -1 - which, self._made[which]
+
+
+def _pools(
+    layout: Layout, people: int, real: list[Speech], engines: list[Voice], take: float, seconds: float, seed: int
+) -> list[_Pool]:
+    """What each speaker says: all the same, or each in voices and by readers of its own, as far as they suffice."""
+    count = min(seconds / _TAKES_PER_SPEECH, _MOST_HELD) / take
+    if not layout.acted:
+        return [_Pool(real, engines, take, max(2, int(count)), seed)] * people
+    readers: dict[str, list[Speech]] = {}
+    for speech in real:
+        readers.setdefault(reader_of(speech), []).append(speech)
+    everybody = list(readers.values())
+    pools = []
+    for who in range(people):
+        own = [speech for reader in everybody[who::people] for speech in reader]
+        voices = engines[who::people]
+        if not own and not voices:
+            own, voices = (everybody[who % len(everybody)], []) if everybody else ([], [engines[who % len(engines)]])
+        pools.append(_Pool(own, voices, take, max(2, int(count / people)), _take_seed(seed, who)))
+    return pools
+
+
+def _clips(
+    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pool], seconds: float, seed: int, made: _Tally,
+    progress: Callable[[float, float | None], None] | None,
+) -> Iterator[Clip]:  # fmt: skip
+    """Takes, speaker by speaker, each until the speaker's share is full."""
+    places: Counter[tuple[int, str, str]] = Counter()
+    for who, person in enumerate(people):
+        actor = Actor(seed, who)
+        emotions = _emotions(chosen.neutral, seed, who)
+        done, k = 0.0, 0
+        while done < seconds / len(people):
+            which, speech = pools[who][k + 3 * who]  # 3: ours, speakers begin at different speeches and meet at some
+            emotion = next(emotions)
+            split = {1: "test", 2: "validation"}.get(k % 10, "train")
+            if chosen.full:
+                emotion, split = _place(places, who, emotion, split)
+            own = _take_seed(seed, who, k)
+            if chosen.acted:
+                speech = act(speech, actor.acting(emotion, own), own)
+            clip = perform(speech, person.style, emotion=emotion, seed=own, fps=chosen.fps)
+            yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
+            done, k = done + clip.duration, k + 1
+            made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration
+            made.emotions[emotion] += 1
+            made.speeches.add((id(pools[who]), which))
+            if progress is not None:
+                progress(made.seconds, seconds)
+
+
+def _emotions(neutral: int, seed: int, who: int) -> Iterator[str]:
+    """Emotions without end: shuffled rounds of one each and so many neutral, so that nothing else goes with them."""
+    rng = np.random.default_rng([seed, who, 14])
+    cards = [*EMOTIONS[1:], *["neutral"] * neutral]
+    while True:
+        yield from (cards[k] for k in rng.permutation(len(cards)))
+
+
+def _take_seed(*parts: int) -> int:
+    """A seed of a take, from the corpus's seed, the speaker's number and the take's."""
+    return int(np.random.SeedSequence(parts).generate_state(1)[0])
+
+
+def _place(places: Counter[tuple[int, str, str]], who: int, emotion: str, split: str) -> tuple[str, str]:
+    """An emotion and a split that still have a place in BEAT's plan, as near to the wanted ones as there are."""
+    for feeling, part in ((emotion, split), (emotion, "train"), ("neutral", split), ("neutral", "train")):
+        if places[who, feeling, part] < (_NEUTRAL if feeling == "neutral" else _PLACES)[part]:
+            places[who, feeling, part] += 1
+            return feeling, part
+    raise InputError("BEAT's plan has no place for more takes of one speaker", "ask for fewer hours or more speakers")
+
+
+def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float) -> Clip:
+    """One take: a humanoid clip with motion, face, words and the semantic scores of the gestures that were planned."""
+    session = RuleGesturer().session(style=style, emotion=emotion, seed=seed, fps=fps)
+    pieces, planned = list[Motion](), dict[Gesture, None]()
+    for chunk in speech.chunks(2.0):
+        pieces += session.push(chunk)
+        planned |= dict.fromkeys(session.gestures)  # of hours, a session remembers the last minutes only
+    pieces += session.finish()
+    motion = Motion.concatenate(pieces)
+    return Clip(
+        "take",
+        "speaker",
+        "synthetic",
+        speech,
+        motion,
+        face=motion.face,
+        face_fps=fps,
+        emotion=emotion,
+        semantics=_semantics([*planned, *(g for g in session.gestures if g not in planned)], float(speech.duration)),
+    )
+
+
+def _semantics(gestures: list[Gesture], end: float) -> tuple[Semantic, ...]:
+    """One stretch after the other; where both hands do different things at once, the more meaningful one counts."""
+    found: list[Semantic] = []
+    for gesture in sorted(gestures, key=lambda g: (g.start, -g.score)):
+        stretch = Semantic(max(gesture.start, 0.0), min(gesture.end, end), round(float(gesture.score), 1), "", gesture.word)
+        if found and stretch.start < found[-1].end:
+            if stretch.score > found[-1].score:
+                found[-1] = replace(found[-1], end=stretch.start)
+            else:
+                stretch = replace(stretch, start=found[-1].end)
+        if found and found[-1].end - found[-1].start < _SHORTEST_STRETCH:
+            found.pop()
+        if stretch.end - stretch.start >= _SHORTEST_STRETCH:
+            found.append(stretch)
+    return tuple(found)

@@ -1,0 +1,50 @@
+"""Who speaks in a synthetic corpus: the gesturer's styles, and mixtures of them once these are used up."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...rules import STYLES, Style
+from ...rules.styles import mix_styles
+
+__all__ = ["MOST", "Speaker", "cast"]
+
+MOST = 100  # ours: mixtures beyond that are hard to tell apart
+_ORDER = ("lively", "calm", "lecturer", "southpaw", "orator", "reserved", "seated", "storyteller", "restless", "natural")
+"""Ours: neighbours differ most, so that a cast of two or four is as varied as one of eight."""
+_NAMES = (
+    "ada", "ben", "cleo", "dan", "elif", "femi", "gita", "hugo", "ines", "jun", "kofi", "lena", "mila", "noor", "omar", "pia",
+    "quinn", "rosa", "sven", "tara", "uma", "vito", "wen", "xenia", "yuri", "zoe",
+)  # fmt: skip
+
+
+class Speaker(NamedTuple):
+    """A name and how it gestures."""
+
+    name: str
+    style: Style
+
+
+def cast(count: int, seed: int) -> list[Speaker]:
+    """So many speakers: first the styles as they are, then mixtures of three; the same seed, the same cast.
+
+    Raises:
+        InputError: none, or more than `MOST`.
+    """
+    if not 1 <= count <= MOST:
+        raise InputError(f"{count} speakers", f"1 … {MOST}")
+    rng = np.random.default_rng([seed, 8])
+    names = [*(name for name in _ORDER if name in STYLES), *(name for name in STYLES if name not in _ORDER)]
+    speakers = []
+    for k in range(count):
+        if k < len(names):
+            style = STYLES[names[k]]
+        else:
+            parts = rng.choice(len(names), 3, replace=False)
+            weights = rng.dirichlet([0.6] * 3)  # 0.6: ours, one part usually leads
+            style = mix_styles({names[p]: float(w) for p, w in zip(parts, weights, strict=True)})
+        speakers.append(Speaker(_NAMES[k] if k < len(_NAMES) else f"{_NAMES[k % len(_NAMES)]}{k // len(_NAMES) + 1}", style))
+    return speakers

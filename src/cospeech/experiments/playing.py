@@ -1,0 +1,197 @@
+"""Playing: trained networks driven in batches of windows, frame by frame or whole windows at once: arrays in, arrays out.
+
+For tables and figures, where hundreds of windows are wanted at once; what generates for users is `cospeech.runtime`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..models.chain_of_generation import Chain
+from ..models.nn.windowed import Windowed
+from ..motion.rotations import Array
+
+__all__ = ["codes", "context_of", "perform", "play", "play_given", "recognise", "styles_of", "threads"]
+
+BATCH = 512  # windows at a time; ours
+LABELS = ("face", "emotion", "speaker")
+"""What a Chain of Generation makes of the speech itself unless it is given."""
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """PyTorch with so many threads on the CPU; 0: as many as it likes."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def context_of(net: nn.Module) -> tuple[int, int]:
+    """(τ, l): poses before a frame, and frames of speech after it, that a network wants.
+
+    Raises:
+        InputError: it is no network that makes poses frame by frame.
+    """
+    config: Any = getattr(net, "config", None)
+    try:
+        return int(config.history), int(config.look_ahead)
+    except AttributeError:
+        raise InputError(f"{type(net).__name__} is not played frame by frame", "a flow is") from None
+
+
+def _tensor(x: Array, device: torch.device) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(x, np.float32)).to(device)
+
+
+def _numbers(x: Array, device: torch.device) -> Tensor:
+    """As `_tensor`; whole numbers as int64."""
+    return _tensor(x, device) if x.dtype.kind == "f" else torch.from_numpy(np.ascontiguousarray(x, np.int64)).to(device)
+
+
+def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
+    """Poses that follow given ones, from latents drawn at random.
+
+    Args:
+        net: with ``sample`` and ``flow.latent``, such as `cospeech.models.stylised_flow.StylisedFlow`.
+        history: (B, τ, D), standardised.
+        audio: (B, τ + F + l, A), standardised.
+        seed: of the latents; the same seed gives the same poses, whatever the size of the batches.
+
+    Returns:
+        (B, F, D) float32, standardised.
+
+    Raises:
+        InputError: no frame is left to make, or what comes out is not finite.
+    """
+    tau, ahead = context_of(net)
+    frames = audio.shape[1] - tau - ahead
+    if frames < 1 or history.shape[1] != tau:
+        raise InputError(
+            f"{history.shape[1]} poses and {audio.shape[1]} frames of speech", f"{tau} and more than {tau + ahead}"
+        )
+    device = next(net.parameters()).device
+    generator = torch.Generator().manual_seed(seed)
+    latents = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)
+    parts = [slice(k, k + BATCH) for k in range(0, len(history), BATCH)]
+    with torch.no_grad():
+        made = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
+    poses = torch.cat(made).cpu().numpy()
+    if not np.isfinite(poses).all():
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return poses
+
+
+def codes(net: Any, pose: Array, audio: Array) -> Array:
+    """(B, F, D) latents of poses under their own conditions.
+
+    Args:
+        net: with ``latents``.
+        pose: (B, τ + F + l, D), standardised.
+        audio: (B, τ + F + l, A), standardised.
+
+    Raises:
+        InputError: the latents are not finite.
+    """
+    device = next(net.parameters()).device
+    parts = [slice(k, k + BATCH) for k in range(0, len(pose), BATCH)]
+    with torch.no_grad():
+        found = torch.cat([net.latents(_tensor(pose[p], device), _tensor(audio[p], device)).cpu() for p in parts]).numpy()
+    if not np.isfinite(found).all():
+        raise InputError(f"{type(net).__name__} has latents that are not finite", "train it longer, or at a lower rate")
+    return found
+
+
+# whole windows at once ----------------------------------------------------------------------------------------------------
+
+
+def _windowed(net: nn.Module) -> Windowed:
+    if not isinstance(net, Windowed):
+        raise InputError(f"{type(net).__name__} is not played by windows", "Mix-StAGE and what it is compared with is")
+    return net
+
+
+def play(net: nn.Module, audio: Array, style: Array) -> Array:
+    """Poses for windows of speech.
+
+    Args:
+        net: a `cospeech.models.nn.windowed.Windowed`.
+        audio: (B, T, A), standardised.
+        style: (styles,) of all of them, or (B, styles).
+
+    Returns:
+        (B, T, D) float32, standardised.
+
+    Raises:
+        InputError: another network, or what comes out is not finite.
+    """
+    net = _windowed(net)
+    device = next(net.parameters()).device
+    styles = np.array(np.broadcast_to(style, (len(audio), style.shape[-1])))[:, None]
+    parts = [slice(k, k + BATCH) for k in range(0, len(audio), BATCH)]
+    with torch.no_grad():
+        made = [net.generate(_tensor(audio[p], device), _tensor(styles[p], device)).cpu() for p in parts]
+    poses = torch.cat(made).numpy()
+    if not np.isfinite(poses).all():
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return poses
+
+
+def play_given(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = ()) -> dict[str, Array]:
+    """Windows of all inputs that there are, but for what is lacking.
+
+    Args:
+        net: with ``play``: a Chain of Generation, which then makes it of the speech, or a network of many inputs.
+        arrays: of a batch: poses and audio standardised, numbers as int64, ``speaker`` (B,).
+        lacks: of text, face, emotion, speaker and seed.
+
+    Returns:
+        ``pose`` (B, T, D), standardised, and, where it makes one, ``face`` (B, T, 52).
+
+    Raises:
+        InputError: another network, or what comes out is not finite.
+    """
+    asked: Any = getattr(net, "play", None)
+    if asked is None:
+        raise InputError(f"{type(net).__name__} is not played with many inputs", "Chain of Generation, CaMN, multi-context are")
+    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, Chain) else {}
+    device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
+    for k in range(0, count, BATCH):
+        some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}
+        parts.append({name: made.cpu().numpy() for name, made in asked(some, lacks, **told).items()})
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not all(np.isfinite(made).all() for made in found.values()):
+        raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
+    return found
+
+
+def styles_of(net: nn.Module, stretches: Array) -> Array:
+    """(S, n, T, D) standardised poses of the speakers → (S, styles), what `play` takes for each.
+
+    Raises:
+        InputError: another network.
+    """
+    net = _windowed(net)
+    with torch.no_grad():
+        return net.speaker_styles(_tensor(stretches, next(net.parameters()).device)).cpu().numpy()
+
+
+def recognise(net: Any, poses: Array) -> Array:
+    """(B, T, D) standardised poses → (B, S) how probably they are each speaker's.
+
+    Args:
+        net: with ``probabilities``, such as `cospeech.models.speaker_classifier.SpeakerClassifier`.
+        poses: T ≥ 64.
+    """
+    device = next(net.parameters()).device
+    parts = [poses[k : k + BATCH] for k in range(0, len(poses), BATCH)]
+    return np.concatenate([net.probabilities(_tensor(part, device)).cpu().double().numpy() for part in parts])

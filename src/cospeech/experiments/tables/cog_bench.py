@@ -1,0 +1,175 @@
+"""Where rows of Chain of Generation's tables are judged: clips that were made window by window, beside the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...metrics import Tools
+from ...motion.rotations import Array
+from ..figures.lines import Lines, Series, draw_lines
+from .cog_windows import GIVEN, CogWindows
+from .controls import faults_of
+from .designs import Cells, Design, Part, Pictures, Row
+from .figures import draw_poses, shown_of
+from .scores import judge, kept
+from .stages import Player, Stages
+
+__all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "made_by"]
+
+COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
+"""Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
+
+
+def made_by(player: Player, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+    """Poses of every clip, and faces where the system makes them and was given none, in the units of the store.
+
+    A network of speech alone hears each clip as a whole, in its speaker's style.
+    """
+    from ..playing import play, play_given
+
+    if not hasattr(player.net, "play"):
+        found = []
+        for k, entry in enumerate(place.entries):
+            made = play(player.net, player.audio(place.audio_of(k)[None]), player.style(entry.speaker))
+            found.append(player.unpose(made)[0])
+        return found, None
+    windows = play_given(player.net, place.arrays(player), lacks)
+    own = "face" in windows and "face" in lacks and "face" in place.store.arrays  # else the recorded one is handed back
+    faces = place.joined(windows["face"], "face") if own else None
+    return place.joined(player.unpose(windows["pose"]), "pose"), faces
+
+
+class Chains:
+    """Tables 1, 2 and 4."""
+
+    def __init__(self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None) -> None:
+        self.design, self.part, self.stages = design, part, stages
+        self.place = CogWindows(stages.folder, raw)
+        self.columns = tuple(name for name in design.columns if name not in COSTS)
+
+    @cached_property
+    def tools(self) -> Tools:
+        """The feature network, trained where it is not there."""
+        return Tools(features=self.stages.features())
+
+    @property
+    def features(self) -> str:
+        """Name of the network of FGD."""
+        assert self.tools.features is not None
+        return self.tools.features.name
+
+    @property
+    def windows(self) -> str:
+        """How many, of how many clips."""
+        return f"{len(self.place)} test windows of 34 frames, 4 of them given, joined to {len(self.place.entries)} clips"
+
+    def _kept(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = ("cog", self.stages.mark, self.columns, self.features, self.place.raw is not None)
+        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+
+    def _player(self, row: Row, seed: int) -> Player:
+        assert row.recipe is not None
+        return self.stages.player(row.recipe, seed, row.overrides)
+
+    def _made(self, player: Player, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+        from ..playing import threads
+
+        with threads(self.stages.threads):
+            return made_by(player, self.place, lacks)
+
+    def _cells(self, player: Player, lacks: Sequence[str]) -> Cells:
+        def work() -> Cells:
+            samples = self.place.samples(*self._made(player, lacks))
+            return judge(self.columns, samples, samples, self.place, self.tools)
+
+        found: Cells = self._kept([player.print, *sorted(lacks)], work)
+        return found
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Of one network, played without what the row lacks."""
+        player = self._player(row, seed)
+        config, train = player.facts["config"], player.facts["recipe"]["train"]
+        size = next(f"{config[name]} {name}" for name in ("hidden", "channels") if name in config)
+        facts = f"{train['steps']} steps of {train['batch']} windows, {size}, {player.parameters:,} parameters"
+        return self._cells(player, row.lacks), facts
+
+    def controls(self) -> dict[str, Cells]:
+        """As in all tables."""
+
+        def work() -> dict[str, Cells]:
+            rows = self.place.controls()
+            return {name: judge(self.columns, samples, samples, self.place, self.tools) for name, samples in rows.items()}
+
+        found: dict[str, Cells] = self._kept(["controls"], work)
+        return found
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """Of all columns that are metrics."""
+        return faults_of(controls, self.columns)
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """Poses above speech, as figure 3."""
+        entry, frames = shown_of(self.place.entries, self.place.store.fps, GIVEN, 0)
+        k, made = self.place.entries.index(entry), {}
+        for row in self.part.rows:
+            if table["rows"][row.name].get("cells"):
+                poses, _ = self._made(self._player(row, table["seeds"][0]), row.lacks)
+                made[_plain(row.name)] = poses[k][GIVEN : GIVEN + frames]
+        return draw_poses(made, self.place, entry, GIVEN)
+
+
+def _plain(text: str) -> str:
+    """With a minus that the letters of pictures have."""
+    return text.replace("−", "-")
+
+
+def cost_cells(cells: Cells, whole: Cells) -> Cells:
+    """`COSTS` of a row, of its cells and of those of the same network with all inputs."""
+    found: Cells = {}
+    for name, (metric, sign) in COSTS.items():
+        lacking = next((side[metric] for side in (cells, whole) if "value" not in side[metric]), None)
+        if lacking is not None:
+            found[name] = lacking
+        else:
+            value = sign * (cells[metric]["value"] - whole[metric]["value"])
+            found[name] = {"value": value, "interval": None, "note": ""}
+    return found
+
+
+class Lacking(Chains):
+    """Figure 1: one network with all of its inputs, and without some."""
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Its scores, and by how much they are worse than with all inputs."""
+        cells, facts = super().row(row, seed)
+        return cells | cost_cells(cells, self._cells(self._player(row, seed), ())), facts
+
+    def controls(self) -> dict[str, Cells]:
+        """Recordings lack nothing."""
+        why = {name: {"why": "a control row has no inputs"} for name in COSTS}
+        return {name: cells | why for name, cells in super().controls().items()}
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """FGD and SRGR against what is lacking, a line for each system, as figure 1."""
+        systems: dict[str, list[str]] = {}
+        for name, row in table["rows"].items():
+            if row.get("cells"):
+                systems.setdefault(name.partition(": ")[0], []).append(name)
+        panels = []
+        for metric, title in (("fgd", "FGD, lower is better"), ("srgr_beat", "SRGR, higher is better")):
+            series = []
+            for system, names in systems.items():
+                cells = [table["rows"][name]["cells"][metric] for name in names]
+                known = [
+                    (_plain(name.partition(": ")[2]), cell) for name, cell in zip(names, cells, strict=True) if "mean" in cell
+                ]
+                halves = np.array([cell["half"] or 0.0 for _, cell in known])
+                series.append(Series(system, [name for name, _ in known], np.array([c["mean"] for _, c in known]), halves))
+            panels.append(Lines(title, series))
+        return draw_lines(panels)

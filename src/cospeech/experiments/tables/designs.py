@@ -1,0 +1,132 @@
+"""What a table of a paper consists of: rows with published figures, claims, and the bench on which rows are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...corpora.store import Store
+
+if TYPE_CHECKING:
+    from .stages import Stages
+
+__all__ = ["Bench", "Cells", "Claim", "Design", "Part", "Pictures", "Row"]
+
+Pictures = NDArray[np.uint8]
+Cells = dict[str, dict[str, Any]]
+"""Metric → ``value``, ``interval`` over windows and ``note``, or ``why`` there is none."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row.
+
+    Args:
+        name: of the system, as the paper has it.
+        recipe: file of ``recipes/`` without its suffix; None: not built yet, the row has published figures alone.
+        published: metric → the paper's figure.
+        overrides: ``"model.modes=4"``, what is changed in the recipe.
+        runs: speakers of each run that the row is made of; ``((),)``: one run of all.
+        judged: speakers whose mean the figures are; (): all of its runs.
+        lacks: inputs that it is played without.
+    """
+
+    name: str
+    recipe: str | None = None
+    published: Mapping[str, float] = field(default_factory=dict)
+    overrides: tuple[str, ...] = ()
+    runs: tuple[tuple[str, ...], ...] = ((),)
+    judged: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it.
+
+    With ``alike`` the claim is that there is next to no difference.
+    """
+
+    metric: str
+    better: str
+    worse: str
+    higher: bool
+    source: str
+    alike: bool = False
+
+
+@dataclass(frozen=True)
+class Part:
+    """A table on one corpus; without ``published`` figures in its rows where the paper has not run it there.
+
+    Args:
+        corpus: of the store.
+        rows, claims: of the table.
+        note: below it.
+        speakers: that the store must have; the first part of a design whose speakers it has is what is made.
+    """
+
+    corpus: str
+    rows: tuple[Row, ...]
+    claims: tuple[Claim, ...] = ()
+    note: str = ""
+    speakers: tuple[str, ...] = ()
+
+    def fits(self, store: Store) -> bool:
+        """Whether it can be made on a store."""
+        return store.corpus == self.corpus and {*self.speakers} <= {*store.speakers}
+
+
+class Bench(Protocol):
+    """How rows are judged and drawn, on one store."""
+
+    @property
+    def windows(self) -> str:
+        """Of what figures are, in words."""
+        ...
+
+    @property
+    def features(self) -> str:
+        """With which network or measure, in words; "": none."""
+        ...
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Scores of a row with one seed, and with what it was trained."""
+        ...
+
+    def controls(self) -> dict[str, Cells]:
+        """Scores of the control rows."""
+        ...
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """What each metric puts in the wrong order among them."""
+        ...
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """The figure of a table that was made."""
+        ...
+
+
+@dataclass(frozen=True)
+class Design:
+    """A table of a paper.
+
+    Args:
+        name: after ``--table``.
+        title: what it is.
+        columns: metric → head of its column.
+        parts: what it is on each corpus, or set of speakers.
+        bench: (design, part, stages, raw corpus or None) → where it is judged.
+        shown: what its figure shows.
+    """
+
+    name: str
+    title: str
+    columns: Mapping[str, str]
+    parts: tuple[Part, ...]
+    bench: Callable[[Design, Part, Stages, Any], Bench]
+    shown: str

@@ -1,0 +1,149 @@
+"""Figures of a table: poses of all systems above their speech (figure 5 of the paper), latents in the plane (figure 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from os import PathLike
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...audio.speech import Word
+from ...corpora.store import Entry, Store
+from ...errors import InputError
+from ...export.render.strip import Sound
+from ...files import atomic
+from ...metrics.evaluation import stored_clips
+from ...motion.motion import Motion
+from ...motion.rotations import Array
+from ...motion.skeletons.ted import JOINTS, PARENTS
+from ..figures.scatter import Panel, draw_map
+from ..figures.sticks import Sticks, draw_sticks
+from .excerpts import Excerpts
+from .scores import controls_of_latents, latents
+from .stages import Player
+from .tsne import tsne
+
+__all__ = ["draw_latents", "draw_poses", "shown_of", "write_picture"]
+
+Pictures = NDArray[np.uint8]
+
+SECONDS, CELLS = 6.0, 10  # of speech shown, and moments; ours
+SOUND_STEP = 0.02  # s, of the waveform
+_BARE = 0.08  # ours: how loud speech is drawn at its quietest where only its energy is known
+
+
+class Place(Protocol):
+    """Where what is shown was recorded."""
+
+    store: Store
+    pose: Any
+
+    @property
+    def raw(self) -> Any:
+        """The corpus, for the sound; or None."""
+        ...
+
+
+def shown_of(entries: Sequence[Entry], fps: float, before: int, after: int) -> tuple[Entry, int]:
+    """The longest of some clips, and how many frames of it are shown, from the frame ``before`` on."""
+    entry = max(entries, key=lambda clip: clip.frames)
+    return entry, min(round(SECONDS * fps), entry.frames - before - after)
+
+
+def _words(excerpts: Place, entry: Entry, first: int, frames: int) -> list[Word]:
+    """Words of the frames shown, from the store; seconds from the first."""
+    store = excerpts.store
+    if "word" not in entry.has:
+        return []
+    numbers = np.asarray(store.arrays["word"][first : first + frames])
+    edges = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(numbers)]
+    runs = ((a, b, int(numbers[a])) for a, b in pairwise(edges))
+    return [Word(store.words[k], a / store.fps, b / store.fps) for a, b, k in runs if k > 0]
+
+
+def _sound(excerpts: Place, entry: Entry, first: int, frames: int) -> Sound:
+    """The waveform of the frames shown; where there is no sound, from the energy of the store's frames."""
+    fps = excerpts.store.fps
+    if excerpts.raw is None:
+        column = excerpts.store.names["audio"].index("energy") if "energy" in excerpts.store.names["audio"] else 0
+        energy = np.asarray(excerpts.store.arrays["audio"][first : first + frames, column], np.float64)
+        low, high = energy.min(), max(energy.max(), energy.min() + 1e-9)
+        level = _BARE + (1 - _BARE) * ((energy - low) / (high - low)) ** 3  # decibels, or nearly
+        return Sound(1 / fps, level, 0.6 * level)
+    speech = next(c.speech for c in stored_clips(excerpts.store.folder, split="test", raw=excerpts.raw) if c.name == entry.name)
+    assert speech is not None
+    start = speech.start + (first - entry.offset) / fps
+    part = speech.window(start, start + frames / fps)
+    size = max(1, round(SOUND_STEP * part.rate))
+    blocks = part.samples[: len(part.samples) // size * size].reshape(-1, size)
+    return Sound(size / part.rate, np.abs(blocks).max(1), np.sqrt(np.square(blocks).mean(1)))
+
+
+def _kept_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int:
+    """Place in ``keep`` of the nearest joint above that is kept; −1: none."""
+    above = int(parents[joint])
+    while above >= 0 and above not in keep:
+        above = int(parents[above])
+    return keep.index(above) if above >= 0 else -1
+
+
+def _sticks(excerpts: Place, label: str, vectors: Array) -> Sticks:
+    """Poses of the store as a row of figures."""
+    body = excerpts.pose.decode(np.asarray(vectors, np.float64), excerpts.store.fps)
+    if not isinstance(body, Motion):
+        if body.values.shape[2] != 3:
+            raise InputError(f"stick figures of {excerpts.store.pose}", "they are of bodies in space")
+        return Sticks(label, body.values, PARENTS, JOINTS)
+    skeleton = body.skeleton
+    shown = getattr(excerpts.pose, "joints", skeleton.names)
+    keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in shown]
+    parents = [_kept_parent(k, skeleton.parents, keep) for k in keep]
+    positions = body.positions()[:, keep]
+    return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
+
+
+def draw_poses(made: Mapping[str, Array], place: Place, entry: Entry, before: int) -> Pictures:
+    """The recording and what each system makes of its speech, above it.
+
+    Args:
+        made: label of a row → (T, D) poses in the units of the store, all of the same frames.
+        place: the store.
+        entry: the clip that is shown.
+        before: frames of it before the first that is shown.
+    """
+    first, frames = entry.offset + before, min(map(len, made.values()))
+    rows = [_sticks(place, "recording", place.store.arrays["pose"][first : first + frames])]
+    rows += [_sticks(place, label, poses[:frames]) for label, poses in made.items()]
+    words, sound = _words(place, entry, first, frames), _sound(place, entry, first, frames)
+    return draw_sticks(rows, place.store.fps, cells=CELLS, sound=sound, words=words)
+
+
+def draw_latents(players: Mapping[str, Player], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:
+    """Latents by t-SNE, coloured by speaker, a panel for each system, and one for the mean poses themselves.
+
+    Args:
+        players: title of a panel → a trained system.
+        excerpts: of the store.
+        cells: title → column → cell of the table, whose silhouette stands below the title.
+    """
+    speakers = excerpts.speakers()
+    groups = [speakers[k].rstrip("_") for k in excerpts.apart]
+    points = {name: latents(player, excerpts) for name, player in players.items()}
+    name, poses = next(iter(controls_of_latents(excerpts).items()))
+    panels = []
+    for title, rows in {**points, name: poses}.items():
+        score = cells.get(title, {}).get("silhouette", {})
+        text = f"silhouette by speaker {score['mean']:.3f}" if "mean" in score else "t-SNE"
+        panels.append(Panel(title, text, tsne(rows), groups))
+    return draw_map(panels)
+
+
+def write_picture(picture: Pictures, path: str | PathLike[str]) -> None:
+    """As PNG."""
+    from PIL import Image
+
+    with atomic(path) as temporary:
+        Image.fromarray(picture).save(temporary, "PNG", optimize=True)

@@ -1,0 +1,142 @@
+"""Where rows of the flow paper's tables are judged: performances of windows (tables 1 and 2), latents of windows (table 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...metrics import Tools
+from .controls import faults_of
+from .designs import Cells, Design, Part, Pictures, Row
+from .excerpts import AFTER, BEFORE, Excerpts
+from .figures import draw_latents, draw_poses, shown_of
+from .scores import controls_of_latents, judge, judge_latents, kept, latents, score
+from .stages import Player, Stages
+
+__all__ = ["Latents", "Performances"]
+
+
+def _facts(player: Player) -> str:
+    """What a row was trained with, in a line."""
+    config, train = player.facts["config"], player.facts["recipe"]["train"]
+    return (
+        f"{train['steps']} steps of {train['batch']} windows, K {config['steps']}, {config['hidden']} units, "
+        f"{player.parameters:,} parameters"
+    )
+
+
+class _Flows:
+    """What both have in common."""
+
+    def __init__(self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None) -> None:
+        self.design, self.stages = design, stages
+        self.columns, self.excerpts = tuple(design.columns), Excerpts(stages.folder, raw)
+
+    @property
+    def windows(self) -> str:
+        """How many, of how many frames."""
+        count, total = len(self.excerpts), self.excerpts.total
+        return f"{count}{f' of {total}' if total > count else ''} test windows of {self.excerpts.protocol.made} frames"
+
+    def _kept(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = (self.design.name, self.stages.mark, self.excerpts.protocol, self.columns, name, self.excerpts.raw is not None)
+        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+
+    def _players(self, table: Mapping[str, Any]) -> dict[str, Player]:
+        """Of each row the run with the first seed."""
+        rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
+        return {name: self.stages.player(recipe, table["seeds"][0]) for name, recipe in rows.items()}
+
+
+class Performances(_Flows):
+    """Motion that is made of every window, beside the recordings."""
+
+    @cached_property
+    def tools(self) -> Tools:
+        """The feature network, trained where it is not there."""
+        return Tools(features=self.stages.features())
+
+    @property
+    def features(self) -> str:
+        """Name of the network of FGD."""
+        assert self.tools.features is not None
+        return self.tools.features.name
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """One performance of every window, and several of some."""
+        assert row.recipe is not None
+        player, stages = self.stages.player(row.recipe, seed), self.stages
+
+        def work() -> Cells:
+            return score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=stages.threads)
+
+        return self._kept(self.features, [player.print, seed], work), _facts(player)
+
+    def controls(self) -> dict[str, Cells]:
+        """As in all tables."""
+
+        def work() -> dict[str, Cells]:
+            rows = self.excerpts.controls()
+            return {name: judge(self.columns, samples, samples, self.excerpts, self.tools) for name, samples in rows.items()}
+
+        found: dict[str, Cells] = self._kept(self.features, ["controls"], work)
+        return found
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """Of all columns."""
+        return faults_of(controls, self.columns)
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """Poses above speech, as figure 5."""
+        from ..playing import perform
+
+        store, made = self.excerpts.store, {}
+        clips = [clip for clip in store.clips if clip.split == "test" and "audio" in clip.has]
+        entry, frames = shown_of(clips, store.fps, BEFORE, AFTER)
+        first = entry.offset + BEFORE
+        for label, player in self._players(table).items():
+            before, after = player.context
+            history = player.pose(np.asarray(store.arrays["pose"][first - before : first])[None])
+            heard = player.audio(np.asarray(store.arrays["audio"][first - before : first + frames + after])[None])
+            made[label] = player.unpose(perform(player.net, history, heard, seed=table["seeds"][0]))[0]
+        return draw_poses(made, self.excerpts, entry, BEFORE)
+
+
+class Latents(_Flows):
+    """Where the recordings lie in a system's latents."""
+
+    features = "latents, mean over the frames made"
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Clusters of windows that do not overlap."""
+        assert row.recipe is not None
+        player = self.stages.player(row.recipe, seed)
+
+        def work() -> Cells:
+            return judge_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents")
+
+        return self._kept("latents", [player.print], work), _facts(player)
+
+    def controls(self) -> dict[str, Cells]:
+        """Mean poses themselves, and numbers that know nothing."""
+
+        def work() -> dict[str, Cells]:
+            points = controls_of_latents(self.excerpts)
+            return {name: judge_latents(self.columns, p, self.excerpts, name) for name, p in points.items()}
+
+        found: dict[str, Cells] = self._kept("latents", ["controls"], work)
+        return found
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """None: these rows are no order."""
+        return {}
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """Latents by t-SNE, as figure 8."""
+        cells = {name: row["cells"] for name, row in table["rows"].items() if row.get("cells")} | dict(table["controls"])
+        return draw_latents(self._players(table), self.excerpts, cells)

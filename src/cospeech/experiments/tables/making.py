@@ -1,0 +1,167 @@
+"""Making a table: train what is not trained yet, score every row and seed, and put the paper's figures beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ...corpora.store import Store
+from ...errors import InputError, nearest
+from ...files import atomic
+from .cog import COG
+from .designs import Bench, Design, Part, Row
+from .figures import write_picture
+from .flow import FLOW
+from .mix import MIX
+from .report import summary, to_markdown, verdicts
+from .stages import Stages, make_folder
+
+__all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
+
+TABLES: dict[str, Design] = {**FLOW, **MIX, **COG}
+"""Name after ``--table`` → the table."""
+
+Tell = Callable[[str], None]
+
+
+def part_of(name: str, store: Store) -> tuple[Design, Part]:
+    """A table and what it is on a store.
+
+    Raises:
+        InputError: no such table, or not of that corpus, or of other speakers.
+    """
+    if name not in TABLES:
+        raise InputError(f"no table is called {name!r}", nearest(name, TABLES))
+    design = TABLES[name]
+    part = next((part for part in design.parts if part.fits(store)), None)
+    if part is not None:
+        return design, part
+    near = [part for part in design.parts if part.corpus == store.corpus]
+    if not near:
+        corpora = dict.fromkeys(part.corpus for part in design.parts)
+        raise InputError(f"table {name} of a store of {store.corpus!r}", f"it is of {' and '.join(corpora)}")
+    lacking = min(([s for s in part.speakers if s not in store.speakers] for part in near), key=len)
+    raise InputError(
+        f"table {name} of a store without the speaker {lacking[0]!r}",
+        f"it is of {' or of '.join(', '.join(part.speakers) for part in near)}; docs/tables.md says how such a store is made",
+    )
+
+
+def _row(row: Row, bench: Bench, design: Design, stages: Stages, seeds: Sequence[int], tell: Tell, step: str) -> dict[str, Any]:
+    """A row of the table: scores of all seeds, or the published figures alone."""
+    told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
+    if row.recipe is None:
+        return told
+    if not (Path(stages.recipes) / f"{row.recipe}.toml").is_file():
+        return told | {"missing": f"no recipe {row.recipe}.toml"}
+    runs, facts = [], ""
+    for seed in seeds:
+        tell(f"{step}: {row.name}, seed {seed}")
+        cells, facts = bench.row(row, seed)
+        runs.append(cells)
+    return told | {"cells": {metric: summary(runs, metric) for metric in design.columns}, "facts": facts}
+
+
+def _chosen(rows: Sequence[Row], only: Sequence[str]) -> set[str]:
+    """Names of the rows that are made: those that hold one of the texts, or all.
+
+    Raises:
+        InputError: a text that no row holds.
+    """
+    for text in only:
+        if not any(text in row.name for row in rows):
+            raise InputError(f"no row of the table is called {text!r}", nearest(text, [row.name for row in rows]))
+    return {row.name for row in rows if not only or any(text in row.name for text in only)}
+
+
+def _head(stages: Stages, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
+    """Of what and with what the table was made, in a line."""
+    store = stages.store
+    scale = (
+        "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)"
+        if stages.small
+        else "the recipes' own scale"
+    )
+    more = f"; changed: {' '.join(stages.overrides)}" if stages.overrides else ""
+    more += f"; only the rows of {', '.join(only)}, the others are the paper's figures alone" if only else ""
+    what = f"{stages.about}, " if stages.about else ""
+    hours = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps / 3600
+    features = f"; features: {bench.features}" if bench.features else ""
+    return (
+        f"Corpus: {what}store of {store.corpus!r} layout, {store.pose} at {store.fps:g} fps, {len(store.speakers)} speakers, "
+        f"{hours:.2f} h for training; {scale}{more}; {bench.windows}; seeds {', '.join(map(str, seeds))}{features}"
+    )
+
+
+def make_table(
+    name: str,
+    stages: Stages,
+    *,
+    raw: str | PathLike[str] | None = None,
+    seeds: Sequence[int] = (0, 1, 2),
+    only: Sequence[str] = (),
+    tell: Tell,
+) -> dict[str, Any]:
+    """A table of `TABLES`, as a plain dictionary; `report.to_text` and so on tell it.
+
+    Args:
+        name: of the table.
+        stages: the store, where runs lie, and at what scale.
+        raw: the corpus of the store, for metrics that hear.
+        seeds: one run of every row with each.
+        only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
+        tell: told what is being done.
+
+    Raises:
+        InputError: no such table, a store that does not fit, a recipe that is not there, or a run that cannot be gone on with.
+    """
+    design, part = part_of(name, stages.store)
+    if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
+        raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
+    chosen = _chosen(part.rows, only)
+    bench = design.bench(design, part, stages, raw)
+    tell("control rows")
+    controls = bench.controls()
+    steps = count(1)
+    rows = {
+        row.name: _row(row, bench, design, stages, seeds, tell, f"row {next(steps)} of {len(chosen)}")
+        if row.name in chosen
+        else {"recipe": row.recipe, "published": dict(row.published)}
+        for row in part.rows
+    }
+    return {
+        "table": name, "title": f"{name}: {design.title} ({stages.store.corpus})", "columns": dict(design.columns),
+        "head": _head(stages, bench, seeds, only), "corpus": stages.store.corpus, "pose": stages.store.pose,
+        "small": stages.small, "seeds": list(seeds), "note": part.note, "rows": rows,
+        "controls": {row: {metric: summary([cells], metric) for metric in design.columns} for row, cells in controls.items()},
+        "faults": bench.faults(controls), "verdicts": verdicts(design, part, rows),
+    }  # fmt: skip
+
+
+def draw_table(
+    table: Mapping[str, Any], stages: Stages, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
+) -> None:
+    """The figure of a table that was made, as PNG: of each row the run with the first seed.
+
+    Raises:
+        InputError: another suffix, or the picture cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
+    design, part = part_of(table["table"], stages.store)
+    write_picture(design.bench(design, part, stages, raw).picture(table), path)
+
+
+def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:
+    """``TABLE-CORPUS.json`` and ``.md`` in a folder, and which they are; of the small scale ``TABLE-CORPUS-small``."""
+    stem = Path(folder) / f"{table['table']}-{table['pose']}{'-small' if table['small'] else ''}"
+    make_folder(stem.parent)
+    paths = (stem.with_suffix(".json"), stem.with_suffix(".md"))
+    for path, text in zip(paths, (json.dumps(table, indent=1, ensure_ascii=False) + "\n", to_markdown(table)), strict=True):
+        with atomic(path) as temporary:
+            temporary.write_text(text, "utf-8")
+    return paths

@@ -1,0 +1,284 @@
+"""Where rows of Mix-StAGE's tables are judged: a speaker's own style kept, and styles moved to other speakers' speech."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...corpora.attributes import attributes_of, body_of
+from ...corpora.clip import Clip
+from ...metrics import Tools
+from ...metrics.controls import CONTROLS, control_rows
+from ...motion.rotations import Array
+from .controls import far_rows, faults_of
+from .designs import Cells, Design, Part, Pictures, Row
+from .mix_figures import draw_styles
+from .mix_scores import NAMED, mean_cells, named_cells, score_cells
+from .mix_windows import MixWindows
+from .scores import cell, kept
+from .stages import CLASSIFIER, Player, Stages, of_speakers
+
+__all__ = ["Kept", "Measured", "Moved"]
+
+
+Draw = Callable[[Mapping[str, Player], MixWindows], Pictures]
+"""Label → system, and the windows → picture."""
+
+
+class Made(NamedTuple):
+    """What was made of windows: their numbers (n,), poses (n, 64, D) in the units of the store, whose style each is in."""
+
+    which: Array
+    poses: Array
+    styles: list[str]
+
+
+class _Windowed:
+    """What all have in common."""
+
+    columns: tuple[str, ...]
+
+    def __init__(
+        self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
+    ) -> None:
+        self.design, self.part, self.stages, self.draw = design, part, stages, draw
+        self.columns, self.place = tuple(design.columns), MixWindows(stages.folder, raw)
+
+    features = ""
+
+    @property
+    def windows(self) -> str:
+        """How many, of how many frames."""
+        return f"{len(self.place)} test windows of 64 frames, one after another"
+
+    def _kept(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = (type(self).__name__, self.stages.mark, self.columns, self.place.raw is not None, self.features)
+        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+
+    def _player(self, row: Row, speakers: tuple[str, ...], seed: int) -> Player:
+        assert row.recipe is not None
+        return self.stages.player(row.recipe, seed, (*row.overrides, *of_speakers(speakers)))
+
+    def _facts(self, player: Player, runs: int) -> str:
+        train = player.facts["recipe"]["train"]
+        each = f", {runs} networks" if runs > 1 else ""
+        return (
+            f"{train['steps']} steps of {train['batch']} windows, {player.facts['config']['channels']} channels, "
+            f"{player.parameters:,} parameters{each}"
+        )
+
+    def play(self, player: Player, which: Array, style: str) -> Made:
+        """What a system makes of windows in a speaker's style."""
+        from ..playing import play, threads
+
+        with threads(self.stages.threads):
+            made = play(player.net, player.audio(self.place.rows("audio", which)), player.style(style))
+        return Made(which, player.unpose(made), [style] * len(which))
+
+    def _label(self, row: Row) -> str:
+        """Of the system in the figure; of rows with one label the first is shown."""
+        return row.name.partition(",")[0]
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """Of each system the network with the most speakers."""
+        shown: dict[str, Player] = {}
+        made = [row for row in self.part.rows if table["rows"].get(row.name, {}).get("cells")]
+        for row in sorted(made, key=lambda row: -len(row.runs[0])):
+            if self._label(row) not in shown:
+                shown[self._label(row)] = self._player(row, row.runs[0], table["seeds"][0])
+        return self.draw(shown, self.place)
+
+
+class Kept(_Windowed):
+    """Every speaker in their own style, beside the recording: tables 1, 4, 5 and 6. Figures are plain means over speakers."""
+
+    @cached_property
+    def tools(self) -> Tools:
+        """The centres of F1, of the store."""
+        key = ["centres", self.stages.mark]
+        found = kept(Path(self.stages.runs) / "scores", key, lambda: self.place.centres().tolist())
+        return Tools(centres=np.asarray(found))
+
+    def _score(self, player: Player, speaker: str) -> Cells:
+        which = self.place.of([speaker])
+        samples = self.place.samples(self.play(player, which, speaker).poses, which)
+        return self._judged(samples, which)
+
+    def _judged(self, samples: Sequence[Any], which: Array) -> Cells:
+        truth = self.place.samples(self.place.rows("pose", which), which)
+        return {metric: cell(metric, samples, truth, self.tools) for metric in self.columns}
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """The mean over the speakers that are judged."""
+        judged = row.judged or tuple(name for run in row.runs for name in run)
+        parts, runs = [], [run for run in row.runs if {*run} & {*judged}]
+        for run in runs:
+            player = self._player(row, run, seed)
+            for name in (name for name in run if name in judged):
+                parts.append(self._kept([player.print, name], partial(self._score, player, name)))
+        return mean_cells(parts), self._facts(player, len(runs))
+
+    def controls(self) -> dict[str, Cells]:
+        """Of each speaker alone: the frozen pose is the speaker's own mean."""
+
+        def work(speaker: str) -> dict[str, Cells]:
+            which = self.place.of([speaker])
+            found = {}
+            for name, clips in far_rows(self.place.recorded(which)).items():
+                vectors = np.stack([self.place.pose.encode(clip.points) for clip in clips])
+                found[name] = self._judged(self.place.samples(vectors, which), which)
+            return found
+
+        each = [self._kept(["controls", name], partial(work, name)) for name in self.part.speakers]
+        return {name: mean_cells([cells[name] for cells in each]) for name in CONTROLS}
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """Of all columns."""
+        return faults_of(controls, self.columns)
+
+
+class Moved(_Windowed):
+    """Every speaker's speech in every other speaker's style: table 2."""
+
+    @cached_property
+    def classifier(self) -> Player:
+        """Of all speakers of the store, twins among them; trained where it is not there."""
+        return self.stages.player(f"{CLASSIFIER}_pats")
+
+    @property
+    def features(self) -> str:  # type: ignore[override]
+        """Name of the classifier."""
+        return f"speaker-classifier {self.classifier.print} of {len(self.classifier.speakers)} speakers"
+
+    def classes(self, poses: Array) -> Array:
+        """(n, 64, D) in the units of the store → (n, speakers of the store) probabilities."""
+        from ..playing import recognise
+
+        return recognise(self.classifier.net, self.classifier.pose(poses))
+
+    def moved(self, player: Player, speakers: Sequence[str]) -> Made:
+        """All windows of these speakers in the styles of all others of them."""
+        parts = []
+        for style in speakers:
+            which = self.place.of([name for name in speakers if name != style])
+            parts.append(self.play(player, which, style))
+        which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
+        return Made(which, poses, [name for part in parts for name in part.styles])
+
+    def judged(self, made: Made, speakers: Sequence[str]) -> Cells:
+        """All but what is heard."""
+        classes, names = self.classes(made.poses), self.classifier.speakers
+        own = classes[:, [names.index(name) for name in speakers]]
+        own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
+        groups = [(int(clip), style) for clip, style in zip(self.place.clips[made.which], made.styles, strict=True)]
+        target = np.array([[*speakers].index(style) for style in made.styles])
+        return score_cells(classes, own, self.classifier.print) | named_cells(own, target, groups)
+
+    def _heard(self, clips: Sequence[Clip]) -> dict[str, Any]:
+        if self.place.raw is None:
+            return {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
+        return cell("beat_align", [self.place.in_metres(clip) for clip in clips], (), Tools())
+
+    def _speaking(self, player: Player, speakers: Sequence[str]) -> list[Clip]:
+        """Whole test clips, each in the style of the speaker after its own."""
+        from ..playing import play, threads
+
+        if self.place.raw is None:
+            return []
+        made = []
+        for clip in self.place.heard(speakers):
+            style = speakers[([*speakers].index(clip.speaker) + 1) % len(speakers)]
+            with threads(self.stages.threads):
+                poses = play(player.net, player.audio(self.place.audio_of(clip.name)[None]), player.style(style))
+            points = self.place.clip(player.unpose(poses)[0], clip.name, style).points
+            made.append(replace(clip, points=points))
+        return made
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """Of one network."""
+        (speakers,) = row.runs
+        player = self._player(row, speakers, seed)
+
+        def work() -> Cells:
+            cells = self.judged(self.moved(player, speakers), speakers)
+            return cells | {"beat_align": self._heard(self._speaking(player, speakers))}
+
+        return self._kept([player.print], work), self._facts(player, 1)
+
+    def _recorded(self, speakers: Sequence[str]) -> dict[str, Cells]:
+        """Control rows of a set of speakers: everyone in their own style, and beside their own speech."""
+        found: dict[str, list[Made]] = {name: [] for name in CONTROLS}
+        heard: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
+        for speaker in speakers:
+            which = self.place.of([speaker])
+            for name, clips in control_rows(self.place.recorded(which)).items():
+                poses = np.stack([self.place.pose.encode(clip.points) for clip in clips])
+                found[name].append(Made(which, poses, [speaker] * len(which)))
+            if self.place.raw is not None:
+                for name, clips in control_rows(self.place.heard([speaker])).items():
+                    heard[name] += clips
+        rows = {}
+        for name, parts in found.items():
+            which, poses = np.concatenate([p.which for p in parts]), np.concatenate([p.poses for p in parts])
+            made = Made(which, poses, [style for p in parts for style in p.styles])
+            rows[name] = self.judged(made, speakers) | {"beat_align": self._heard(heard[name])}
+        return rows
+
+    def controls(self) -> dict[str, Cells]:
+        """Of the largest set all, of the others the recordings alone."""
+        sets = list(dict.fromkeys(row.runs[0] for row in self.part.rows))
+        largest = max(sets, key=len)
+        rows: dict[str, Cells] = self._kept(["controls", largest], lambda: self._recorded(largest))
+        for speakers in sets:
+            if speakers != largest:
+                truth = self._kept(["controls", speakers], partial(self._recorded, speakers))[CONTROLS[0]]
+                rows[f"{CONTROLS[0]}, {' and '.join(speakers)}"] = truth
+        return rows
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """Of the largest set, and of what is a metric of its own."""
+        own = {name: cells for name, cells in controls.items() if name in CONTROLS}
+        return faults_of(own, [name for name in self.columns if name not in NAMED])
+
+
+class Measured(_Windowed):
+    """How often, how large, with which arm, turned where: in speakers' recordings, and moved to another's speech. Table 3."""
+
+    def _label(self, row: Row) -> str:
+        return " and ".join(row.runs[0])
+
+    def _measured(self, poses: Array) -> Cells:
+        """Of windows (n, 64, D) in the units of the store."""
+        bodies = [body_of(self.place.body(window)) for window in poses]
+        found = attributes_of([body for body, _ in bodies], bodies[0][1], self.place.store.fps)
+        return {name: {"value": float(getattr(found, name)), "interval": None, "note": ""} for name in self.columns}
+
+    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+        """The other speakers' speech in the style of the one who is judged."""
+        (speakers,), (style,) = row.runs, row.judged
+        player = self._player(row, speakers, seed)
+
+        def work() -> Cells:
+            which = self.place.of([name for name in speakers if name != style])
+            return self._measured(self.play(player, which, style).poses)
+
+        return self._kept([player.print, style], work), self._facts(player, 1)
+
+    def controls(self) -> dict[str, Cells]:
+        """The recordings of each."""
+        styles = dict.fromkeys(row.judged[0] for row in self.part.rows)
+
+        def work(name: str) -> Cells:
+            return self._measured(self.place.rows("pose", self.place.of([name])))
+
+        return {f"recordings of {name}": self._kept(["controls", name], partial(work, name)) for name in styles}
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """None: nothing here is better or worse."""
+        return {}

@@ -1,0 +1,70 @@
+"""Scores of Mix-StAGE's tables that are not of pairs of clips: means over speakers, what a classifier says of windows."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...metrics import FeatureNet, Sample, Tools
+from ...metrics.inception_score import EPS, score_of_classes
+from ...motion.rotations import Array
+from .designs import Cells
+from .scores import cell
+
+__all__ = ["NAMED", "mean_cells", "named_cells", "score_cells"]
+
+NAMED = ("score_of_set", "named", "named_windows")
+"""Columns that are no metric of `cospeech.metrics.METRICS`."""
+
+
+def mean_cells(parts: Sequence[Cells]) -> Cells:
+    """The plain mean of each metric over speakers; without a figure where one has none."""
+    found: Cells = {}
+    for metric in parts[0]:
+        lacking = next((part[metric] for part in parts if "value" not in part[metric]), None)
+        if lacking is not None:
+            found[metric] = lacking
+        elif len(parts) == 1:
+            found[metric] = parts[0][metric]
+        else:
+            value = float(np.mean([part[metric]["value"] for part in parts]))
+            found[metric] = {"value": value, "interval": None, "note": parts[0][metric]["note"]}
+    return found
+
+
+def _cell(value: float) -> dict[str, Any]:
+    return {"value": value, "interval": None, "note": ""}
+
+
+def score_cells(classes: Array, own: Array, name: str) -> Cells:
+    """Inception scores of windows.
+
+    Args:
+        classes: (N, C) probabilities of all speakers that the classifier knows.
+        own: (N, S) of those alone that the system was trained on, which sum to 1.
+        name: of the classifier.
+    """
+    net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: classes[int(sample.name)][None])
+    still = np.zeros((1, 2, 3))
+    samples = [Sample(str(k), 15.0, positions=still) for k in range(len(classes))]
+    tools = Tools(classifier=net)
+    found = {metric: cell(metric, samples, (), tools) for metric in ("inception_score_published", "inception_score")}
+    return found | {"score_of_set": _cell(score_of_classes(own, EPS))}
+
+
+def named_cells(own: Array, target: Array, groups: Sequence[Hashable]) -> Cells:
+    """Shares of windows, and of clips by the mean over their windows, in which the style is the likeliest of all.
+
+    Args:
+        own: (N, S) probabilities.
+        target: (N,) number of the style.
+        groups: (N,) which windows are of one clip and style.
+    """
+    right = own.argmax(1) == target
+    clips: dict[Hashable, list[int]] = {}
+    for k, group in enumerate(groups):
+        clips.setdefault(group, []).append(k)
+    named = [own[rows].mean(0).argmax() == target[rows[0]] for rows in clips.values()]
+    return {"named": _cell(float(np.mean(named))), "named_windows": _cell(float(right.mean()))}

@@ -1,0 +1,126 @@
+"""Windows of a store of PATS in which every system makes the same frames: 64 of the test split, one after another.
+
+Figures are of key points in pixels, neck to right shoulder 167 px (``pose/normalize``), as the published centres are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from os import PathLike
+
+import numpy as np
+
+from ...corpora.clip import Clip, Points
+from ...corpora.store import Store, gather
+from ...errors import InputError
+from ...metrics import Sample, Track
+from ...metrics.evaluation import METRES, SHOULDER, sample_of, stored_clips
+from ...metrics.mode_f1 import mode_features
+from ...motion.poses import find_pose
+from ...motion.poses.modes import find_centres
+from ...motion.rotations import Array
+
+__all__ = ["FRAMES", "MODES", "MixWindows"]
+
+FRAMES = 64  # authors' code: 4.3 s at 15 frames per second
+MODES = 8  # authors' code: centres of F1, whatever the M of a network
+
+
+class MixWindows:
+    """The windows of a store.
+
+    Args:
+        folder: of the store.
+        raw: the corpus that it was made from, for the sound; None: nothing is heard.
+
+    Raises:
+        InputError: not a store of PATS' key points, or no test clip of so many frames.
+    """
+
+    def __init__(self, folder: str | PathLike[str], raw: str | PathLike[str] | None = None) -> None:
+        self.store, self.raw = Store(folder), raw
+        if self.store.pose != "keypoints2d":
+            raise InputError(f"a store of {self.store.pose!r}", "these tables are of key points: prepare pats")
+        self.pose = find_pose(self.store.pose)
+        numbers, offsets, counts = self.store.starts(FRAMES, "test", ("pose", "audio"))
+        first = [offset + np.arange(0, count, FRAMES) for offset, count in zip(offsets, counts, strict=True)]
+        self.clips, self.starts = np.repeat(numbers, [len(f) for f in first]), np.concatenate(first)
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def of(self, speakers: Sequence[str]) -> Array:
+        """Numbers of the windows of these speakers.
+
+        Raises:
+            InputError: one has none.
+        """
+        whose = [self.store.clips[k].speaker for k in self.clips]
+        lacking = next((name for name in speakers if name not in whose), None)
+        if lacking is not None:
+            raise InputError(f"no test clip of {lacking!r} has {FRAMES} frames", "a longer test split")
+        return np.flatnonzero([name in speakers for name in whose])
+
+    def speaker(self, k: int) -> str:
+        """Who speaks in a window."""
+        return self.store.clips[self.clips[k]].speaker
+
+    def rows(self, array: str, which: Array) -> Array:
+        """(n, 64, …) of an array of the store."""
+        return gather(self.store.arrays[array], self.starts[which], FRAMES)
+
+    def body(self, vectors: Array) -> Points:
+        """Poses of the store (T, D) as key points."""
+        found = self.pose.decode(np.asarray(vectors, np.float64), self.store.fps)
+        assert isinstance(found, Points)
+        return found
+
+    def clip(self, vectors: Array, name: str, speaker: str) -> Clip:
+        """The same as a recording without sound."""
+        return Clip(name, speaker, self.store.corpus, None, points=self.body(vectors))
+
+    def samples(self, vectors: Array, which: Array) -> list[Sample]:
+        """Poses that were made for windows (n, 64, D), in the units of the store, as metrics see them."""
+        clips = [self.clip(poses, str(k), self.speaker(k)) for k, poses in zip(which, vectors, strict=True)]
+        return [sample_of(clip, track=False) for clip in clips]
+
+    def recorded(self, which: Array) -> list[Clip]:
+        """The recordings of windows."""
+        rows = zip(which, self.rows("pose", which), strict=True)
+        return [self.clip(poses, str(k), self.speaker(k)) for k, poses in rows]
+
+    def centres(self) -> Array:
+        """(8, 240) centres of F1: of the training clips of all speakers, twins (``"dan|mirror"``) left out."""
+        clips = [c for c in self.store.clips if c.split == "train" and "|" not in c.speaker]
+        found = []
+        for entry in clips:
+            points = sample_of(self.clip(self.store.clip(entry)["pose"], entry.name, entry.speaker), track=False).points
+            assert points is not None
+            found.append(mode_features(points))
+        return find_centres(np.concatenate(found), MODES)
+
+    # whole clips, which are heard -----------------------------------------------------------------------------------
+
+    @cached_property
+    def _sounding(self) -> dict[str, Clip]:
+        return {clip.name: clip for clip in stored_clips(self.store.folder, split="test", raw=self.raw)}
+
+    def heard(self, speakers: Sequence[str]) -> list[Clip]:
+        """The test clips of these speakers that have speech."""
+        named = (clip for clip in self._sounding.values() if clip.speaker in speakers)
+        return [clip for clip in named if clip.speech is not None]
+
+    def audio_of(self, name: str) -> Array:
+        """(T, A) rows of a clip."""
+        return np.asarray(self.store.clip(name)["audio"])
+
+    def in_metres(self, clip: Clip) -> Sample:
+        """A clip whose arms are measured in metres, as metrics of strokes want them."""
+        sample = sample_of(clip)
+        track = sample.track
+        assert track is not None
+        scale = METRES / SHOULDER
+        shrunk = Track(track.fps, track.hips * scale, track.shoulders * scale, track.elbows * scale, track.wrists * scale)
+        return replace(sample, track=shrunk)

@@ -1,0 +1,155 @@
+"""Scores of one row and seed: what a system makes of the excerpts, judged by a table's columns. Kept on disk by content."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...errors import InputError
+from ...files import atomic
+from ...metrics import FeatureNet, Sample, Tools, load_metric
+from ...motion.rotations import Array
+from .designs import Cells
+from .excerpts import Excerpts
+from .stages import Player, make_folder
+from .tsne import tsne
+
+__all__ = ["Judged", "cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
+
+SCORING = 1  # counts up when scores are worked out in another way, so that kept ones are not used
+TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
+
+
+def kept(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
+    """What ``work`` gives, as JSON: from ``folder`` where it was worked out before with the same key."""
+    name = blake2b(json.dumps([SCORING, *map(str, key)]).encode(), digest_size=10).hexdigest()
+    path = folder / f"{name}.json"
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        pass
+    found = work()
+    make_folder(folder)
+    with atomic(path) as temporary:
+        temporary.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+    return found
+
+
+def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tools: Tools) -> dict[str, Any]:
+    try:
+        score = load_metric(metric)(generated, truth, tools)
+    except InputError as problem:
+        return {"why": str(problem)}
+    return {"value": score.value, "interval": score.interval, "note": score.note}
+
+
+class Judged(Protocol):
+    """Windows or clips that were recorded, and what is known of them."""
+
+    @property
+    def raw(self) -> Any:
+        """The corpus, for the sound; None: nothing is heard."""
+        ...
+
+    @property
+    def truth(self) -> Sequence[Sample]:
+        """The recordings, whose conditions are their numbers."""
+        ...
+
+    @property
+    def apart(self) -> Array:
+        """Numbers of those that do not overlap."""
+        ...
+
+
+def judge(columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Judged, tools: Tools) -> Cells:
+    """Scores of motion.
+
+    Args:
+        columns: metrics.
+        samples: one of every window.
+        takes: several of some windows, for metrics of variety.
+        excerpts: what was recorded.
+        tools: the feature network.
+    """
+    apart = {str(k) for k in excerpts.apart}
+    heard = [sample for sample in samples if sample.condition in apart]
+    heard_truth = [sample for sample in excerpts.truth if sample.condition in apart]
+    cells: Cells = {}
+    for metric in columns:
+        if load_metric(metric).about.hears:
+            if excerpts.raw is None:
+                cells[metric] = {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
+            else:
+                cells[metric] = cell(metric, heard, heard_truth, tools)
+        else:
+            cells[metric] = cell(metric, takes if metric == "multimodality" else samples, excerpts.truth, tools)
+    return cells
+
+
+def made_by(player: Player, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
+    """(N, made, D) what a system makes of the windows, in the units of the store, from latents drawn with ``seed``."""
+    from ..playing import perform
+
+    before, after = player.context
+    chosen = np.arange(len(excerpts)) if which is None else which
+    history = player.pose(excerpts.rows("pose", before, 0)[chosen, :before])
+    audio = player.audio(excerpts.rows("audio", before, after)[chosen])
+    return player.unpose(perform(player.net, history, audio, seed=seed))
+
+
+def score(columns: Sequence[str], player: Player, excerpts: Excerpts, tools: Tools, *, seed: int, threads: int = 0) -> Cells:
+    """Scores of a trained system: one performance of every window, and `TAKES` of `SPEECHES` windows."""
+    from ..playing import threads as limited
+
+    with limited(threads):
+        samples = excerpts.samples(made_by(player, excerpts, seed=seed * TAKES))
+        takes: list[Sample] = []
+        if "multimodality" in columns:
+            some = np.unique(np.linspace(0, len(excerpts) - 1, min(SPEECHES, len(excerpts))).round().astype(int))
+            for take in range(TAKES):
+                made = made_by(player, excerpts, seed=seed * TAKES + take, which=some)
+                takes += excerpts.samples(made, some, take + 1)
+        return judge(columns, samples, takes, excerpts, tools)
+
+
+# latents ------------------------------------------------------------------------------------------------------------------
+
+
+def latents(player: Player, excerpts: Excerpts) -> Array:
+    """(N, D) latents of windows that do not overlap, each the mean over the frames made (authors' code, 30 frames)."""
+    from ..playing import codes
+
+    before, after = player.context
+    pose = player.pose(excerpts.rows("pose", before, after)[excerpts.apart])
+    audio = player.audio(excerpts.rows("audio", before, after)[excerpts.apart])
+    return np.asarray(codes(player.net, pose, audio).mean(1), np.float64)
+
+
+def controls_of_latents(excerpts: Excerpts) -> Mapping[str, Array]:
+    """What the latents of a model are to be compared with: the mean poses themselves, and numbers that know nothing."""
+    mean, std = excerpts.store.statistics("pose")
+    poses = excerpts.rows("pose", 0, 0)[excerpts.apart].mean(1)
+    noise = np.random.default_rng(0).normal(size=(len(poses), poses.shape[1]))
+    return {"mean pose, no model": (poses - mean) / np.maximum(std, 1e-3), "white noise": noise}
+
+
+def judge_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, name: str) -> Cells:
+    """Scores of clusters: with speakers as labels, and as published, on a picture by t-SNE with labels of k-means.
+
+    Args:
+        columns: metrics of `cospeech.metrics.clustering`.
+        points: (N, D).
+        excerpts: the windows.
+        name: of the latents.
+    """
+    place, speakers = dict(zip(map(str, excerpts.apart), points, strict=True)), excerpts.speakers()
+    net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: place[sample.name][None])
+    still = np.zeros((1, 2, 3))
+    samples = [Sample(str(k), excerpts.store.fps, positions=still, label=speakers[k]) for k in excerpts.apart]
+    return {metric: cell(metric, samples, (), Tools(features=net, embedding=tsne)) for metric in columns}

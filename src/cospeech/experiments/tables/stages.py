@@ -1,0 +1,289 @@
+"""Stages: the runs that a table is made of: the feature networks first, then every row with every seed.
+
+A run that is there is not trained again, one that was cut off goes on. Torch is imported when the first run is wanted.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...corpora.store import Store
+from ...errors import InputError
+from ...files import describe_os_error
+from ...metrics import FeatureNet
+from ...motion.rotations import Array
+from ...training.recipe import Recipe, changed, load_recipe, read_recipe
+
+__all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder", "of_speakers"]
+
+OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
+"""Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
+SHARED = (OMEGA, FEATURES, CLASSIFIER)
+_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `Player` knows neither these nor a clip's own moments
+
+_SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
+_NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
+# residual, pose_noise: ours; without them so few steps leave noise, in every row
+_MIX = {"channels": 16, "patch_channels": 16}
+_BRIEF = {"steps": 400, "batch": 16, "lr": 2e-3, "validate_every": 0, "save_every": 400}
+# one rate for all systems of windows: at 1e-4, Speech2Gesture's and MUNIT's, so few steps teach nothing
+_CHAIN = {"hidden": 64, "layers": 2, "word_width": 32}
+_LSTM = {"steps": 600, "batch": 32, "lr": 1e-3, "validate_every": 0, "save_every": 600}
+SMALL: dict[str, dict[str, dict[str, Any]]] = {
+    "stylised-flow": {
+        "model": {**_NARROW, "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5},
+        "train": _SHORT,
+    },
+    "moglow": {"model": _NARROW, "train": _SHORT},
+    "gesture-autoencoder": {"model": {"width": 64, "frames": 30}, "train": {**_SHORT, "batch": 64}},
+    "fgd-autoencoder": {"model": {}, "train": {**_SHORT, "steps": 2000, "batch": 64}},
+    **{name: {"model": _MIX, "train": _BRIEF} for name in ("mix-stage", "stage", "cmix-gan")},
+    "mix_stage_pats_authors": {"model": {"curriculum": 7}, "train": {}},  # 1000 of 60,000 steps, as many of 400
+    "speech2gesture": {"model": {"channels": 16, "judge": 16}, "train": _BRIEF},
+    "chain-of-generation": {
+        "model": {**_CHAIN, "latent": 64, "classifier_steps": 150, "classifier_channels": 64},
+        "train": _LSTM,
+    },
+    "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
+    "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
+    "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
+    "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
+    "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
+    "speaker-classifier": {
+        "model": {"channels": 16, "plain": True},
+        "train": {"steps": 1200, "validate_every": 150, "save_every": 1200},
+    },
+}
+"""Model, or recipe, → what ``--small`` changes: a row and seed train in two or three minutes on one core, a network of windows
+in half of one. Ours, to show that the way works and which order comes out; no figure of it is the paper's system."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Player:
+    """A trained run, ready to be played on a store's windows.
+
+    Args:
+        net: the network.
+        facts: of its run.
+        statistics: ``pose_mean`` and so on.
+        print: tells this run from all others.
+        stretches: (speakers, n, T, D) of standardised poses of each speaker; None where it was trained without speech.
+    """
+
+    net: Any
+    facts: Mapping[str, Any]
+    statistics: Mapping[str, Array]
+    print: str
+    stretches: Array | None = None
+
+    @property
+    def speakers(self) -> tuple[str, ...]:
+        """That it was trained on."""
+        return tuple(self.facts["store"]["speakers"])
+
+    @property
+    def parameters(self) -> int:
+        """How many the network has."""
+        return sum(p.numel() for p in self.net.parameters())
+
+    @property
+    def context(self) -> tuple[int, int]:
+        """Poses before a frame and frames of speech after it."""
+        from ..playing import context_of
+
+        return context_of(self.net)
+
+    def pose(self, rows: Array) -> Array:
+        """Rows of a store, standardised."""
+        return (rows - self.statistics["pose_mean"]) / self.statistics["pose_std"]
+
+    def unpose(self, made: Array) -> Array:
+        """What the network makes, in the units of the store."""
+        return made * self.statistics["pose_std"] + self.statistics["pose_mean"]
+
+    def style(self, speaker: str) -> Array:
+        """(styles,) what a network of windows takes for a speaker's own style.
+
+        Raises:
+            InputError: it was not trained on this speaker.
+        """
+        if speaker not in self.speakers or self.stretches is None:
+            raise InputError(f"no style of {speaker!r}", f"it was trained on {', '.join(self.speakers)}")
+        from ..playing import styles_of
+
+        return styles_of(self.net, self.stretches)[self.speakers.index(speaker)]
+
+    def audio(self, rows: Array) -> Array:
+        """(B, T, 84) rows of a store, reduced and standardised."""
+        from ...audio.features.reduce import reduce_audio
+
+        name = self.facts["recipe"]["data"].get("audio")
+        if name is not None:
+            rows = reduce_audio(rows.reshape(-1, rows.shape[-1]), name).reshape(*rows.shape[:2], -1)
+        return (rows - self.statistics["audio_mean"]) / self.statistics["audio_std"]
+
+
+def _digest(*parts: bytes) -> str:
+    digest = blake2b(digest_size=6)
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.hexdigest()
+
+
+def of_speakers(speakers: Sequence[str]) -> tuple[str, ...]:
+    """What is changed in a recipe so that a run is of these speakers alone; of none: nothing, it is of all."""
+    return (f"data.speakers={json.dumps([*speakers])}",) if speakers else ()
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder where it is missing.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
+
+
+@dataclass(frozen=True)
+class Stages:
+    """How and where a table's runs are made.
+
+    Args:
+        folder: of the store.
+        runs: where run folders lie, or are made.
+        recipes: folder of the recipes.
+        small: whether `SMALL` holds.
+        overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
+        threads: of PyTorch; 0: as many as it likes.
+        about: what the store is, where it does not say it itself: "synthetic"; printed at the head of the table.
+        tell: is told what is being done.
+    """
+
+    folder: str | PathLike[str]
+    runs: str | PathLike[str] = "runs/tables"
+    recipes: str | PathLike[str] = "recipes"
+    small: bool = False
+    overrides: tuple[str, ...] = ()
+    threads: int = 0
+    about: str = ""
+    tell: Tell = field(default=lambda text: None)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.folder)
+
+    @property
+    def mark(self) -> str:
+        """Tells this store from all others: corpus, poses, and a digest of its index and statistics."""
+        store = self.store
+        digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
+        return f"{store.corpus}-{store.pose}-{digest}"
+
+    def place(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
+        """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
+        recipe = replace(self._recipe(name, seed, more), needs={})
+        told = changed(Recipe(recipe.model).to_dict(), recipe.to_dict())  # from the defaults: what is added later is no change
+        own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *told]))
+        return Path(self.runs) / self.mark / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
+
+    def recipe(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Recipe:
+        """A recipe as it is trained here.
+
+        Args:
+            name: of its file.
+            seed: of the run.
+            more: ``"model.modes=4"``, what a row changes in it.
+
+        Raises:
+            InputError: there is no such recipe, or it cannot be changed so.
+        """
+        recipe = self._recipe(name, seed, more)
+        if "omega" in recipe.needs:
+            recipe = replace(recipe, needs={**recipe.needs, "omega": str(self.place(f"{OMEGA}_{self.store.corpus}", 0))})
+        return recipe
+
+    def _recipe(self, name: str, seed: int, more: Sequence[str] = ()) -> Recipe:
+        """The same, but for where the runs lie that it needs."""
+        path = Path(self.recipes) / f"{name}.toml"
+        if not path.is_file():
+            raise InputError(f"there is no recipe {str(path)!r}", "--recipes names the folder of the repository's recipes")
+        plain = load_recipe(path)
+        texts: list[str] = []
+        if self.small:
+            both = [*SMALL.get(plain.model, {}).items(), *SMALL.get(name, {}).items()]
+            for section, values in both:
+                texts += [f"{section}.{key}={json.dumps(value)}" for key, value in values.items()]
+        texts += [*more, *(self.overrides if not name.startswith(SHARED) else ()), f"train.seed={seed}"]
+        if self.threads:
+            texts.append(f"train.threads={self.threads}")
+        recipe = load_recipe(path, texts)
+        if recipe.data.by_clip or any(recipe.config.get(key) for key in _UNPLAYED.get(recipe.model, ())):
+            raise InputError(f"a table's row {name!r} with data.by_clip or model.style", "tables are of the papers' systems")
+        if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
+            recipe = replace(recipe, data=replace(recipe.data, mirror=None))
+        return recipe
+
+    def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:
+        """The folder of a run that is trained to its last step."""
+        recipe, folder = self.recipe(name, seed, more), self.place(name, seed, more)
+        for what, path in recipe.needs.items():
+            if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
+                self.run(f"{OMEGA}_{self.store.corpus}")
+        if not self._done(folder, recipe):
+            from ...training.train import train
+
+            label = " ".join([f"{name}, seed {seed}", *more])
+            every = max(1, recipe.train.steps // 10)
+
+            def progress(step: float, total: float | None, text: str) -> None:
+                if step % every == 0:
+                    self.tell(f"{label}: step {step:g} of {total:g}, {text}")
+
+            train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
+        return folder
+
+    def _done(self, folder: Path, recipe: Recipe) -> bool:
+        """Whether a run is there, of this recipe, with all its steps."""
+        if not (folder / "last.safetensors").exists():
+            return False
+        from ...training.checkpoint import read_facts, read_tensors
+
+        differs = changed(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
+        if any(not text.startswith("needs.") for text in differs):  # where the runs lay is no matter
+            return False  # resuming says what differs
+        return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
+
+    def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Player:
+        """A row's run, trained where it is not there."""
+        folder = self.run(name, seed, more)
+        from ...training.checkpoint import load_run, read_tensors, stands_for
+
+        net, facts = load_run(folder)
+        tensors, _ = read_tensors(folder / "statistics.safetensors")
+        statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
+        stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
+        print_ = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
+        return Player(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
+
+    def features(self) -> FeatureNet:
+        """The feature network of FGD, of this store's training split; one for all rows and seeds."""
+        from ...models.feature_net import feature_net
+
+        player = self.player(f"{FEATURES}_{self.store.corpus}")
+        return feature_net(
+            player.net, name="fgd-autoencoder", pose=self.store.pose, fps=self.store.fps,
+            mean=player.statistics["pose_mean"], std=player.statistics["pose_std"],
+        )  # fmt: skip

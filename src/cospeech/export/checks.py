@@ -1,0 +1,65 @@
+"""What is checked of the files and options that are given, before anything is done with them."""
+
+from __future__ import annotations
+
+import os
+from os import PathLike
+from pathlib import Path
+
+from ..errors import InputError, nearest
+from ..motion.skeletons import SKELETONS
+from . import FORMATS, format_of
+
+__all__ = [
+    "FPS_RANGE", "KEEPS_SKELETON", "LISTENS", "WEARS_AVATAR", "File", "check_avatar", "check_files", "check_range",
+    "check_skeleton",
+]  # fmt: skip
+
+File = str | PathLike[str]
+
+FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
+LISTENS = frozenset({".mp4", ".gif", ".png"})
+"""Suffixes of pictures, which carry or draw the speech."""
+KEEPS_SKELETON = frozenset({".bvh"})
+"""Suffixes of files that hold any skeleton as it is; the other formats prescribe theirs."""
+WEARS_AVATAR = frozenset({".glb"})
+"""Suffixes of files in which somebody's character can take the place of ours."""
+
+
+def check_skeleton(skeleton: str, suffixes: set[str]) -> None:
+    """There is such a skeleton, and one of the files, if any, can hold it."""
+    if skeleton not in SKELETONS:
+        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
+    if suffixes and not suffixes & KEEPS_SKELETON:
+        raise InputError(
+            f"skeleton {skeleton!r} would not be seen in {' '.join(sorted(suffixes))}",
+            f"it is for {' '.join(sorted(KEEPS_SKELETON))} files; the other formats have their own",
+        )
+
+
+def check_avatar(avatar: File, suffixes: set[str]) -> None:
+    """The character is there, and one of the files can show it."""
+    if not suffixes & WEARS_AVATAR:
+        raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
+    if not Path(avatar).is_file():
+        raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
+
+
+def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
+    if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
+        low, high, shown = (str(n) if isinstance(n, int) else f"{n:g}" for n in (*bounds, value))
+        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}")
+
+
+def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:
+    """Every output can be told apart from the others and from what is read."""
+    if not outputs:
+        raise InputError("no file to write", f"name one with a suffix of {' '.join(FORMATS)}")
+    for path in outputs:
+        format_of(path)
+    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in (audio, *inputs)}
+    for path in [*outputs, *([Path(report)] if report else [])]:
+        real = os.path.realpath(path)
+        if real in seen:
+            raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")
+        seen[real] = "another output"

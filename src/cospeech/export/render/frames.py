@@ -1,0 +1,135 @@
+"""From pieces of motion to pictures in order, on all cores and in constant memory."""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from fractions import Fraction
+
+import numpy as np
+
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.rotations import Array
+from ...motion.skeleton import humanoid
+from .framing import Framing, Pose, Stage
+from .worker import Artist, Helper, Look, Pictures, pack
+
+__all__ = ["BACKDROP", "Film", "cores"]
+
+BACKDROP = (206, 212, 220)  # sRGB: a light grey-blue; ours, by eye
+_BATCH = 6  # pictures per order to a helper; ours: enough to hide the hand-over, few enough to share the work evenly
+_ALONE = 24  # pictures; ours: for fewer, starting helpers takes longer than drawing
+_MOST_HELPERS = 8  # ours: beyond that the video encoder is what is waited for
+_SIDES = (16, 4096)  # pixels; ours
+
+
+class Film:
+    """Draws motion of our humanoid.
+
+    A context manager: leaving it ends all helper processes, also after an error or Ctrl-C.
+
+    Args:
+        look: size, view and backdrop.
+        motion_fps: of the motion to come.
+        fps: of the pictures to give: the frame at or before each moment is drawn.
+
+    Raises:
+        InputError: size or fps make no sense.
+    """
+
+    def __init__(self, look: Look, motion_fps: float, fps: float) -> None:
+        for side in (look.width, look.height):
+            if not _SIDES[0] <= side <= _SIDES[1]:
+                raise InputError(f"pictures of {look.width} × {look.height}", f"sides of {_SIDES[0]} … {_SIDES[1]} pixels")
+        if not (np.isfinite(fps) and 0 < fps <= 240):
+            raise InputError(f"{fps} pictures per second", "0 … 240, such as 30")
+        self.look, self.fps = look, fps
+        self._step = Fraction(motion_fps).limit_denominator(1001) / Fraction(fps).limit_denominator(1001)
+        self._stage = Stage(humanoid(), motion_fps)
+        self._framing = Framing(look.view, humanoid(), fps)
+        self._taken = self._drawn = 0
+        self._rows: list[Array] = []
+        self._orders: deque[Future[Pictures]] = deque()
+        self._artist: Artist | None = None
+        self._helpers: queue.SimpleQueue[Helper] = queue.SimpleQueue()
+        self._all_helpers: list[Helper] = []
+        self._threads: ThreadPoolExecutor | None = None
+
+    def push(self, motion: Motion) -> Iterator[Pictures]:
+        """Take a piece of motion; give the pictures, (N, H, W, 3) at a time, that are ready."""
+        for pose in map(Pose, *self._stage.place(motion)):
+            while int(self._drawn * self._step) == self._taken:
+                self._drawn += 1
+                self._rows.extend(pack(*framed) for framed in self._framing.push(pose))
+            self._taken += 1
+            if self._threads is not None or len(self._rows) >= _ALONE:
+                yield from self._order(_BATCH)
+
+    def flush(self) -> Iterator[Pictures]:
+        """The rest of the pictures."""
+        self._rows.extend(pack(*framed) for framed in self._framing.flush())
+        if self._threads is None and len(self._rows) < _ALONE:
+            yield from self._draw_here()
+        yield from self._order(1)
+        while self._orders:
+            yield self._orders.popleft().result()
+
+    def _order(self, least: int) -> Iterator[Pictures]:
+        """Hand waiting rows, if at least so many, to helpers; give the oldest pictures where many are under way."""
+        if cores() == 1 or not sys.executable:  # an embedded Python, Blender's say, cannot start another
+            yield from self._draw_here()
+        while len(self._rows) >= least:
+            if self._threads is None:
+                self._hire()
+            assert self._threads is not None
+            batch, self._rows = np.stack(self._rows[:_BATCH]), self._rows[_BATCH:]
+            self._orders.append(self._threads.submit(self._ask, batch))
+            if len(self._orders) > 2 * len(self._all_helpers) + 1:
+                yield self._orders.popleft().result()
+
+    def _draw_here(self) -> Iterator[Pictures]:
+        self._artist = self._artist or Artist(self.look)
+        rows, self._rows = self._rows, []
+        for row in rows:
+            yield self._artist.draw(row[None])
+
+    def _hire(self) -> None:
+        count = min(cores(), _MOST_HELPERS)
+        self._threads = ThreadPoolExecutor(count, "cospeech-film")
+        for _ in range(count):
+            self._all_helpers.append(Helper(self.look))
+            self._helpers.put(self._all_helpers[-1])
+
+    def _ask(self, batch: Array) -> Pictures:
+        helper = self._helpers.get()
+        try:
+            return helper.draw(batch)
+        finally:
+            self._helpers.put(helper)
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all helpers, at work or not."""
+        if self._threads is not None:
+            self._threads.shutdown(wait=False, cancel_futures=True)
+        for helper in self._all_helpers:
+            helper.close()
+        if self._threads is not None:
+            self._threads.shutdown(wait=True)
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1

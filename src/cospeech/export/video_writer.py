@@ -1,0 +1,81 @@
+"""What the moving previews, .mp4 and .gif, have in common: a film that is drawn while motion comes in."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable
+from contextlib import suppress
+from os import PathLike
+from pathlib import Path
+
+from ..motion.motion import Motion
+from ..motion.skeleton import Skeleton
+from . import Writer
+from .pictures import background_of, no_avatar, size_of
+from .render.camera import view_named
+from .render.frames import Film
+from .render.worker import Look, Pictures
+from .to_humanoid import as_humanoid
+
+__all__ = ["MovingWriter"]
+
+
+class MovingWriter(Writer):
+    """A Writer of pictures that follow each other.
+
+    Subclasses implement ``_open(temporary)`` and ``_picture(rgb)``, and end their file in ``_close()``.
+
+    Args:
+        size: (width, height) in pixels.
+        camera: name of a view (`cospeech.export.render.camera.CAMERAS`).
+        rate: pictures per second.
+        background: sRGB colour of the backdrop, 0 … 255 each.
+        avatar: must be None, see `no_avatar`.
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        skeleton: Skeleton,
+        fps: float,
+        audio: str | PathLike[str] | None = None,
+        size: tuple[int, int],
+        camera: str,
+        rate: float,
+        background: tuple[int, int, int] | None = None,
+        avatar: str | PathLike[str] | None = None,
+    ) -> None:
+        no_avatar(avatar)
+        super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
+        self.size, self.rate, self.pictures = size_of(size), float(rate), 0
+        self._film = Film(Look(*self.size, view_named(camera), background_of(background)), self.fps, self.rate)
+
+    @abstractmethod
+    def _open(self, temporary: Path) -> None: ...
+
+    @abstractmethod
+    def _picture(self, picture: Pictures) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None: ...
+
+    def _begin(self, temporary: Path) -> None:
+        self._open(temporary)
+
+    def _write(self, motion: Motion) -> None:
+        self._take(self._film.push(as_humanoid(motion)))
+
+    def _finish(self) -> None:
+        self._take(self._film.flush())
+        self._close()
+
+    def _take(self, batches: Iterable[Pictures]) -> None:
+        for batch in batches:
+            for picture in batch:
+                self._picture(picture)
+                self.pictures += 1
+
+    def _discard(self) -> None:
+        with suppress(OSError):
+            self._film.close()

@@ -1,0 +1,96 @@
+"""Blinks: when they happen, as a pure function of time, and the course of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..audio.prosodic_events import RATE, Heard
+from ..motion.noise import hashed_normal, hashed_uniform
+from ..motion.rotations import Array
+
+__all__ = ["blink_times", "eyelids", "phrase_ends"]
+
+# Width at half height: 74 / 99 / 134 ms at 10 / 50 / 90 % of blinks (motion.md, "Face": phone depth camera).
+_MEDIAN_WIDTH, _LOG_SPREAD = 0.099, 0.236
+_WIDTHS = (0.060, 0.160)  # s; ours: no blink is kept that is faster or slower
+_CLOSE, _SHUT, _OPEN = 0.55, 0.20, 1.05  # in widths: half of closing and opening, and the time shut, add up to one width
+_TWICE = 0.10  # share of cells with two blinks, and of cells with none (ours: flurries and stares)
+_APART = 0.55  # s; a blink that an event asks for is dropped this close to one that is due anyway (ours)
+_AT_PHRASE_END, _AT_SHIFT = 0.32, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
+_HELD_BACK = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
+_LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
+_SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
+_PAIR = np.array([[0], [1]])
+_PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT, _HOLD = 5101 + _PAIR, 5103, 5104, 5105, 5107, 5109  # streams of the hash
+
+
+def phrase_ends(heard: Heard) -> Array:
+    """Absolute rows at which speech falls silent for at least 0.28 s; the end of the window counts as silence."""
+    loud = np.zeros(len(heard.loudness) + _PAUSE)
+    loud[: len(heard.loudness)] = heard.loudness > _SPEAKING
+    fall = np.flatnonzero((loud[:-1] > loud[1:])[: len(heard.loudness)]) + 1
+    sofar = np.concatenate([[0.0], np.cumsum(loud)])
+    return heard.start + fall[sofar[np.minimum(fall + _PAUSE, len(loud))] == sofar[fall]]
+
+
+def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array, Array]:
+    """Blinks that are due between two times (s), and a little around them, without any cause: (B,) begin, (B,) identity.
+
+    Time is cut in cells of ``1 / rate`` seconds with one blink each, at a place drawn from the seed and the cell's
+    number; a few cells have two or none. Nothing before ``start`` has to be known, so hours cost nothing.
+    """
+    if rate <= 0:
+        return np.zeros(0), np.zeros(0, int)
+    cell = np.arange(int(np.floor((start - 2.0) * rate)), int(np.floor((end + 1.0) * rate)) + 1)
+    place, kind = hashed_uniform(seed, _PER_CELL, cell)
+    first = (cell + 0.08 + 0.84 * place) / rate
+    again = kind < _TWICE
+    second = first[again] + 0.45 + 4.0 * kind[again]
+    once = kind < 1 - _TWICE
+    return np.concatenate([first[once], second]), np.concatenate([2 * cell[once], 2 * cell[again] + 1])
+
+
+def _caused(seed: int, due: Array, when: Array, index: Array, stream: int, chance: Array | float) -> tuple[Array, Array]:
+    """Blinks at events, with a chance, unless one is due anyway."""
+    drawn, late = hashed_uniform(seed, stream + _PAIR, index)
+    keep = drawn < chance
+    if len(due):
+        keep &= np.abs(when[:, None] - due).min(1) > _APART
+    return (when + 0.12 * late)[keep], index[keep] + (stream << 40)
+
+
+def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Sequence[tuple[float, float]] = ()) -> Array:
+    """(T,) how far blinks close the eyes, 0 … 1.
+
+    Args:
+        times: (T,) seconds.
+        heard: the speech around them, for blinks at the ends of phrases.
+        seed: which schedule.
+        rate: blinks per second that come without a cause; events add to them.
+        shifts: (time in s, size in rad) of large gaze shifts.
+    """
+    due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
+    speaking = heard.at(due, heard.loudness) > _SPEAKING
+    kept = ~speaking | (hashed_uniform(seed, _HOLD, index) > _HELD_BACK)
+    begin, index = due[kept], index[kept]
+    ends = phrase_ends(heard)
+    if len(ends) and rate > 0:
+        more = _caused(seed, due, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
+        begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
+    if len(shifts) and rate > 0:
+        when, size = np.array(shifts, float).T
+        chance = _AT_SHIFT * np.minimum(size / _LARGE_SHIFT, 1.0)
+        more = _caused(seed, due, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
+        begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
+    near = (begin > times[0] - 0.5) & (begin < times[-1])
+    begin, index = begin[near], index[near]
+    if not len(begin):
+        return np.zeros(len(times))
+    width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hashed_normal(seed, _WIDTH, index)), *_WIDTHS)
+    depth = 1.0 - 0.25 * hashed_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
+    since = (times[:, None] - begin) / width
+    ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)
+    ramp = np.minimum(np.maximum(ramp, 0), 1)
+    return (ramp * ramp * (3 - 2 * ramp) * depth).max(1)

@@ -1,0 +1,204 @@
+"""The face: speech on the lips, blinks, gaze, brows on accents and the emotion's expression, composed into 52 weights.
+
+A pure function of time: nothing is remembered from call to call, so a stream in blocks gives what one call would give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..audio.prosodic_events import Accent, Heard
+from ..motion.noise import hashed_normal, smooth_noise
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from ..motion.weighted_sum import weighted_sum
+from .blinks import eyelids
+from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
+from .lips import Voice, voice_to_mouth
+from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
+
+__all__ = ["Face"]
+
+
+def _columns(*names: str) -> list[int]:
+    return [ARKIT_INDEX[name] for name in names]
+
+
+_BLINK = _columns("eyeBlinkLeft", "eyeBlinkRight")
+_WIDE = _columns("eyeWideLeft", "eyeWideRight")
+_SQUINT = _columns("eyeSquintLeft", "eyeSquintRight")
+_SMILE = _columns("mouthSmileLeft", "mouthSmileRight")
+_PRESS = _columns("mouthPressLeft", "mouthPressRight")
+_BROWS = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight", "browDownLeft", "browDownRight")
+_LOOK = _columns(
+    "eyeLookOutLeft", "eyeLookInLeft", "eyeLookOutRight", "eyeLookInRight", "eyeLookUpLeft", "eyeLookUpRight",
+    "eyeLookDownLeft", "eyeLookDownRight",
+)  # fmt: skip
+_JAW, _CLOSE, _DOWN = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"], _LOOK[6:]
+_ROLL = _columns("mouthRollLower", "mouthRollUpper")
+_SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
+_SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
+for _row, _name in enumerate(MOUTH):
+    _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
+_OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 0.9
+_OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
+_OPENS += np.array([name == "tongueOut" for name in ARKIT]) * 1.0
+
+_LOOK_FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 (ours: what ARKit reports near the limits of comfort)
+_CONVERGENCE = 0.012  # weight inwards on both eyes: something a few metres away is looked at (ours)
+_LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-down shape alone leaves the iris half covered
+_PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
+_WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
+_CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
+_TALKS = (0.05, 0.40)  # `Voice.active` at which a learnt mouth starts to open, and does as it says: soft speech counts (ours)
+_MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
+_FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
+_SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
+
+
+class Face:
+    """The face of one performance.
+
+    Args:
+        seed: which performance.
+        intensity: 0 … about 2; scales the expression of emotion and, less, the articulation.
+        expressiveness: 0 … about 2; scales brows, small signs and, less, the articulation.
+        blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
+        gains: (52,) factors of what comes out; all 1 where not given.
+    """
+
+    def __init__(
+        self,
+        *,
+        seed: int,
+        intensity: float = 1.0,
+        expressiveness: float = 1.0,
+        blink_rate: float = 22.0 / 60,
+        gains: Array | None = None,
+    ) -> None:
+        self._gains = np.ones(len(ARKIT)) if gains is None else gains
+        self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
+        self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
+        lean = 0.05 * hashed_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
+        self._lean = np.ones(len(ARKIT))
+        for k, name in enumerate(n for n in ARKIT if n.startswith(("mouth", "brow", "cheek", "nose")) and n.endswith("Left")):
+            self._lean[ARKIT_INDEX[name]] += lean[k]
+            self._lean[ARKIT_INDEX[name[:-4] + "Right"]] -= lean[k]
+
+    def weights(
+        self,
+        times: Array,
+        heard: Heard,
+        *,
+        accents: Sequence[Accent],
+        words: Sequence,
+        emotion: Array,
+        gaze: Array,
+        head_speed: Array | None = None,
+        shifts: Sequence[tuple[float, float]] = (),
+        spoken: Array | None = None,
+    ) -> Array:
+        """ARKit weights at ``times``.
+
+        Args:
+            times: (T,) seconds, ascending.
+            heard: the speech at least half a second to both sides of them, clipped at its ends.
+            accents: those at most 1.5 s away (more do no harm).
+            words: those at most 0.5 s away, each with ``text``, ``start`` and ``end``; or none.
+            emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
+            gaze: (T, 2) radians of yaw (+ to the character's left) and pitch (+ up) of the eyes in the head.
+            head_speed: (T,) rad/s; lids come down a little while the head turns fast.
+            shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
+            spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
+
+        Returns:
+            (T, 52) in 0 … 1.
+        """
+        times = np.asarray(times, float)
+        if not len(times):
+            return np.zeros((0, len(ARKIT)))
+        voice = voice_to_mouth(times, heard)
+        drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
+        if spoken is None:
+            shape, closed = self._speech(times, heard, voice, words)
+            out = shape @ _SPREAD
+        else:
+            out, closed = self._learnt(times, heard, voice, words, spoken)
+        out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
+        _close_lips(out, closed)
+        out *= self._lean
+        self._brows(out, times, accents, drift)
+        self._eyes(out, times, heard, np.asarray(gaze, float), head_speed, shifts)
+        return self._scaled(np.clip(out, 0.0, 1.0))
+
+    def _speech(self, times: Array, heard: Heard, voice: Voice, words: Sequence) -> tuple[Array, Array]:
+        """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
+        phones = phones_of(words, times[0], times[-1])
+        if not len(phones.centre):
+            return voice.shape * self._articulation, 0.7 * voice.closed  # no one knows whether a dip is a p or a t
+        mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones, heard))
+        claim = mouth.claim * voice.active
+        mouth.shape[:, 0] *= _WORDS_GAIN * voice.effort
+        shape = claim[:, None] * mouth.shape + (1 - claim)[:, None] * voice.shape
+        return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
+
+    def _learnt(self, times: Array, heard: Heard, voice: Voice, words: Sequence, spoken: Array) -> tuple[Array, Array]:
+        """(T, 52) and (T,): as a mouth says while somebody talks, and how far words close the lips.
+
+        Words have a say where sound tells little: the lips of m, b, p, of f and w, the tongue of th; never the jaw.
+        """
+        talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
+        shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
+        mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
+        mouth.shape[:, 0] = 0.0
+        known = (mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]) @ _SPREAD
+        return np.maximum(shape, known), mouth.claim * mouth.closed
+
+    def _scaled(self, out: Array) -> Array:
+        """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
+        scaled: Array = np.clip(out * self._gains, 0.0, 1.0)
+        scaled[:, _CLOSE] = np.minimum(scaled[:, _CLOSE], scaled[:, _JAW])
+        return scaled
+
+    def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
+        """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
+        course = np.clip(_CALM + _SWELL * accent_swell(times, accents) + _DRIFT * drift[:, 0], 0.2, 1.0)
+        course *= self.intensity * (0.7 + 0.3 * self.expressiveness)
+        out = weighted_sum(emotion * course[:, None], EXPRESSIONS)
+        out *= 1 - IS_MOUTH * (_MOUTH_YIELDS * talking)[:, None]
+        friendly = (
+            emotion[:, 0] * _FRIENDLY * self.expressiveness * (1 - 0.7 * talking) * np.clip(0.9 + 0.6 * drift[:, 1], 0, 2)
+        )
+        out[:, _SMILE] += friendly[:, None]
+        return out
+
+    def _brows(self, out: Array, times: Array, accents: Sequence[Accent], drift: Array) -> None:
+        moves = accent_brows(times, accents, seed=self.seed) * (self.expressiveness * (0.7 + 0.3 * self.intensity))
+        down = out[:, _BROWS[3:]].mean(1)
+        held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
+        out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
+        out[:, _BROWS[3:]] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
+
+    def _eyes(self, out: Array, times: Array, heard: Heard, gaze: Array, head_speed: Array | None, shifts: Sequence) -> None:
+        yaw, pitch = gaze[:, 0] / _LOOK_FULL[0], gaze[:, 1] / _LOOK_FULL[1]
+        look = (yaw - _CONVERGENCE, _CONVERGENCE - yaw, -yaw - _CONVERGENCE, yaw + _CONVERGENCE, pitch, pitch, -pitch, -pitch)
+        out[:, _LOOK] = np.maximum(np.array(look).T, 0.0)
+        lids = out[:, _BLINK] + _LID_FOLLOWS * out[:, _DOWN] - 0.10 * out[:, _LOOK[4:6]]
+        if head_speed is not None:
+            lids += 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
+        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts)[:, None]
+        lids = np.minimum(np.maximum(lids, 0), 1)
+        out[:, _BLINK] = lids + (1 - lids) * shut
+        out[:, _WIDE] = (out[:, _WIDE] + 0.15 * out[:, _LOOK[4:6]]) * (1 - shut)
+        out[:, _SQUINT] *= 1 - 0.6 * shut
+
+
+def _close_lips(out: Array, closed: Array) -> None:
+    """Bring the lips together, whatever else the mouth does: mouthClose undoes as much as the jaw opens (ARKit)."""
+    out *= 1 - closed[:, None] * _OPENS
+    out[:, _JAW] *= 1 - 0.6 * closed
+    out[:, _CLOSE] = np.clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
+    out[:, _PRESS] += 0.22 * closed[:, None]
+    out[:, _ROLL] += 0.10 * closed[:, None]

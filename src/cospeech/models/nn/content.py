@@ -1,0 +1,85 @@
+"""Encoders of Mix-StAGE: what is said (audio content), what is done (pose content), who does it (style).
+
+The paper calls all three TCNs; channels and kernels are the authors' code's, here as multiples of one width: 256 is theirs.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ...errors import InputError
+from .norm import BatchNorm1d
+from .unet1d import SLOPE, conv_block
+
+__all__ = ["STYLE_FRAMES", "AudioContent", "PoseContent", "StyleLogits"]
+
+STYLE_FRAMES = 64  # the least that six halvings leave one frame of
+BANDS = 16  # the least that three halvings and a kernel of 8 leave one band of; fewer are padded with zeros, ours
+LAST = (3, 8)  # kernel of the last convolution over (frames, bands), with padding (1, 3); authors' code
+
+
+class _Block2d(nn.Module):
+    """Convolution over (frames, bands), batch norm, leaky ReLU."""
+
+    def __init__(self, inputs: int, outputs: int, kernel: tuple[int, int], stride: int, padding: tuple[int, int]) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, padding)
+        self.norm = BatchNorm1d(outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = self.conv(x)
+        return F.leaky_relu(self.norm(y.flatten(2)).view_as(y), SLOPE)
+
+
+class AudioContent(nn.Module):
+    """A log-mel spectrogram as a picture → content: (B, T, A) → (B, channels, T), for T ≥ 8.
+
+    Kernels 3, and 4 with stride 2, in turns, three of each; then 3, then 3 × 8; then bilinear back to T frames and one band.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        few, more = max(1, channels // 4), max(1, channels // 2)
+        plain, down = ((3, 3), 1, (1, 1)), ((4, 4), 2, (1, 1))
+        plan = [
+            (1, few, *plain), (few, few, *down),
+            (few, more, *plain), (more, more, *down),
+            (more, channels, *plain), (channels, channels, *down),
+            (channels, channels, *plain), (channels, channels, LAST, 1, (1, 3)),
+        ]  # fmt: skip
+        self.blocks = nn.Sequential(*(_Block2d(*row) for row in plan))
+
+    def forward(self, audio: Tensor) -> Tensor:
+        frames, bands = audio.shape[1:]
+        picture = F.pad(audio, (0, max(0, BANDS - bands))).unsqueeze(1)
+        return F.interpolate(self.blocks(picture), size=(frames, 1), mode="bilinear").squeeze(-1)
+
+
+class PoseContent(nn.Sequential):
+    """Poses → content: (B, D, T) → (B, channels, T); six convolutions with kernel 3."""
+
+    def __init__(self, pose: int, channels: int) -> None:
+        few, more = max(1, channels // 4), max(1, channels // 2)
+        super().__init__(*(conv_block(a, b) for a, b in pairwise((pose, few, few, more, more, channels, channels))))
+
+
+class StyleLogits(nn.Module):
+    """Poses → how much they look like each speaker's: (B, D, T) → (B, S) logits, for T ≥ 64.
+
+    As in the authors' code the last convolution too has batch norm and leaky ReLU; the mean over time is the logit.
+    """
+
+    def __init__(self, pose: int, channels: int, speakers: int) -> None:
+        super().__init__()
+        few, more = max(1, channels // 4), max(1, channels // 2)
+        widths = (few, few, more, more, channels, channels, speakers)
+        self.blocks = nn.Sequential(conv_block(pose, few), *(conv_block(a, b, down=True) for a, b in pairwise(widths)))
+
+    def forward(self, pose: Tensor) -> Tensor:
+        if pose.shape[-1] < STYLE_FRAMES:
+            raise InputError(f"{pose.shape[-1]} frames to tell a style from", f"{STYLE_FRAMES} at least")
+        logits: Tensor = self.blocks(pose).mean(-1)
+        return logits

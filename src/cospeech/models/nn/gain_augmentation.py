@@ -1,0 +1,45 @@
+"""Speech as loud as nobody knows: what a network should not go by is drawn anew for every clip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from ...errors import InputError
+from .objective import Chance
+
+__all__ = ["Gain"]
+
+_STEP = 10.0  # dB that ``louder`` is told for
+
+
+class Gain(nn.Module):
+    """(B, T, A) standardised speech → the same, each clip louder or softer throughout; in training alone.
+
+    Args:
+        decibels: by how much at most, either way; 0: not at all.
+        inputs: A.
+        louder: (A,) by how much each number grows with 10 dB (`cospeech.audio.features.reduce.louder`, standardised).
+
+    Raises:
+        InputError: it should change, and nobody knows how.
+    """
+
+    louder: Tensor
+
+    def __init__(self, decibels: float, inputs: int, louder: Sequence[float]) -> None:
+        super().__init__()
+        if decibels < 0 or (decibels > 0 and len(louder) != inputs):
+            raise InputError(
+                f"speech louder by {decibels} dB", "0 or more; and data.audio a reduction of logarithms, which is heard"
+            )
+        self.decibels = decibels
+        self.register_buffer("louder", torch.tensor(tuple(louder)), persistent=False)
+
+    def forward(self, audio: Tensor, chance: Chance) -> Tensor:
+        if not self.training or not self.decibels:
+            return audio
+        steps = (2 * chance.uniform(len(audio), 1, 1) - 1) * (self.decibels / _STEP)
+        return audio + steps * self.louder

@@ -1,0 +1,141 @@
+"""What networks of many inputs have in common: how each input comes in, how they are played.
+
+Whatever is missing is zeros: words, the face, the emotion, the speaker, and the poses that a window begins with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...errors import InputError, nearest
+from .cascade import EMOTIONS, FACE
+from .objective import Batch
+from .windowed import Windowed
+from .words import SubwordTable, WordVectors
+
+__all__ = ["INPUTS", "SEEDS", "Given", "ManyInputs", "weights_of"]
+
+SEEDS = 4  # poses that a window begins with; Liu et al. 2022 and Yoon et al. 2020
+INPUTS = ("text", "face", "emotion", "speaker", "seed")
+"""What may be missing."""
+
+
+class Given(NamedTuple):
+    """What poses are made of, frame by frame; zeros where it is missing."""
+
+    audio: Tensor
+    """(B, T, A)."""
+    words: Tensor
+    """(B, T, W) embedded."""
+    face: Tensor
+    """(B, T, 52) ARKit weights."""
+    emotion: Tensor
+    """(B, T, 8) weights of the emotions."""
+    speaker: Tensor
+    """(B, T, S) weights of the speakers."""
+    seed: Tensor
+    """(B, T, D + 1): the poses that are known, of the first four frames, and 1 where one is."""
+
+
+def weights_of(labels: Tensor, count: int) -> Tensor:
+    """(…,) whole numbers, −1 where unknown → (…, count): 1 at the label's place, all 0 where unknown."""
+    return F.one_hot(labels.clamp_min(-1) + 1, count + 1)[..., 1:].float()
+
+
+class ManyInputs(Windowed):
+    """A network with `forward`: (`Given`, noise) → (B, T, D), which plays windows of any length.
+
+    As a `Windowed` its frames of speech are [audio | embedded words], its styles [speakers' weights | emotions' weights]; face
+    and poses to begin with are then missing.
+    """
+
+    spare = ("text", "face", "emotion", "semantic")
+    """What a clip may lack."""
+    speakers: int
+    """S."""
+    embedding: SubwordTable | WordVectors
+
+    def _measures(self, pose: int, audio: int, speakers: int, embedding: SubwordTable | WordVectors, modes: int = 0) -> None:
+        """Set what the numbers of a `Windowed` are."""
+        self.pose, self.speakers, self.embedding = pose, speakers, embedding
+        self.audio = audio + embedding.width
+        self.styles, self.modes = speakers + EMOTIONS, modes
+        self.multiple = self.shortest = 1
+
+    def words(self, text: Tensor) -> Tensor:
+        """(B, T, 12) numbers of subwords, or (B, T, 300) vectors → (B, T, W)."""
+        embedded: Tensor = self.embedding(text)
+        return embedded
+
+    def given(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None) -> Given:
+        """The arrays of a batch as inputs.
+
+        Args:
+            arrays: of a batch; ``face`` and ``emotion`` may not be there.
+            lacks: of `INPUTS`, which are kept back.
+            known: (B,) 1 for windows that begin with known poses, 0 for others; None: all.
+
+        Raises:
+            InputError: there is no such input.
+        """
+        for name in lacks:
+            if name not in INPUTS:
+                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        audio, pose = arrays["audio"], arrays["pose"]
+        rows, frames = audio.shape[:2]
+        nobody = arrays["speaker"].new_full((rows, frames), -1)
+        emotion = arrays.get("emotion", nobody) if "emotion" not in lacks else nobody
+        speaker = arrays["speaker"][:, None].expand(-1, frames) if "speaker" not in lacks else nobody
+        face = arrays["face"].nan_to_num() if "face" in arrays and "face" not in lacks else audio.new_zeros(rows, frames, FACE)
+        words = self.words(arrays["text"])
+        begun = audio.new_zeros(rows, frames, 1)
+        if "seed" not in lacks:
+            begun[:, :SEEDS] = 1 if known is None else known[:, None, None]
+        return Given(
+            audio, torch.zeros_like(words) if "text" in lacks else words, face, weights_of(emotion, EMOTIONS),
+            weights_of(speaker, self.speakers), torch.cat([pose * begun, begun], -1),
+        )  # fmt: skip
+
+    def trained_on(self, batch: Batch, unseeded: float) -> Given:
+        """A batch as inputs, in training a share of it without poses to begin with."""
+        if not (unseeded and self.training):
+            return self.given(batch.arrays)
+        known = batch.chance.uniform(len(batch)) >= unseeded
+        return self.given(batch.arrays, known=known.to(batch["audio"]))
+
+    @torch.no_grad()
+    def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
+        """Poses for the arrays of a batch, of any length.
+
+        Args:
+            arrays: of a batch; of ``pose`` the first four frames are looked at.
+            lacks: of `INPUTS`, which are kept back.
+            noise: (B, T, modes); none: 0.
+
+        Returns:
+            ``pose``: (B, T, D), standardised.
+        """
+        audio = arrays["audio"]
+        quiet = audio.new_zeros(*audio.shape[:2], self.modes) if noise is None else noise
+        return {"pose": self(self.given(arrays, lacks), quiet)}
+
+    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+        """(B, T, A + W), (B, T, S + 8), (B, T, modes) of noise → (B, T, D)."""
+        heard, words = audio.split([self.audio - self.embedding.width, self.embedding.width], -1)
+        speaker, emotion = style.split([self.speakers, EMOTIONS], -1)
+        nothing = heard.new_zeros(*heard.shape[:2], FACE + self.pose + 1)
+        face, seed = nothing.split([FACE, self.pose + 1], -1)
+        made: Tensor = self(Given(heard, words, face, emotion, speaker, seed), nudge)
+        return made
+
+    @torch.no_grad()
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """(S, n, T, D) → (S, S + 8): each speaker alone, neutral."""
+        alone = torch.eye(self.speakers, self.styles, dtype=stretches.dtype, device=stretches.device)
+        alone[:, self.speakers] = 1
+        return alone

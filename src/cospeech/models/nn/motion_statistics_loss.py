@@ -1,0 +1,19 @@
+"""How somebody moves, apart from what they do: means and deviations of a clip, in which clips of one manner are alike; ours."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .pose_discriminator import FASTER
+
+__all__ = ["manner"]
+
+_TINY = 1e-6  # ours: a variance whose root has a slope
+
+
+def manner(pose: Tensor) -> Tensor:
+    """(B, D, T) → (B, 4 D): mean; deviations of pose, velocity and acceleration in the measure of the discriminator."""
+    moved = FASTER * pose.diff(dim=-1)
+    deviations = [(x.var(-1, correction=0) + _TINY).sqrt() for x in (pose, moved, FASTER * moved.diff(dim=-1))]
+    return torch.cat([pose.mean(-1), *deviations], 1)

@@ -1,0 +1,211 @@
+"""wav2vec 2.0 (Baevski et al. 2020) as networks of this package hear through it: its CNN frozen, its transformer trained on.
+
+The CNN's features, 49.95 a second, are brought to the rate of the motion before the transformer sees them, which makes it three
+times as cheap at 15 frames a second, and lets a store keep them: what never changes is worked out once. Needs ``transformers``
+and a folder with the weights, or their name on Hugging Face's hub, such as ``facebook/wav2vec2-base-960h``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ...audio.features.at_16_khz import At16kHz
+from ...audio.features.mel import RATE
+from ...errors import InputError
+from ...motion.rotations import Array
+
+if TYPE_CHECKING:
+    from ...audio.speech import Speech
+
+__all__ = ["Wav2VecCnn", "Wav2VecTransformer", "load_cnn", "load_transformer"]
+
+_TINY = 1e-7  # as transformers' Wav2Vec2FeatureExtractor has it: silence stays 0
+_PIECE = 500  # features; ours: ten seconds at a time, 60 MB of the first layer's
+_UNUSED = "masked_spec_embed"  # stands for masked features, of which there are none here
+_LARGEST = 65504.0  # of float16
+
+
+class Wav2VecCnn(nn.Module):
+    """The features of raw sound, frozen.
+
+    Args:
+        encoder: transformers' ``Wav2Vec2FeatureEncoder``.
+    """
+
+    layers: Any
+
+    def __init__(self, encoder: Any) -> None:
+        super().__init__()
+        self.layers = encoder.conv_layers
+        self.width = int(encoder.conv_layers[-1].conv.out_channels)
+        """Numbers of a feature; 512."""
+        self.stride, self.field = 1, 1
+        """Samples from one feature to the next, 320, and of which each is made, 400."""
+        for layer in encoder.conv_layers:
+            self.field += (layer.conv.kernel_size[0] - 1) * self.stride
+            self.stride *= layer.conv.stride[0]
+        self.requires_grad_(False).eval()
+
+    def train(self, mode: bool = True) -> Wav2VecCnn:
+        """It stays as it is."""
+        return super().train(False)
+
+    @torch.no_grad()
+    def forward(self, samples: Tensor, frames: int) -> Tensor:
+        """(B, n) at 16 kHz → (B, frames, width): a window's features stretched over its frames, the ends on the ends.
+
+        As the same authors' published code hears: 36266 samples, 34 frames at 15 a second, give 113 features, then 34.
+        """
+        return F.interpolate(self.hear(samples), size=frames, mode="linear", align_corners=True).mT
+
+    @torch.no_grad()
+    def frame_features(self, speech: Speech, frames: int, fps: float) -> Array:
+        """(frames, width) float16 of a whole speech, at the times of its frames: linear between the features about them.
+
+        A feature is in the middle of the sound of which it is made; so long speech stays in step, which `forward` would
+        stretch by up to a frame.
+        """
+        ear = At16kHz()
+        samples = np.concatenate([ear.push(speech), ear.finish()])
+        heard = self.hear(torch.from_numpy(samples)[None])[0].T.numpy()
+        at = (np.arange(frames) * (RATE / fps) - (self.field - 1) / 2) / self.stride
+        at = np.clip(at, 0, len(heard) - 1)
+        low = at.astype(int)
+        high = np.minimum(low + 1, len(heard) - 1)
+        rows = heard[low] + (heard[high] - heard[low]) * (at - low)[:, None]
+        return np.clip(rows, -_LARGEST, _LARGEST).astype(np.float16)
+
+    @torch.no_grad()
+    def hear(self, samples: Tensor) -> Tensor:
+        """(B, n) at 16 kHz → (B, width, K) features of speech of mean 0 and deviation 1, in little memory however long."""
+        x = F.pad(samples.float(), (0, max(0, self.field - samples.shape[1])))
+        mean, std = x.mean(1, keepdim=True), (x.var(1, correction=0, keepdim=True) + _TINY).sqrt()
+        x = ((x - mean) / std)[:, None]
+        count = (x.shape[-1] - self.field) // self.stride + 1
+        scale = self._scale(x)
+        pieces = []
+        for first in range(0, count, _PIECE):
+            last = min(first + _PIECE, count) - 1
+            pieces.append(self._run(x[..., first * self.stride : last * self.stride + self.field], scale))
+        return torch.cat(pieces, -1)
+
+    def _scale(self, x: Tensor) -> tuple[Tensor, Tensor] | None:
+        """(B, C, 1) mean and deviation over all of the first layer's outputs, where it is to have them normed over time."""
+        conv, norm = self.layers[0].conv, getattr(self.layers[0], "layer_norm", None)
+        if not isinstance(norm, nn.GroupNorm):
+            return None
+        kernel, stride = conv.kernel_size[0], conv.stride[0]
+        count, step = (x.shape[-1] - kernel) // stride + 1, _PIECE * self.stride // stride
+        total = square = torch.zeros(len(x), norm.num_channels, 1, dtype=torch.float64, device=x.device)
+        for first in range(0, count, step):
+            last = min(first + step, count) - 1
+            y = conv(x[..., first * stride : last * stride + kernel]).double()
+            total, square = total + y.sum(-1, keepdim=True), square + y.square().sum(-1, keepdim=True)
+        mean = total / count
+        std = ((square / count - mean.square()).clamp_min(0) + norm.eps).sqrt()
+        return mean.to(x), std.to(x)
+
+    def _run(self, x: Tensor, scale: tuple[Tensor, Tensor] | None) -> Tensor:
+        """All layers; the first one's norm by the moments that are given."""
+        if scale is not None:
+            first = self.layers[0]
+            x = (first.conv(x) - scale[0]) / scale[1]
+            x = first.activation(x * first.layer_norm.weight[:, None] + first.layer_norm.bias[:, None])
+        for layer in self.layers[scale is not None :]:
+            x = layer(x)
+        return x
+
+
+class Wav2VecTransformer(nn.Module):
+    """(B, T, inputs) features of the CNN → (B, T, outputs): its projection and its transformer, to be trained on.
+
+    Args:
+        model: transformers' ``Wav2Vec2Model``. Neither masks nor skips layers: what a step learns from is for us to draw.
+    """
+
+    def __init__(self, model: Any) -> None:
+        super().__init__()
+        self.projection, self.encoder = model.feature_projection, model.encoder
+        self.inputs, self.outputs = int(model.config.conv_dim[-1]), int(model.config.hidden_size)
+        self.encoder.config.layerdrop = 0.0
+
+    def forward(self, features: Tensor) -> Tensor:
+        projected, _ = self.projection(features)
+        out: Tensor = self.encoder(projected).last_hidden_state
+        return out
+
+
+@lru_cache(1)
+def load_cnn(name: str) -> Wav2VecCnn:
+    """The CNN of a pretrained wav2vec 2.0.
+
+    Args:
+        name: a folder, or a name on Hugging Face's hub.
+
+    Raises:
+        InputError: it cannot be loaded, or transformers is missing.
+    """
+    return Wav2VecCnn(_pretrained(name).feature_extractor)
+
+
+def load_transformer(name: str) -> Wav2VecTransformer:
+    """The rest of a pretrained wav2vec 2.0.
+
+    Args:
+        name: a folder, or a name on Hugging Face's hub.
+
+    Raises:
+        InputError: it cannot be loaded, or transformers is missing.
+    """
+    return Wav2VecTransformer(_pretrained(name))
+
+
+def _pretrained(name: str) -> Any:
+    """transformers' ``Wav2Vec2Model`` with all of its weights."""
+    try:
+        from transformers import AutoConfig, Wav2Vec2Model
+    except ImportError:
+        raise InputError("wav2vec 2.0 needs transformers", "pip install 'cospeech[wav2vec]'") from None
+    hint = "a folder with config.json and model.safetensors, or a name such as facebook/wav2vec2-base-960h"
+    try:
+        with _quiet():
+            config = AutoConfig.from_pretrained(name)
+            if config.model_type != "wav2vec2" or config.add_adapter:
+                raise InputError(
+                    f"{name!r} is a {config.model_type} model", "wav2vec2 without an adapter is what we hear through"
+                )
+            loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True)
+            model, found = loaded
+    except InputError:
+        raise
+    except Exception as error:  # whatever transformers, its hub and its readers raise
+        text = " ".join(str(error).split())[:160]
+        raise InputError(f"cannot load wav2vec 2.0 from {name!r}: {text}", hint) from None
+    missing = [key for key in (*found["missing_keys"], *found["mismatched_keys"]) if key != _UNUSED]
+    if missing:
+        raise InputError(f"{name!r} has not all weights of wav2vec 2.0: {missing[0]} is missing", hint)
+    return model.float()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """transformers says nothing meanwhile, and shows no bars."""
+    from transformers.utils import logging
+
+    level, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    logging.set_verbosity_error()
+    logging.disable_progress_bar()
+    try:
+        yield
+    finally:
+        logging.set_verbosity(level)
+        if bars:
+            logging.enable_progress_bar()

@@ -1,0 +1,89 @@
+"""What makes audio features Â of speech in Chain of Generation: each for the array of a store that it hears."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from torch import Tensor, nn
+
+from ...errors import InputError
+from .speech_encoder import load_transformer
+from .temporal import CausalConv, Conv, ConvStack, Memory
+
+__all__ = ["EARS", "EarConfig", "OwnEar", "Wav2VecEar"]
+
+_KERNEL = 3  # ours
+
+
+class OwnEar(nn.Module):
+    """Ours, small: mel powers and prosody, four temporal convolutions. (B, A, T) → (B, latent, T).
+
+    Args:
+        audio: A.
+        latent: numbers of a frame of Â.
+        conv: makes the convolutions.
+    """
+
+    array = "audio"
+
+    def __init__(self, audio: int, latent: int, conv: Conv) -> None:
+        super().__init__()
+        self.inputs = audio
+        self.convs = ConvStack(conv, (audio, *[latent] * 4), _KERNEL)
+
+    def forward(self, heard: Tensor, memory: Memory) -> Tensor:
+        out: Tensor = self.convs(heard, memory)
+        return out
+
+
+class Wav2VecEar(nn.Module):
+    """The paper's: of wav2vec 2.0 the transformer, then a linear layer. (B, 512, T) → (B, latent, T).
+
+    The store keeps what comes before it, the features of the CNN, which is frozen.
+
+    Args:
+        encoder: folder or name of the pretrained one, with which its transformer begins.
+        latent: numbers of a frame of Â.
+
+    Raises:
+        InputError: it cannot be loaded.
+    """
+
+    array = "wav2vec"
+
+    def __init__(self, encoder: str, latent: int) -> None:
+        super().__init__()
+        self.transformer = load_transformer(encoder)
+        self.inputs = self.transformer.inputs
+        self.linear = nn.Linear(self.transformer.outputs, latent)
+
+    def forward(self, heard: Tensor, memory: Memory) -> Tensor:
+        out: Tensor = self.linear(self.transformer(heard.mT)).mT
+        return out
+
+
+class EarConfig(Protocol):
+    """What ears are told of a network's settings."""
+
+    @property
+    def latent(self) -> int: ...
+    @property
+    def encoder(self) -> str: ...
+
+
+def _own(config: EarConfig, audio: int, conv: Conv) -> OwnEar:
+    return OwnEar(audio, config.latent, conv)
+
+
+def _wav2vec(config: EarConfig, audio: int, conv: Conv) -> Wav2VecEar:
+    if conv is CausalConv:
+        raise InputError(
+            "wav2vec 2.0 hears all of a speech before it says anything", "a network that streams has the ear 'own'"
+        )
+    return Wav2VecEar(config.encoder, config.latent)
+
+
+EARS: dict[str, Callable[[EarConfig, int, Conv], OwnEar | Wav2VecEar]] = {"own": _own, "wav2vec": _wav2vec}
+"""Name → (settings, numbers of a frame of audio, what makes convolutions) → a module with ``array``, that which it hears, and
+``inputs``, its numbers per frame."""

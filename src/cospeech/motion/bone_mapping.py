@@ -1,0 +1,289 @@
+"""Which joint of somebody's skeleton is which of ours: by the tables, by names, or by the shape of the tree.
+
+Sides and parts are read from names of many makes (Mixamo, Rokoko, CMU, Biped, VRoid, Rigify, MakeHuman, Unreal, SMPL …);
+the middle of the body follows from the tree, whatever it is called: the hips are where legs and spine meet, the chest is
+where the arms meet, and all between them is spine.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib import import_module
+from os import PathLike
+
+from ..errors import InputError
+from ..files import parse_toml, read_regular
+from ..limits import BONE_MAP_BYTES
+from .bone_mapping_by_shape import by_shape
+from .skeleton import Skeleton, humanoid
+from .skeletons import SKELETONS
+
+__all__ = ["REQUIRED", "by_names", "load_map", "recognise"]
+
+REQUIRED = (
+    "hips", "head",
+    "leftUpperArm", "leftLowerArm", "rightUpperArm", "rightLowerArm",
+    "leftUpperLeg", "leftLowerLeg", "rightUpperLeg", "rightLowerLeg",
+)  # fmt: skip
+"""Ours: with fewer of these a motion cannot be carried over sensibly."""
+
+_SIDES = {
+    "left": "left",
+    "l": "left",
+    "lf": "left",
+    "lft": "left",
+    "right": "right",
+    "r": "right",
+    "rt": "right",
+    "rgt": "right",
+}
+_NOISE = {
+    "mixamorig", "bip", "biped", "valvebiped", "adj", "sec", "def", "org", "cc", "base", "armature", "bone", "bn", "jnt", "jt",
+    "skel", "character", "rig", "b", "c", "m", "j", "sk", "bnd", "bind", "smplhf",
+}  # fmt: skip
+_EXTRA = {
+    "twist", "roll", "ik", "pole", "target", "ctrl", "control", "helper", "slot", "nub", "end", "tip", "site", "volume",
+    "corrective", "correct", "dummy", "socket", "mch", "share", "top",
+}  # fmt: skip
+_PARTS = {  # our part → what others call it, best first
+    "Shoulder": ("clavicle", "collar", "collarbone", "clav", "scapula", "shoulder"),
+    "UpperArm": ("upperarm", "uparm", "armupper", "arm", "humerus", "shoulder"),
+    "LowerArm": ("lowerarm", "loarm", "forearm", "lowarm", "armlower", "radius", "elbow", "ulna"),
+    "Hand": ("wrist", "hand", "palm"),
+    "UpperLeg": ("upperleg", "upleg", "thigh", "legupper", "femur", "hip", "leg"),
+    "LowerLeg": ("lowerleg", "loleg", "lowleg", "calf", "shin", "leglower", "crus", "tibia", "knee", "leg"),
+    "Foot": ("ankle", "foot", "feet"),
+    "Toes": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
+    "Eye": ("eye", "eyeball", "faceeye"),
+}
+_WORDS = {word for words in _PARTS.values() for word in words} | {"fingers", "thumb", "toebase"}
+_FINGERS = {
+    "Thumb": ("thumb",),
+    "Index": ("index", "pointer", "point"),
+    "Middle": ("middle", "mid"),
+    "Little": ("little", "pinky", "pinkie", "small"),
+    "Ring": ("ring",),
+}
+_PHALANGES = {"Thumb": ("Metacarpal", "Proximal", "Distal")}
+_COUNTED = ("Thumb", "Index", "Middle", "Ring", "Little")  # of "finger1" … "finger5"
+
+
+class _Joint:
+    """What a name says: side, stem (words without side and noise), digits, and whether it is a helper of something else."""
+
+    def __init__(self, index: int, name: str) -> None:
+        self.index = index
+        base = re.split(r"[:|]", name)[-1]
+        base = re.sub(r"(?i)^(valvebiped|mixamorig|character|bip(ed)?)\d*(?=[^a-z])", "", base)
+        self.helper = base.startswith("__")
+        words = [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", base)]
+        self.digits = [w for w in words if w.isdigit()]
+        words = [w for w in words if not w.isdigit()]
+        side = next((w for w in words if w in _SIDES), None)
+        self.side = _SIDES[side] if side else None
+        if side:
+            words.remove(side)
+        self.extra = any(w in _EXTRA for w in words)
+        self.stem = "".join(w for w in words if w not in _NOISE)
+        if not side:
+            self._side_within()
+
+    def _side_within(self) -> None:
+        """``leftarm``, ``lfemur``, ``thighr``: sides that are not set off."""
+        for side in ("left", "right"):
+            if self.stem.startswith(side) or self.stem.endswith(side):
+                self.side, self.stem = side, self.stem.replace(side, "", 1)
+                return
+        if len(self.stem) > 2 and self.stem[0] in "lr" and self.stem[1:] in _WORDS and self.stem not in _WORDS:
+            self.side, self.stem = _SIDES[self.stem[0]], self.stem[1:]
+
+    @property
+    def rank(self) -> tuple[bool, tuple[int, ...], int]:
+        """Order among joints of one stem: real ones first, then by number."""
+        return self.helper, tuple(int(d[:9]) for d in self.digits), self.index
+
+
+class _Tree:
+    """Ancestry of a skeleton, with what its names say."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.skeleton = skeleton
+        self.joints = [_Joint(k, name) for k, name in enumerate(skeleton.names)]
+
+    def path(self, joint: int) -> list[int]:
+        """From the root down to ``joint``."""
+        found = [joint]
+        while (joint := self.skeleton.parents[joint]) >= 0:
+            found.append(joint)
+        return found[::-1]
+
+    def above(self, a: int, b: int) -> bool:
+        """Is ``a`` a true ancestor of ``b``?"""
+        return a != b and a in self.path(b)
+
+    def meeting(self, *joints: int) -> int:
+        """The lowest joint from which all of ``joints`` descend (or which is one of them)."""
+        shared = set.intersection(*(set(self.path(j)) for j in joints))
+        return max(shared, key=lambda j: len(self.path(j)))
+
+    def find(self, side: str | None, part: str) -> list[int]:
+        """Joints that may be ``part``, best first."""
+        words = _PARTS[part]
+        fit = [j for j in self.joints if j.side == side and not j.extra and j.stem in words]
+        return [j.index for j in sorted(fit, key=lambda j: (words.index(j.stem), j.rank))]
+
+
+def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Find our joints in any skeleton.
+
+    Args:
+        skeleton: theirs, in its zero pose or better with its T-pose as ``rest``.
+        bone_map: our name → their name, which wins over what is found; ``""`` means that there is none.
+
+    Returns:
+        our name → their name, for every joint that was found, in our order.
+
+    Raises:
+        InputError: joints without which nothing can be carried over were not found, or ``bone_map`` has unknown names.
+    """
+    chosen = _checked(bone_map or {}, skeleton)
+    found = by_names(skeleton, chosen) | chosen
+    missing = [name for name in REQUIRED if not found.get(name)]
+    if missing and not bone_map:
+        shape = by_shape(skeleton)
+        found = shape if all(name in shape for name in REQUIRED) else found
+        missing = [name for name in REQUIRED if not found.get(name)]
+    if missing:
+        raise InputError(
+            f"cannot find {', '.join(missing)} among the {len(skeleton)} joints ({', '.join(skeleton.names[:4])}, …)",
+            'name them in a file: --map file.toml with [bones] leftUpperArm = "their name"',
+        )
+    return {name: found[name] for name in humanoid().names if found.get(name)}
+
+
+def _checked(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str]:
+    for ours, theirs in bone_map.items():
+        for what, name, known in (("our", ours, humanoid().names), ("their", theirs, ("", *skeleton.names))):
+            if name not in known:
+                near = get_close_matches(str(name), known, 1)
+                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(filter(None, known[:6]))}, …"
+                raise InputError(f"bone map: {name!r} is none of {what} joints", hint)
+    return dict(bone_map)
+
+
+def load_map(path: str | PathLike[str]) -> dict[str, str]:
+    """Read a bone map: TOML with a table ``[bones]`` of ``ourName = "their name"``; ``""`` where they have none.
+
+    Raises:
+        InputError: it cannot be read, is not TOML, or does not hold that table.
+    """
+    name = repr(str(path))
+    table = parse_toml(read_regular(path, "a bone map", BONE_MAP_BYTES), name, "see `--map` in the docs").get("bones")
+    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
+        raise InputError(f"{name} holds no table of names", '[bones] leftUpperArm = "their name"')
+    return table
+
+
+def by_names(skeleton: Skeleton, chosen: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Our name → their name as far as names, those ``chosen`` and the tree between them tell; may be empty."""
+    for module in SKELETONS.values():
+        table: dict[str, str] = import_module(module).NAMES
+        if all(name in skeleton.index for name in table.values()):
+            return dict(table)
+    tree = _Tree(skeleton)
+    found: dict[str, int] = {}
+    given = {ours: skeleton.index[theirs] for ours, theirs in (chosen or {}).items() if theirs}
+    for side in ("left", "right"):
+        found |= _limb(tree, side, "UpperArm", "LowerArm", "Hand", given)
+        found |= _limb(tree, side, "UpperLeg", "LowerLeg", "Foot", given)
+        found |= given
+        if f"{side}UpperArm" in found:
+            collar = [j for j in tree.find(side, "Shoulder") if tree.above(j, found[f"{side}UpperArm"])]
+            found |= {f"{side}Shoulder": collar[0]} if collar else {}
+        if f"{side}Foot" in found:
+            found |= _toes(tree, side, found[f"{side}Foot"])
+        if f"{side}Hand" in found:
+            found |= _fingers(tree, side, found[f"{side}Hand"])
+    found |= _middle(tree, found)
+    eyes = {side: tree.find(side, "Eye") for side in ("left", "right")}
+    found |= {f"{side}Eye": joints[0] for side, joints in eyes.items() if joints}
+    jaws = [j for j in tree.joints if j.side is None and not j.extra and j.stem in ("jaw", "lowerjaw", "facejaw")]
+    found |= {"jaw": min(jaws, key=lambda j: j.rank).index} if jaws else {}
+    return {ours: skeleton.names[joint] for ours, joint in found.items()}
+
+
+def _limb(tree: _Tree, side: str, upper: str, lower: str, tail: str, given: Mapping[str, int]) -> dict[str, int]:
+    """Upper and lower bone, one below the other, and hand or foot below them."""
+    uppers, lowers = ([given[side + p]] if side + p in given else tree.find(side, p) for p in (upper, lower))
+    pairs = [(a, b) for b in lowers for a in uppers if tree.above(a, b)]
+    if not pairs:
+        return {}
+    a, b = pairs[0]
+    below = sorted(
+        (j for j in tree.find(side, tail) if tree.above(b, j)), key=lambda j: (len(tree.path(j)), tree.joints[j].rank)
+    )
+    return {side + upper: a, side + lower: b} | ({side + tail: below[0]} if below else {})
+
+
+def _toes(tree: _Tree, side: str, foot: int) -> dict[str, int]:
+    below = sorted((j for j in tree.find(side, "Toes") if tree.above(foot, j)), key=lambda j: len(tree.path(j)))
+    named = [j for j in below if tree.joints[j].stem != "forefoot"] or below
+    if not named or any(not tree.above(named[0], j) for j in named[1:]):  # five single toes are not ours
+        return {}
+    return {f"{side}Toes": named[0]}
+
+
+def _middle(tree: _Tree, found: Mapping[str, int]) -> dict[str, int]:
+    """Hips, spine, neck and head from where the limbs meet."""
+    if not {"leftUpperArm", "rightUpperArm"} <= set(found):
+        return {}
+    chest = tree.meeting(found["leftUpperArm"], found["rightUpperArm"])
+    legs = [found[name] for name in ("leftUpperLeg", "rightUpperLeg") if name in found]
+    hips = tree.meeting(chest, *legs) if legs else 0
+    heads = [j.index for j in tree.joints if j.side is None and not j.extra and j.stem in ("head", "skull", "cranium")]
+    heads = sorted((j for j in heads if tree.above(hips, j)), key=lambda j: tree.joints[j].rank)
+    head = heads[0] if heads else _topmost(tree, chest, found)
+    spine = [j for j in tree.path(chest) if tree.above(hips, j)]
+    neck: list[int] = []
+    while spine and "neck" in tree.joints[spine[-1]].stem:  # shoulders that hang on the neck
+        neck.insert(0, spine.pop())
+    if head is not None:
+        neck += [j for j in tree.path(head) if tree.above(chest, j) and j != head]
+    result = {"hips": hips} | dict(zip(("spine", "chest", "upperChest"), spine, strict=False))
+    if len(spine) > 3:
+        result |= {"chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
+    named = [j for j in neck if "neck" in tree.joints[j].stem] or neck
+    return result | ({"neck": named[0]} if named else {}) | ({} if head is None else {"head": head})
+
+
+def _topmost(tree: _Tree, chest: int, found: Mapping[str, int]) -> int | None:
+    """Where no joint is called head: the last of the spine's or neck's joints above the chest (Rigify)."""
+    stems = {"spine", "neck", tree.joints[chest].stem}
+    above = [j.index for j in tree.joints if j.side is None and not j.extra and j.stem in stems and tree.above(chest, j.index)]
+    return max(above, key=lambda j: len(tree.path(j)), default=None)
+
+
+def _fingers(tree: _Tree, side: str, hand: int) -> dict[str, int]:
+    """Three joints of each finger; a bone inside the palm and tips are left out."""
+    below = [j for j in tree.joints if tree.above(hand, j.index) and not j.extra]
+    counted = sorted({j.digits[0][0] for j in below if j.stem == "finger" and j.digits})
+    found: dict[str, int] = {}
+    for finger, words in _FINGERS.items():
+        chain = [j for j in below if any(w in j.stem.replace("finger", "") for w in words)]
+        order = _COUNTED.index(finger)
+        if not chain and order < len(counted):
+            chain = [j for j in below if j.stem == "finger" and j.digits and j.digits[0][0] == counted[order]]
+        chain = [j for j in chain if not j.helper] or chain
+        chain = sorted(chain, key=lambda j: len(tree.path(j.index)))
+        chain = [j for k, j in enumerate(chain) if all(tree.above(i.index, j.index) for i in chain[:k])]
+        numbered = [j for j in chain if j.digits and j.digits[-1].lstrip("0") in ("1", "2", "3")]
+        if len(numbered) == 3:
+            chain = numbered
+        elif finger != "Thumb":
+            chain = [j for j in chain if "meta" not in j.stem]
+            chain = chain[1:] if len(chain) > 3 else chain
+        parts = _PHALANGES.get(finger, ("Proximal", "Intermediate", "Distal"))
+        found |= {f"{side}{finger}{part}": j.index for part, j in zip(parts, chain, strict=False)}
+    return found

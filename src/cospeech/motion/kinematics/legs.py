@@ -1,0 +1,146 @@
+"""Hips over planted feet: two-bone inverse kinematics for the legs, standing or seated."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
+from ..skeleton import humanoid
+from .body import Body
+
+__all__ = ["SEAT", "STANCE", "TOE_OUT", "plant", "stand"]
+
+SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
+STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
+TOE_OUT = 9.0  # degrees
+_AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
+_SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
+_STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
+_TILT = 32.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (ours)
+_SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
+_FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
+_SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+
+
+@lru_cache(1)
+def _leg() -> tuple[Array, Array, Array, Array]:
+    """Offsets of hip joint, knee, ankle (left leg), and the ankle's place in the T-pose."""
+    s = humanoid()
+    hip, knee, ankle = (s.offsets[s.index["left" + n]] for n in ("UpperLeg", "LowerLeg", "Foot"))
+    return hip, knee, ankle, s.tpose[s.index["leftFoot"]]
+
+
+def _lengths() -> tuple[float, float]:
+    _, knee, ankle, _ = _leg()
+    return float(np.linalg.norm(knee)), float(np.linalg.norm(ankle))
+
+
+def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array]:
+    """Write the legs into ``rotations`` (N, J, 4); None: hips alone.
+
+    Args:
+        b: (N, channels) of the body's track, noise included.
+
+    Returns:
+        hips' rotation (N, 4) and position (N, 3).
+    """
+    feet = np.stack([b[:, Body.LEFT_FOOT], b[:, Body.RIGHT_FOOT]], 1)
+    lift = np.stack([b[:, Body.LEFT_LIFT], b[:, Body.RIGHT_LIFT]], 1)
+    middle = feet[..., 0].mean(1)
+    roll = np.zeros(len(b)) if seated else -_TILT * (b[:, Body.HIPS_X] - middle)
+    pitch = b[:, Body.PITCH] * (0.35 if seated else 0.12)
+    yaw = b[:, Body.HIPS_YAW] * (0.3 if seated else 1.0) + (0 if seated else 0.5 * feet[..., 2].mean(1))
+    hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
+    ankles = np.stack([feet[..., 0], _leg()[3][1] + lift, feet[..., 1] + _leg()[3][2]], -1)
+    if seated:
+        ankles = ankles + np.array([0.0, 0.0, _AHEAD])
+        root = np.stack([0.2 * b[:, Body.HIPS_X], np.full(len(b), SEAT), 0.2 * b[:, Body.HIPS_Z]], -1)
+    else:
+        root = np.stack([b[:, Body.HIPS_X], np.zeros(len(b)), b[:, Body.HIPS_Z]], -1)
+        root[:, 1] = _height(root, hips, ankles)
+    if rotations is not None:
+        rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], lift)
+    return hips, root
+
+
+def _height(root: Array, hips: Array, ankles: Array) -> Array:
+    """The highest that both legs allow, rounded off; a lifted foot does not pull the hips down."""
+    limit = _STRAIGHT * sum(_lengths())
+    joints = quat_rotate(hips[:, None], _leg()[0] * _SIDES)
+    flat = (root[:, None] + joints - ankles)[..., [0, 2]]
+    reach = np.sqrt(np.maximum(limit**2 - (flat**2).sum(-1), 0.04))
+    a, c = (ankles[..., 1] + reach - joints[..., 1]).T
+    return -_SOFT * np.logaddexp(-a / _SOFT, -c / _SOFT)
+
+
+def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, lift: Array) -> Array:
+    """Two-bone inverse kinematics of both legs: (N, 2, 3, 4) local rotations of upper legs, lower legs, feet.
+
+    Args:
+        hips, root: (N, 4) rotation and (N, 3) position of the hips.
+        ankles: (N, 2, 3) where the left and the right ankle are.
+        yaw, lift: (N, 2) degrees by which feet turn to the left, metres by which they are off the floor.
+    """
+    upper, lower = _lengths()
+    rel = ankles - (root[:, None] + quat_rotate(hips[:, None], _leg()[0] * _SIDES))
+    d = np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", rel, rel)), 1e-6)
+    along = rel / d[..., None]
+    turn = np.radians(yaw)
+    pole = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], -1)
+    pole = pole - np.einsum("nsi,nsi->ns", pole, along)[..., None] * along
+    pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
+    cosine = np.clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
+    knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
+    hinge = cross(-along, pole)  # to the left
+    bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
+    tip = np.radians(9.0) * np.clip((lift - 0.012) / 0.03, 0, 1)  # the toes hang a little
+    world = np.concatenate([bones, euler_to_quat(np.stack([turn, tip], -1), "YX")[:, :, None]], 2)
+    above = np.concatenate([np.broadcast_to(hips[:, None, None], (*hips.shape[:1], 2, 1, 4)), bones], 2)
+    return quat_multiply(quat_conjugate(above), world)
+
+
+def _bones(directions: Array, hinge: Array) -> Array:
+    """World rotations that lay thigh and shin along ``directions (N, 2, 2, 3)`` with the x-axis on ``hinge``."""
+    down = -directions / np.sqrt(np.einsum("nsbi,nsbi->nsb", directions, directions))[..., None]
+    hinge = np.broadcast_to(hinge, down.shape)
+    q = matrix_to_quat(np.stack([hinge, down, cross(hinge, down)], -1))
+    return quat_multiply(q, _tilts())
+
+
+@lru_cache(1)
+def _tilts() -> Array:
+    """(2, 4): the rest offsets of knee and ankle are not quite straight down."""
+    tilt = np.array([np.arctan2(rest[2], -rest[1]) / 2 for rest in _leg()[1:3]])
+    return np.stack([np.sin(tilt), 0 * tilt, 0 * tilt, np.cos(tilt)], -1)
+
+
+@lru_cache(1)
+def _leg_joints() -> Array:
+    """(2, 3) joints of `_legs`."""
+    return np.array([[humanoid().index[side + n] for n in ("UpperLeg", "LowerLeg", "Foot")] for side in ("left", "right")])
+
+
+def plant(hips: Array, place: Array) -> tuple[Array, Array, Array]:
+    """Legs for hips alone: both feet stay in the rest stance; low hips sit, with the ankles in front of them.
+
+    Every frame depends on its own row only. Between `_STANDING` and `_SITTING` the ankles glide from under the hips to the
+    front, so that nothing jumps.
+
+    Args:
+        hips: (N, 4) rotations of the hips.
+        place: (N, 3) of the hips' joint, metres; lowered where both legs would not reach the floor.
+
+    Returns:
+        The six joints, their local rotations (N, 6, 4), and the place (N, 3).
+    """
+    u = np.clip((_STANDING - place[:, 1]) / (_STANDING - _SITTING), 0, 1)
+    ankles = np.empty((len(place), 2, 3))
+    ankles[:] = _SIDES * STANCE
+    ankles[..., 1] = _leg()[3][1]
+    ankles[..., 2] = (_leg()[3][2] + _AHEAD * u * u * (3 - 2 * u))[:, None]
+    place = place.copy()
+    place[:, 1] = np.minimum(place[:, 1], _height(place, hips, ankles))
+    yaw = np.broadcast_to(TOE_OUT * _SIDES[:, 0], ankles.shape[:2])
+    return _leg_joints().ravel(), _legs(hips, place, ankles, yaw, np.zeros(ankles.shape[:2])).reshape(-1, 6, 4), place

@@ -1,0 +1,79 @@
+"""Smooth random motion that is a pure function of time: the same seed gives the same value at the same instant, in any order.
+
+A lattice of hashed normal values is interpolated by cubic B-splines and octaves of it are summed, so the spectrum falls
+off smoothly and there is no state to carry through a stream.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .rotations import Array
+
+__all__ = ["hashed_normal", "hashed_uniform", "smooth_noise"]
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele, Lea & Flood 2014)
+_MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+
+
+def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
+    with np.errstate(over="ignore"):
+        x = np.asarray(index).astype(np.int64).astype(np.uint64) * _GOLDEN
+        x = x + np.asarray(stream).astype(np.uint64) * _MIX_A + np.uint64(seed & 0xFFFFFFFFFFFFFFFF) * _MIX_B
+        for mix, shift in ((_MIX_A, 30), (_MIX_B, 27)):
+            x = (x ^ (x >> np.uint64(shift))) * mix
+        return x ^ (x >> np.uint64(31))
+
+
+def hashed_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
+    """Uniform values in (0, 1) that depend on nothing but ``(seed, stream, index)``; arguments broadcast."""
+    return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
+
+
+def hashed_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
+    """Unit normal values (approximate: a sum of three uniforms) from the same hash; |value| < 3."""
+    stream, index = np.asarray(stream), np.asarray(index)
+    draws = np.arange(1000003, 1000006).reshape(-1, *[1] * max(stream.ndim, index.ndim))
+    total = hashed_uniform(seed, stream * 3 + draws, index)  # the three at once
+    return (total[0] + total[1] + total[2] - 1.5) * 2.0
+
+
+@lru_cache(64)
+def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Array:
+    """(count, channels) values from a place on; a stream asks for the same again and again until the next one comes in."""
+    lattice = hashed_normal(seed, np.arange(channels) + 7919 * octave, (low + np.arange(count))[:, None])
+    lattice.setflags(write=False)
+    return lattice
+
+
+def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves: int = 3, gain: float = 0.5) -> Array:
+    """Band-limited noise of unit variance.
+
+    Args:
+        seed: which noise.
+        channels: C independent ones.
+        times: (T,) seconds.
+        rate: lattice points per second of the slowest octave; its power lies below about ``rate / 2``.
+        octaves: each doubles the rate and multiplies the amplitude by ``gain``.
+
+    Returns:
+        (T, C).
+    """
+    out = np.zeros((len(times), channels))
+    power = 0.0
+    for octave in range(octaves):
+        x = np.asarray(times, float) * (rate * 2**octave)
+        first = np.floor(x).astype(np.int64)
+        u = (x - first)[:, None]
+        low = int(first.min()) - 1 if len(first) else 0
+        count = (int(first.max()) + 3 - low) if len(first) else 0
+        lattice = _lattice(seed, channels, octave, low, count)
+        k = first - low
+        weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
+        value = sum(w * lattice[k + j - 1] for j, w in enumerate(weights))
+        out += gain**octave * value
+        power += gain ** (2 * octave) * 0.479  # mean of the sum of squared B-spline weights over one cell
+    return out / np.sqrt(power)

@@ -1,0 +1,171 @@
+"""Style controls of MoGlow (Alexanderson et al. 2020): how high, how fast and how far out the hands are.
+
+Each is a mean over the 4 seconds about a frame, of both wrists, relative to the hips as they stand in the T-pose (of TED: to
+the lowest point): height in metres, speed in metres per second, horizontal distance in metres. A system is trained with them
+as it moves, and generates with constant ones, told as quantiles of the training data: ``hand_height:0.85``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+
+from ...corpora.clip import Points
+from ...corpora.store import Store
+from ...errors import InputError, nearest
+from ..motion import Motion
+from ..rotations import Array
+from ..skeletons import SKELETONS
+from ..skeletons.ted import JOINTS as TED
+from . import Pose, find_pose
+
+__all__ = ["CONTROLS", "QUANTILES", "control_quantiles", "control_row", "read_controls", "style_controls", "with_controls"]
+
+CONTROLS = ("hand_height", "hand_speed", "hand_radius")
+"""In the order of the columns; the authors' MG-H, MG-V and MG-R."""
+QUANTILES = 101
+"""How many quantiles of a control a bundle keeps: 0, 0.01 … 1."""
+SECONDS = 4.0  # of the running mean; Alexanderson et al. 2020 and the authors' code
+_TINY = 1e-6  # a control that varies by less is constant, and has deviation 1 as in a store
+
+
+def _wrists(vectors: Array, pose: Pose, fps: float) -> Array:
+    """(T, 2, 3) left and right wrist from the hips, metres, the hips as they stand in the T-pose."""
+    body = pose.decode(np.asarray(vectors, np.float64), fps)
+    if isinstance(body, Points):
+        if body.layout != "ted":
+            raise InputError(f"style controls of {pose.name}", "they need hands in three dimensions")
+        return body.values[:, [TED.index("leftWrist"), TED.index("rightWrist")]] - body.values[:, :1]
+    assert isinstance(body, Motion)
+    skeleton = body.skeleton
+    names = import_module(SKELETONS[skeleton.kind]).NAMES if skeleton.kind in SKELETONS else {}
+    hands = [skeleton.index.get(names.get(hand, hand), -1) for hand in ("leftHand", "rightHand")]
+    if min(hands) < 0:
+        raise InputError(f"style controls of a {skeleton.kind!r} skeleton", "it has no hands that we know by name")
+    rotations = np.array(body.rotations, np.float64)
+    rotations[:, 0] = skeleton.rest[0]
+    positions, _ = skeleton.forward(rotations, np.zeros((len(rotations), 3)))
+    return positions[:, hands]
+
+
+def _running_mean(x: Array, frames: int) -> Array:
+    """(T, …) means over ``frames // 2`` frames to either side; fewer at the ends."""
+    half, count = frames // 2, len(x)
+    sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, 0)])
+    low, high = np.maximum(np.arange(count) - half, 0), np.minimum(np.arange(count) + half + 1, count)
+    return (sums[high] - sums[low]) / (high - low).reshape(-1, *[1] * (x.ndim - 1))
+
+
+def style_controls(vectors: Array, pose: Pose, fps: float) -> Array:
+    """The three controls of every frame.
+
+    Args:
+        vectors: (T, D) of a representation with hands in three dimensions, as it decodes them.
+        pose, fps: representation and rate.
+
+    Returns:
+        (T, 3) float32, columns `CONTROLS`.
+
+    Raises:
+        InputError: a representation without such hands.
+    """
+    if not len(vectors):
+        return np.zeros((0, len(CONTROLS)), np.float32)
+    wrists = _wrists(vectors, pose, fps)
+    moved = np.linalg.norm(np.diff(wrists, axis=0), axis=-1) * fps
+    speed = np.concatenate([moved[:1], moved]) if len(moved) else np.zeros((1, 2))
+    height, radius = wrists[..., 1], np.linalg.norm(wrists[..., [0, 2]], axis=-1)
+    both = np.stack([height.mean(1), speed.mean(1), radius.mean(1)], -1)
+    return _running_mean(both, int(SECONDS * fps)).astype(np.float32)
+
+
+def with_controls(store: Store) -> Store:
+    """The same store with the array ``control`` (N, 3) and its statistics, worked out of its poses; the files stay as they are.
+
+    Raises:
+        InputError: see `style_controls`.
+    """
+    if "control" in store.arrays:
+        return store
+    pose = find_pose(store.pose)
+    parts = [style_controls(store.clip(clip)["pose"], pose, store.fps) for clip in store.clips]
+    train = any(clip.split == "train" for clip in store.clips)
+    means, stds = [], []
+    for speaker in (None, *store.speakers):
+        own = [part for clip, part in zip(store.clips, parts, strict=True)
+               if (clip.split == "train" or not train) and speaker in (None, clip.speaker)]  # fmt: skip
+        rows = np.concatenate(own or parts).astype(np.float64)
+        means.append(rows.mean(0))
+        stds.append(np.where(rows.std(0) < _TINY, 1, rows.std(0)))
+    control = np.full((len(store.arrays["pose"]), len(CONTROLS)), np.nan, np.float32)  # of rows that belong to no clip
+    for clip, part in zip(store.clips, parts, strict=True):
+        control[clip.offset : clip.offset + clip.frames] = part
+    more = copy(store)
+    more.arrays = store.arrays | {
+        "control": control,
+        "control_mean": np.array(means, np.float32),
+        "control_std": np.array(stds, np.float32),
+    }
+    more.clips = tuple(replace(clip, has=(*clip.has, "control")) for clip in store.clips)
+    return more
+
+
+def control_quantiles(store: Store) -> Array:
+    """(101, 3) quantiles 0, 0.01 … 1 of each control over the training split of a store `with_controls`."""
+    rows = [store.clip(clip)["control"] for clip in store.clips if clip.split == "train"]
+    if not rows:
+        raise InputError(f"the store {str(store.folder)!r} has no training clips")
+    return np.quantile(np.concatenate(rows), np.linspace(0, 1, QUANTILES), axis=0).astype(np.float32)
+
+
+def read_controls(text: str) -> dict[str, float]:
+    """``"hand_height:0.85,hand_speed:0.15"``, as ``--style`` has it → name → quantile.
+
+    >>> read_controls("hand_height:0.85, hand_speed:0.15")
+    {'hand_height': 0.85, 'hand_speed': 0.15}
+
+    Raises:
+        InputError: an unknown control, or no quantile 0 … 1.
+    """
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        name, colon, number = (piece.strip() for piece in part.partition(":"))
+        if name not in CONTROLS:
+            raise InputError(f"no style control is called {name!r}", nearest(name, CONTROLS))
+        try:
+            value = float(number)
+        except ValueError:
+            value = np.nan
+        if not colon or not 0 <= value <= 1 or name in found:
+            raise InputError(f"style control {part.strip()!r}", f"{name}:QUANTILE once, 0 … 1, such as {name}:0.85")
+        found[name] = value
+    return found
+
+
+def control_row(style: Mapping[str, float], quantiles: Array, controls: Sequence[str] = CONTROLS) -> Array:
+    """The constant values of a performance.
+
+    Args:
+        style: name → quantile, 0 … 1; controls that it does not name are at their median.
+        quantiles: (101, C), a column for each of ``controls``: a run's (`control_quantiles`), or standardised, a bundle's.
+        controls: their names, those that the system has.
+
+    Returns:
+        (C,) float32, as the quantiles are: in metres and metres per second, or standardised.
+
+    Raises:
+        InputError: a control that the system does not have, or no quantile.
+    """
+    for name, value in style.items():
+        if name not in controls:
+            known = f"it has {', '.join(controls)}" if controls else "it was trained without"
+            raise InputError(f"the system has no style control {name!r}", known)
+        if not 0 <= value <= 1:
+            raise InputError(f"style control {name} at {value}", "a quantile, 0 … 1")
+    grid = np.linspace(0, 1, len(quantiles))
+    row = [np.interp(style.get(name, 0.5), grid, column) for name, column in zip(controls, quantiles.T, strict=True)]
+    return np.array(row, np.float32)

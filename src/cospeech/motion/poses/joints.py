@@ -1,0 +1,96 @@
+"""Local rotations of some named joints, out of a motion and back into one; what the rotational representations share."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ..motion import Motion
+from ..rotations import Array, quat_continuous, quat_normalize
+from ..skeleton import Skeleton, humanoid
+
+__all__ = ["build_motion", "check_humanoid", "hand_columns", "humanoid_vectors", "pick", "size"]
+
+_FARTHEST = 100.0  # ours: metres, radians or a weight beyond which a number is a mistake
+
+_HAND = re.compile(r"(left|right)_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE)
+
+
+def hand_columns(names: Sequence[str]) -> list[int]:
+    """Which columns of a pose are hands: rotations of wrists and fingers, and grips; by the columns' names.
+
+    Raises:
+        InputError: none is, or all are.
+    """
+    found = [k for k, name in enumerate(names) if _HAND.match(name)]
+    if not 0 < len(found) < len(names):
+        raise InputError(f"a pose of which {len(found)} of {len(names)} columns are hands", "such as euler or expmap-humanoid")
+    return found
+
+
+def _places(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
+    missing = [name for name in joints if name not in skeleton.index]
+    if missing:
+        more = "" if len(missing) == 1 else f" and {len(missing) - 1} more"
+        raise InputError(f"a skeleton without the joint {missing[0]!r}{more}", f"it has {', '.join(skeleton.names[:6])}, …")
+    return [skeleton.index[name] for name in joints]
+
+
+def pick(motion: Motion, joints: Sequence[str]) -> Array:
+    """(T, K, 4) rotations of the named joints, in their order, without sign flips, the first with w ≥ 0, in float64."""
+    rotations = np.asarray(motion.rotations[:, _places(motion.skeleton, joints)], float)
+    if len(rotations):
+        rotations[:1] *= np.where(rotations[:1, :, 3:] < 0, -1.0, 1.0)
+    return quat_continuous(quat_normalize(rotations))
+
+
+def build_motion(fps: float, skeleton: Skeleton, joints: Sequence[str], rotations: Array, root: Array | None = None) -> Motion:
+    """A motion in which the named joints turn as told and all others keep the T-pose.
+
+    Args:
+        rotations: (T, K, 4) of the named joints.
+        root: (T, 3) metres; the T-pose's place where not given.
+    """
+    all_joints = np.broadcast_to(skeleton.rest, (len(rotations), len(skeleton), 4)).copy()
+    all_joints[:, _places(skeleton, joints)] = rotations
+    place = np.broadcast_to(skeleton.offsets[0], (len(rotations), 3)).copy() if root is None else root
+    return Motion(fps, quat_continuous(quat_normalize(all_joints)), place, skeleton=skeleton)
+
+
+def size(vectors: Array, dimensions: int, name: str) -> Array:
+    """The vectors in float64, their shape checked: (T, dimensions)."""
+    vectors = np.asarray(vectors, float)
+    if vectors.ndim != 2 or vectors.shape[1] != dimensions:
+        raise InputError(f"{name} vectors of shape {vectors.shape}", f"(frames, {dimensions})")
+    return vectors
+
+
+def check_humanoid(motion: Motion) -> None:
+    """Raises:
+    InputError: a motion of another skeleton than our humanoid.
+    """
+    if motion.skeleton != humanoid():
+        raise InputError(f"a motion on a {motion.skeleton.kind!r} skeleton", "retarget('humanoid') first")
+
+
+def humanoid_vectors(vectors: Array, dimensions: int, name: str, skeleton: Skeleton | None) -> Array:
+    """The vectors of a representation that is on our humanoid alone in float64, checked.
+
+    Args:
+        vectors: (T, dimensions).
+        dimensions: D.
+        name: of the representation.
+        skeleton: for which a motion is wanted; ours, or None.
+
+    Raises:
+        InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
+    """
+    vectors = size(vectors, dimensions, name)
+    if not (np.abs(vectors) < _FARTHEST).all():  # false for NaN, too
+        raise InputError(f"{name} vectors hold numbers that are not finite or above {_FARTHEST:g}")
+    if skeleton is not None and skeleton != humanoid():
+        raise InputError(f"{name} vectors for a {skeleton.kind!r} skeleton", "decode, then retarget the motion")
+    return vectors

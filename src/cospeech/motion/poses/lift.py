@@ -1,0 +1,241 @@
+"""Key points → motion of our humanoid, so that a network trained on TED's or PATS's points can leave as BVH, GLB or VRMA.
+
+What the points say is kept: where the neck, shoulders, elbows and wrists lie as seen from one another (TED: in depth, too;
+PATS: in the picture), and the turn of the head (TED). What they do not say is filled in: hips and legs rest; the torso bends as
+a whole; upper arms are twisted so that elbows bend about their hinge; forearms and hands are not twisted; fingers are relaxed.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ...corpora.clip import Points
+from ...errors import InputError
+from ...rules.realise import NECK_SHARE, SPINE
+from ..kinematics import arms
+from ..kinematics.hands import CHANNELS, HAND_SHAPES, Channel
+from ..motion import Motion
+from ..rotations import (
+    Array,
+    matrix_to_quat,
+    quat_between,
+    quat_conjugate,
+    quat_identity,
+    quat_multiply,
+    quat_rotate,
+    quat_to_rotvec,
+    rotvec_to_quat,
+)
+from ..skeleton import humanoid
+from ..skeletons.pats import JOINTS as PATS_JOINTS
+from ..skeletons.pats import SOURCES as PATS_SOURCES
+from ..skeletons.ted import JOINTS as TED_JOINTS
+from ..skeletons.ted import SOURCES as TED_SOURCES
+from . import keypoints2d
+from .joints import build_motion
+
+__all__ = ["lift"]
+
+_ROUNDS = 4  # ours: of the fit of torso and head; each leaves about a tenth of the error
+_STRAIGHT = 0.1  # ours: sine of the elbow's bend (6°) below which its hinge is rather taken from where elbows point by nature
+_MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
+_X = np.array([1.0, 0.0, 0.0])
+
+
+class _Aims(NamedTuple):
+    """Unit vectors in the world that the points give; left, right along the second axis.
+
+    Attributes:
+        up: (T, 3) from the chest's point to the neck, or None.
+        shoulders, upper, fore: (T, 2, 3) from the neck's point to the shoulder, on to the elbow, on to the wrist.
+        head: (T, 2, 3) from the neck to the nose, from the nose to the top of the head, or None.
+        neck: (3,) the neck's point in the upper chest's axes.
+    """
+
+    up: Array | None
+    shoulders: Array
+    upper: Array
+    fore: Array
+    head: Array | None
+    neck: Array
+
+
+def lift(points: Points) -> Motion:
+    """Motion of our humanoid at the rate of the points, the hips at their place in the T-pose.
+
+    Args:
+        points: of the layout ``"ted"`` (only directions count: bones may be of any length) or ``"pats"`` (a picture: arms are
+            taken to reach to the front by what their bones seem too short; torso and head do not turn out of the picture).
+
+    Raises:
+        InputError: another layout or shape, values that are not finite, or shoulders that lie on the neck.
+    """
+    makers = {"ted": (_aims_of_ted, (len(TED_JOINTS), 3)), "pats": (_aims_of_pats, (len(PATS_JOINTS), 2))}
+    if points.layout not in makers:
+        raise InputError(f"key points of the layout {points.layout!r}", f"one of {', '.join(makers)}")
+    make, shape = makers[points.layout]
+    if points.values.shape[1:] != shape:
+        raise InputError(f"{points.layout} key points of shape {points.values.shape}", f"(frames, {shape[0]}, {shape[1]})")
+    if not np.isfinite(points.values).all():
+        raise InputError("key points hold values that are not finite", "fill gaps first")
+    aims = make(np.asarray(points.values, float))
+    torso = _torso(aims)
+    locals_ = {name: _share(torso, share) for name, share in SPINE} | _head(aims, torso) | _arms(aims, torso)
+    names = [*locals_, *(humanoid().names[k] for hand in arms.finger_joints() for k in hand)]
+    rotations = np.concatenate([np.stack(list(locals_.values()), 1), _fingers(len(torso))], 1)
+    return build_motion(points.fps, humanoid(), names, rotations)
+
+
+# ------------------------------------------------------------------------------------------------- from points to directions
+
+
+@lru_cache(2)
+def _rest(layout: str) -> dict[str, Array]:
+    """Where the points of a layout lie in the T-pose."""
+    s = humanoid()
+    joints, sources = (TED_JOINTS, TED_SOURCES) if layout == "ted" else (PATS_JOINTS, PATS_SOURCES)
+    return {point: s.tpose[s.index[name]] + np.array(offset) for point, (name, offset) in zip(joints, sources, strict=True)}
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
+
+
+def _aims_of_ted(values: Array) -> _Aims:
+    rest = _rest("ted")
+
+    def way(start: str, end: str) -> Array:
+        """Where a bone has no length (the data's mark of what is missing), as in the T-pose."""
+        bone = values[:, TED_JOINTS.index(end)] - values[:, TED_JOINTS.index(start)]
+        gone = np.linalg.norm(bone, axis=-1, keepdims=True) < 1e-6
+        return _unit(np.where(gone, rest[end] - rest[start], bone))
+
+    def both(start: str, end: str) -> Array:
+        return np.stack([way((side + start) if start != "neck" else start, side + end) for side in ("left", "right")], 1)
+
+    s = humanoid()
+    return _Aims(
+        way("spine", "neck"),
+        both("neck", "Shoulder"),
+        both("Shoulder", "Elbow"),
+        both("Elbow", "Wrist"),
+        np.stack([way("neck", "nose"), way("nose", "head")], 1),
+        s.offsets[s.index["neck"]],
+    )
+
+
+def _aims_of_pats(values: Array) -> _Aims:
+    rest = _rest("pats")
+    across = float(np.linalg.norm(rest["RShoulder"] - rest["Neck"]))
+    flat = keypoints2d.to_points(keypoints2d.to_vectors(values)) * (across / keypoints2d.SHOULDER)  # metres
+
+    def deep(start: str, end: str, length: float) -> Array:
+        """The bone in depth: to the front by what the picture's is too short."""
+        bones = []
+        for side in "LR":
+            bone = flat[:, PATS_JOINTS.index(side + end)] - flat[:, PATS_JOINTS.index(side + start)]
+            depth = np.sqrt(np.maximum(length**2 - np.square(bone).sum(-1, keepdims=True), 0))
+            bones.append(np.concatenate([bone, depth], -1))
+        return _unit(np.stack(bones, 1))
+
+    sides = flat[:, [PATS_JOINTS.index("LShoulder"), PATS_JOINTS.index("RShoulder")]]
+    gone = np.linalg.norm(sides, axis=-1, keepdims=True) < 1e-6
+    sides = np.where(gone, np.array([[1.0, 0.0], [-1.0, 0.0]]), sides)
+    shoulders = _unit(np.concatenate([sides, np.zeros_like(sides[..., :1])], -1))
+    lengths = arms.arm_lengths()
+    neck = np.array(PATS_SOURCES[0][1])
+    return _Aims(None, shoulders, deep("Shoulder", "Elbow", lengths.upper), deep("Elbow", "Wrist", lengths.fore), None, neck)
+
+
+# ------------------------------------------------------------------------------------------------- from directions to rotations
+
+
+def _basis(first: Array, second: Array) -> Array:
+    """(…, 4) rotation whose x-axis lies along ``first`` and whose y-axis leans to ``second``."""
+    x = _unit(first)
+    y = second - np.einsum("...i,...i->...", x, second)[..., None] * x
+    small = np.eye(3)[np.abs(x).argmin(-1)]  # the two are parallel: any normal does
+    small = small - np.einsum("...i,...i->...", x, small)[..., None] * x
+    y = _unit(np.where(np.linalg.norm(y, axis=-1, keepdims=True) < 1e-6, small, y))
+    return matrix_to_quat(np.stack([x, y, np.cross(x, y)], -1))
+
+
+def _share(rotation: Array, share: float) -> Array:
+    return rotvec_to_quat(quat_to_rotvec(rotation) * share)
+
+
+def _torso(aims: _Aims) -> Array:
+    """(T, 4) of the upper chest, so that chest and neck lie one above the other, and the shoulders' line turns, as the points
+    say. The spine's joints share it, so the chest turns less: the fit goes round a few times."""
+    s, rest = humanoid(), _rest("ted")
+    line = aims.shoulders[:, 0] - aims.shoulders[:, 1]
+    up = aims.up
+    if up is None:  # upright but for the tilt of the shoulders
+        return quat_between(np.broadcast_to(_X, line.shape), line)
+    below = rest["spine"] - s.tpose[s.index["chest"]]
+    low, high = s.offsets[s.index["upperChest"]] - below, s.offsets[s.index["neck"]]
+    goal = _basis(up, line)
+    torso = quat_multiply(goal, quat_conjugate(_basis(low + high, _X)))
+    chest_share = sum(share for name, share in SPINE if name != "upperChest")
+    for _ in range(_ROUNDS):
+        made = quat_rotate(_share(torso, chest_share), low) + quat_rotate(torso, high)
+        is_now = _basis(made, quat_rotate(torso, _X))
+        torso = quat_multiply(quat_multiply(goal, quat_conjugate(is_now)), torso)
+    return torso
+
+
+def _head(aims: _Aims, torso: Array) -> dict[str, Array]:
+    """Neck and head. The mean of both directions counts most: heads differ in how far the nose stands out."""
+    if aims.head is None:
+        return {name: quat_identity(len(torso)) for name in ("neck", "head")}
+    s, rest = humanoid(), _rest("ted")
+    joint, nose = s.offsets[s.index["head"]], rest["nose"] - s.tpose[s.index["head"]]
+    goal = _basis(aims.head.sum(1), aims.head[:, 0])
+    head, crown = torso, rest["head"] - rest["nose"]
+    for _ in range(_ROUNDS):
+        bend = quat_multiply(quat_conjugate(torso), head)
+        neck = quat_multiply(torso, _share(bend, NECK_SHARE))
+        lower, upper = _unit(quat_rotate(neck, joint) + quat_rotate(head, nose)), _unit(quat_rotate(head, crown))
+        head = quat_multiply(quat_multiply(goal, quat_conjugate(_basis(lower + upper, lower))), head)
+    bend = quat_multiply(quat_conjugate(torso), head)
+    return {"neck": _share(bend, NECK_SHARE), "head": _share(bend, 1 - NECK_SHARE)}
+
+
+def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
+    """Clavicles, arms, hands; worked out in the upper chest's axes for left arms, the right one in the mirror."""
+    s = humanoid()
+    back = quat_conjugate(torso)[:, None]
+
+    def mirrored(directions: Array) -> Array:
+        own = quat_rotate(back, directions)
+        return own * np.stack([np.ones(3), _MIRROR_V])
+
+    along, upper, fore = (mirrored(d) for d in (aims.shoulders, aims.upper, aims.fore))
+    clavicle = s.offsets[s.index["leftUpperArm"]]
+    start = s.offsets[s.index["leftShoulder"]] - aims.neck
+    # the shoulder lies on the ray from the neck's point, as far from the clavicle's joint as that is long
+    middle = along @ start
+    far = middle + np.sqrt(np.maximum(middle**2 - start @ start + clavicle @ clavicle, 0))
+    shoulder = quat_between(np.broadcast_to(clavicle, along.shape), far[..., None] * along - start)
+    natural = _unit(np.cross(upper, np.broadcast_to(arms.POLE, upper.shape)))
+    hinge = -np.cross(upper, fore) + _STRAIGHT * natural
+    turned = [arms.bone_frame(d, _unit(hinge - np.einsum("...i,...i->...", hinge, d)[..., None] * d)) for d in (upper, fore)]
+    locals_ = {
+        "Shoulder": shoulder,
+        "UpperArm": arms.to_parent(shoulder, turned[0]),
+        "LowerArm": arms.to_parent(turned[0], turned[1]),
+    }
+    return {"left" + name: q[:, 0] for name, q in locals_.items()} | {
+        "right" + name: q[:, 1] * _MIRROR_Q for name, q in locals_.items()
+    }
+
+
+def _fingers(frames: int) -> Array:
+    """(T, 30, 4) of both hands, relaxed."""
+    channels = np.zeros(CHANNELS)
+    channels[Channel.KNUCKLES.start : Channel.THUMB.stop] = HAND_SHAPES["relaxed"].values()
+    left = arms.finger_rotations(channels)
+    return np.broadcast_to(np.concatenate([left, left * _MIRROR_Q]), (frames, 2 * len(left), 4))

@@ -1,0 +1,242 @@
+"""Motion of one skeleton on another, and rotations from joint positions.
+
+Both skeletons are brought to a T-pose, and what is carried over is each joint's rotation *since the T-pose*, in the world:
+it does not matter how the bones' own axes lie, nor how many joints stand between two that correspond. Bones of arms, legs,
+hands and fingers then point exactly where the source's point; hips, spine, head, shoulders and feet turn as much as the
+source's do. Joints that the source does not have are spread between their neighbours (spine, neck) or keep their rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import InputError
+from .bone_mapping import load_map, recognise
+from .motion import Motion
+from .rotations import (
+    Array,
+    matrix_to_quat,
+    quat_between,
+    quat_conjugate,
+    quat_continuous,
+    quat_identity,
+    quat_multiply,
+    quat_normalize,
+    quat_rotate,
+    quat_slerp,
+)
+from .skeleton import Skeleton, named_skeleton
+from .tpose import directions
+
+__all__ = ["load_map", "positions_to_rotations", "recognise", "retarget", "skeleton"]
+
+skeleton = named_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELETONS`
+
+_AIMED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Thumb", "Index", "Middle", "Ring", "Little")
+_SPINE = ("spine", "chest", "upperChest")
+
+
+def retarget(
+    motion: Motion, target: str | Skeleton, *, bone_map: Mapping[str, str] | None = None, scale_root: bool = True
+) -> Motion:
+    """Carry a motion over to another skeleton.
+
+    Args:
+        motion: of any skeleton that `recognise` knows, or for which ``bone_map`` says who is who.
+        target: a name of `cospeech.motion.skeletons.SKELETONS`, or a skeleton whose ``rest`` is its T-pose.
+        bone_map: our joint's name → that of whichever of the two skeletons has names of its own (the source if both have);
+            see `cospeech.motion.bone_mapping.load_map`.
+        scale_root: scale the way of the hips by the ratio of hip heights, so that feet stay on the floor and do not slide;
+            else the hips move as far as the source's.
+
+    Returns:
+        Motion of the target; the face is passed through.
+
+    Raises:
+        InputError: a skeleton is not recognised, or ``bone_map`` has unknown names.
+    """
+    if not isinstance(target, (str, Skeleton)):
+        raise InputError(f"cannot retarget to a {type(target).__name__}", "give the name of a skeleton, or a Skeleton")
+    goal = named_skeleton(target) if isinstance(target, str) else target
+    if goal == motion.skeleton:
+        return motion
+    source_map, goal_map = bone_map, None
+    if bone_map and not all(name in ("", *motion.skeleton.names) for name in bone_map.values()):
+        source_map, goal_map = None, bone_map
+    plan = _plan(_Key(motion.skeleton, source_map), _Key(goal, goal_map))
+    rotations, root = plan.apply(np.asarray(motion.rotations, float), np.asarray(motion.root, float), scale_root)
+    kind = motion.rotations.dtype
+    return Motion(
+        fps=motion.fps,
+        rotations=rotations.astype(kind, copy=False),
+        root=root.astype(motion.root.dtype, copy=False),
+        face=motion.face,
+        skeleton=goal,
+        start=motion.start,
+    )
+
+
+class _Key:
+    """A skeleton and its bone map, comparable, so that plans are made once for all pieces of a stream."""
+
+    def __init__(self, skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> None:
+        self.skeleton, self.bone_map = skeleton, bone_map
+        ends = tuple((name, tuple(end)) for name, end in sorted(skeleton.ends.items()))
+        chosen = tuple(sorted((bone_map or {}).items()))
+        self.value = (skeleton.names, skeleton.parents, skeleton.offsets.tobytes(), skeleton.rest.tobytes(), ends, chosen)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.value == other.value
+
+    def __hash__(self) -> int:
+        return hash(self.value)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Everything about a pair of skeletons that does not depend on the motion.
+
+    Attributes:
+        pairs: target joints and the source joints that turn them, (2, P).
+        before: (P, 4) source's world rotation → change since the T-pose → target's world rotation, from the right.
+        between: target joint, its two neighbours that are paired, and how far it is from the first.
+    """
+
+    source: Skeleton
+    target: Skeleton
+    pairs: Array
+    before: Array
+    between: tuple[tuple[int, int, int, float], ...]
+    hips: tuple[int, int]
+
+    def apply(self, rotations: Array, root: Array, scale_root: bool) -> tuple[Array, Array]:
+        """Local rotations (T, J, 4) and root positions (T, 3) of the target."""
+        points, world = self.source.forward(rotations, root)
+        rest = self.target.forward(self.target.rest, self.target.offsets[0])[1]
+        turned = np.zeros((len(root), len(self.target), 4))
+        turned[:, self.pairs[0]] = quat_multiply(world[:, self.pairs[1]], self.before)
+        since: dict[int, Array] = {}  # change since the T-pose of the neighbours of joints that are spread
+        for joint, low, high, part in self.between:
+            for k in (low, high):
+                since.setdefault(k, quat_multiply(turned[:, k], quat_conjugate(rest[k])))
+            turned[:, joint] = quat_multiply(quat_slerp(since[low], since[high], np.array(part)), rest[joint])
+        known = {*map(int, self.pairs[0]), *(b[0] for b in self.between)}
+        local = np.empty_like(turned)
+        for joint, parent in enumerate(self.target.parents):
+            if joint in known:
+                above = quat_conjugate(turned[:, parent]) if parent >= 0 else quat_identity()
+                local[:, joint] = quat_multiply(above, turned[:, joint])
+            else:
+                local[:, joint] = self.target.rest[joint]
+                turned[:, joint] = (
+                    quat_multiply(turned[:, parent], self.target.rest[joint]) if parent >= 0 else self.target.rest[joint]
+                )
+        local = quat_continuous(quat_normalize(local))
+        return local, self._root(points[:, self.hips[0]], local, scale_root)
+
+    def _root(self, hips: Array, local: Array, scale_root: bool) -> Array:
+        """Root positions that bring the target's hips where they should be."""
+        have, want = self.source.tpose[self.hips[0], 1], self.target.tpose[self.hips[1], 1]
+        if scale_root:
+            place = hips * (want / have if have > 1e-3 and want > 1e-3 else 1.0)
+        else:
+            place = hips + np.array([0.0, want - have, 0.0])
+        if self.hips[1] == 0:
+            return place
+        return place - self.target.forward(local, np.zeros(3))[0][:, self.hips[1]]
+
+
+@lru_cache(32)
+def _plan(a: _Key, b: _Key) -> _Plan:
+    source, target = a.skeleton, b.skeleton
+    theirs, goal = recognise(source, a.bone_map), recognise(target, b.bone_map)
+    partner = {name: name for name in goal if name in theirs}
+    tops = [next((n for n in reversed(_SPINE) if n in names), None) for names in (theirs, goal)]
+    if all(tops):  # what carries the shoulders corresponds, whatever it is called
+        partner = {ours: name for ours, name in partner.items() if ours not in _SPINE or name != tops[0]}
+        partner[tops[1]] = tops[0]  # type: ignore[index, assignment]
+    source_rest, target_rest = (s.forward(s.rest, s.offsets[0])[1] for s in (source, target))
+    aims = directions(source, theirs), directions(target, goal)
+    pairs, before = [], []
+    for ours, name in partner.items():
+        j, k = target.index[goal[ours]], source.index[theirs[name]]
+        change = quat_identity()
+        if any(word in ours for word in _AIMED) and ours in aims[0] and ours in aims[1]:
+            change = quat_between(aims[1][ours], aims[0][ours])
+        pairs.append((j, k))
+        before.append(quat_multiply(quat_multiply(quat_conjugate(source_rest[k]), change), target_rest[j]))
+    between = _spread(target, goal, {j for j, _ in pairs})
+    hips = (source.index[theirs["hips"]], target.index[goal["hips"]])
+    return _Plan(source, target, np.array(pairs).T, np.array(before), between, hips)
+
+
+def _spread(target: Skeleton, goal: Mapping[str, str], paired: set[int]) -> tuple[tuple[int, int, int, float], ...]:
+    """Joints between paired ones from hips to head: ``(joint, neighbour below, neighbour above, part of the way)``."""
+    chain = [target.index[goal["head"]]]
+    while chain[-1] != target.index[goal["hips"]] and target.parents[chain[-1]] >= 0:
+        chain.append(target.parents[chain[-1]])
+    chain.reverse()
+    known = [k for k, joint in enumerate(chain) if joint in paired]
+    found = []
+    for low, high in pairwise(known):
+        for k in range(low + 1, high):
+            found.append((chain[k], chain[low], chain[high], (k - low) / (high - low)))
+    return tuple(found)
+
+
+def positions_to_rotations(positions: Array, skeleton: Skeleton) -> Array:
+    """Local rotations that make a skeleton's bones point as joint positions say.
+
+    A joint with two or more bones in different directions is turned as a rigid body that fits them best (Kabsch 1976); one
+    with a single bone takes its parent's turn and swings the shortest way, so that no twist is made up; the last of a chain
+    keeps its rest. Lengths of bones do not matter.
+
+    Args:
+        positions: (..., J, 3) world positions in metres.
+        skeleton: its J joints.
+
+    Returns:
+        (..., J, 4) local rotations.
+
+    Raises:
+        InputError: shapes disagree, or a position is not finite.
+    """
+    positions = np.asarray(positions, float)
+    if positions.shape[-2:] != (len(skeleton), 3):
+        raise InputError(f"positions of shape {positions.shape} for a skeleton of {len(skeleton)} joints")
+    if not np.isfinite(positions).all():
+        raise InputError("joint positions hold values that are not finite", "fill gaps first")
+    points, rest = skeleton.forward(skeleton.rest, skeleton.offsets[0])
+    change = np.zeros((*positions.shape[:-1], 4))  # world rotation since the T-pose
+    for joint, parent in enumerate(skeleton.parents):
+        above = change[..., parent, :] if parent >= 0 else np.broadcast_to(quat_identity(), change[..., 0, :].shape)
+        bones = [k for k in skeleton.children[joint] if np.linalg.norm(skeleton.offsets[k]) > 1e-6]
+        was = points[bones] - points[joint]
+        now = positions[..., bones, :] - positions[..., joint, None, :]
+        if len(bones) > 1 and np.linalg.matrix_rank(was, tol=0.1 * np.abs(was).max()) > 1:
+            change[..., joint, :] = _fit(was, now)
+        elif bones:
+            swing = quat_between(quat_rotate(above, was[0]), now[..., 0, :])
+            gone = np.linalg.norm(now[..., 0, :], axis=-1, keepdims=True) < 1e-9
+            change[..., joint, :] = np.where(gone, above, quat_multiply(swing, above))
+        else:
+            change[..., joint, :] = above
+    world = quat_multiply(change, rest)
+    above = world[..., [max(p, 0) for p in skeleton.parents], :]
+    above[..., 0, :] = quat_identity()
+    return quat_normalize(quat_multiply(quat_conjugate(above), world))
+
+
+def _fit(was: Array, now: Array) -> Array:
+    """Rotation (..., 4) that takes directions ``was (n, 3)`` to ``now (..., n, 3)`` with the least squared error."""
+    was = was / np.linalg.norm(was, axis=-1, keepdims=True)
+    now = now / np.maximum(np.linalg.norm(now, axis=-1, keepdims=True), 1e-9)
+    u, _, v = np.linalg.svd(np.einsum("...ni,nj->...ij", now, was))
+    turn = np.ones((*u.shape[:-2], 3))
+    turn[..., 2] = np.sign(np.linalg.det(u @ v))
+    return matrix_to_quat(u * turn[..., None, :] @ v)

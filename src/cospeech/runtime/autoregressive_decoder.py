@@ -1,0 +1,148 @@
+"""A flow under way: rows of speech in, poses of one or several takes out, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ..motion.rotations import Array
+from .crossfade import Fading
+from .flow_bundle import FlowSystem
+from .pose_resampler import MOST_LAG
+from .style_measures import Blend
+
+__all__ = ["Casting", "FlowPlayer", "Source"]
+
+SKIPPED = 1024  # ours: latents that are drawn and thrown away at once
+
+
+class Source(Protocol):
+    """Where a take's latents come from, and how it begins: at random, or from an example."""
+
+    @property
+    def history(self) -> Array:
+        """(τ, D) standardised poses before the first frame."""
+        ...
+
+    @property
+    def style(self) -> Array:
+        """(style,) code, for a system that has them."""
+        ...
+
+    @property
+    def centre(self) -> Array:
+        """(D,) standardised mean pose of the speaker, from which ``intensity`` scales."""
+        ...
+
+    @property
+    def spread(self) -> Array | None:
+        """(D,) what the network's poses are multiplied by before they are added to the mean pose, so that they deviate as the
+        speaker's do; None for a network that gives standardised poses themselves."""
+        ...
+
+    @property
+    def drift(self) -> Array | None:
+        """(D,) mean of what the network makes of these latents by itself, taken off before; None with ``spread``."""
+        ...
+
+    def draw(self, frames: int) -> Array:
+        """(frames, D) the next latents; pieces of any size make the same sequence."""
+        ...
+
+
+Casting = Callable[[Blend], Sequence[Source]]
+"""A style → the sources of the takes, one for each seed."""
+
+
+class FlowPlayer:
+    """Takes of one speech on a flow; see `cospeech.runtime.session.Player`.
+
+    A style that is changed is a second cast of sources, which play as if they had played from the beginning; latents, codes,
+    mean poses and deviations are faded from the one to the other.
+
+    Args:
+        system: the bundle, opened.
+        casting: makes sources.
+        blend: the style to begin with.
+        quiet: (1, A) row of silence, which is before the speech.
+        intensity: how far poses stray from the mean one.
+    """
+
+    moods = None
+    speaker = None
+    emotion = None
+    """It hears none of them."""
+
+    def __init__(self, system: FlowSystem, casting: Casting, blend: Blend, quiet: Array, *, intensity: float = 1.0) -> None:
+        self._system, self._casting, self._intensity = system, casting, np.float32(intensity)
+        sources = casting(blend)
+        self._sources = Fading(sources, system.fps)
+        self._takes = system.engine.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
+        self._rows = np.repeat(quiet, system.engine.sizes.history, 0)
+        self._made = 0
+        self.takes, self.width = len(sources), system.engine.sizes.pose
+
+    @property
+    def latency(self) -> float:
+        """See `Player`."""
+        sizes = self._system.engine.sizes
+        return (sizes.heard - sizes.history) / self._system.fps
+
+    def push(self, rows: Array) -> Array:
+        """See `Player`."""
+        self._sources.forget(self._made - MOST_LAG)
+        self._rows = np.concatenate([self._rows, rows])
+        windows = self._system.engine.windows(self._rows)
+        self._rows = self._rows[len(windows) :].copy()
+        if not len(windows):
+            return np.zeros((self.takes, 0, self.width), np.float32)
+        first, end = self._made, self._made + len(windows)
+        self._made = end
+        z = self._latents(first, end)
+        if self._sources.steady(first, end):
+            return self._framed(first, windows, z)
+        frames = [self._framed(first + k, windows[k : k + 1], z[:, k : k + 1]) for k in range(len(windows))]
+        return np.concatenate(frames, 1)
+
+    def finish(self, quiet: Array) -> Array:
+        """See `Player`."""
+        sizes = self._system.engine.sizes
+        return self.push(np.repeat(quiet, sizes.heard - 1 - sizes.history, 0))
+
+    def units(self, poses: Array, at: Array) -> Array:
+        """See `Player`."""
+        s, centres = self._system.statistics, self._mixed("centre", at)
+        return (centres + self._intensity * self._strayed(poses, centres, at)) * s.pose_std + s.pose_mean
+
+    def restyle(self, blend: Blend, frame: int) -> None:
+        """See `Player`."""
+        sources = self._casting(blend)
+        for source in sources:
+            for start in range(0, frame, SKIPPED):
+                source.draw(min(SKIPPED, frame - start))
+        self._sources.change(sources, frame)
+
+    def _latents(self, first: int, end: int) -> Array:
+        """(N, end − first, D)."""
+        drawn: dict[int, Array] = {}
+        for start, sources in self._sources.layers:
+            z = np.stack([source.draw(max(0, end - max(first, start))) for source in sources])
+            drawn[id(sources)] = np.pad(z, ((0, 0), (end - first - z.shape[1], 0), (0, 0)))
+        return self._sources.mixed(lambda sources: drawn[id(sources)], np.arange(first, end))
+
+    def _framed(self, frame: int, windows: Array, z: Array) -> Array:
+        """Poses of frames that have one style."""
+        self._takes.styles[:] = self._mixed("style", np.array([frame]))[:, 0]
+        return self._takes.frames(windows, z)
+
+    def _strayed(self, poses: Array, centres: Array, at: Array) -> Array:
+        """(N, n, D) how far poses are from the mean ones, standardised."""
+        if self._sources.layers[0][1][0].spread is None:  # of a system, all have one or none
+            return poses - centres
+        return (poses - self._mixed("drift", at)) * self._mixed("spread", at)
+
+    def _mixed(self, name: str, at: Array) -> Array:
+        """(N, n or 1, …) an attribute of the sources at these frames."""
+        return self._sources.mixed(lambda sources: np.stack([getattr(source, name) for source in sources])[:, None], at)

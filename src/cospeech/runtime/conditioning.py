@@ -1,0 +1,110 @@
+"""What a performance may be given beside speech: a face, and motion that it goes on from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion.motion import Motion
+from ..motion.rotations import Array
+from .manifest import System
+from .style_measures import encoded
+
+__all__ = ["NOTHING", "OFFLINE", "Given", "GivenFace", "nothing_given", "poses_before", "read_given"]
+
+FADE = 0.5  # s; ours: as styles are faded
+OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
+"""What is to be done where speech is not heard as a whole."""
+
+
+class GivenFace:
+    """Weights of a face over time; after its end it fades out within half a second.
+
+    Args:
+        motion: with a face.
+
+    Raises:
+        InputError: it has none.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        if motion.face is None or not len(motion):
+            raise InputError("a face is given that has no weights", "name a file with ARKit weights: .json, .csv or .glb")
+        self._fps, self._duration = motion.fps, motion.duration
+        self._weights = np.clip(motion.face, 0, 1).astype(np.float32)
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """(T,) seconds → (T, 52) weights, and (T, 1) how far they are given, 0 … 1; before the beginning as there."""
+        last = len(self._weights) - 1
+        place = np.clip(times * self._fps, 0, last)
+        low = np.minimum(place.astype(int), max(last - 1, 0))
+        part = (place - low).astype(np.float32)[:, None]
+        here, there = self._weights[low], self._weights[np.minimum(low + 1, last)]
+        share = np.clip(1 - (times - self._duration) / FADE, 0, 1).astype(np.float32)
+        return here + part * (there - here), share[:, None]
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is given; None: nothing."""
+
+    face: GivenFace | None = None
+    before: Motion | None = None
+    """At the end of which poses begin."""
+
+    @property
+    def anything(self) -> bool:
+        """Whether there is some of it."""
+        return self.face is not None or self.before is not None
+
+
+NOTHING = Given()
+
+
+def read_given(face: object, before: object) -> Given:
+    """Motions, or files of them.
+
+    Raises:
+        InputError: neither, or what cannot be read.
+    """
+    shown, past = _motion(face, "a face"), _motion(before, "motion to go on from")
+    if past is not None and not len(past):
+        raise InputError("motion to go on from has no frames", "name another")
+    return Given(None if shown is None else GivenFace(shown), past)
+
+
+def _motion(given: object, what: str) -> Motion | None:
+    if given is None or isinstance(given, Motion):
+        return given
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"{what}: {str(given)[:60]!r}", "a Motion, or a motion file")
+    return Motion.load(given)
+
+
+def nothing_given(given: Given) -> None:
+    """Raises:
+    InputError: something is, and this system knows of no such thing.
+    """
+    if given.anything:
+        what = "a face" if given.face is not None else "motion to go on from"
+        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+
+
+def poses_before(system: System, motion: Motion, frames: int) -> Array:
+    """(frames, D) standardised poses at the end of a motion, of the system's frames before the next one would begin; where it
+    is shorter, its first pose is held.
+
+    Raises:
+        InputError: its skeleton is not recognised.
+    """
+    step = motion.fps / system.fps
+    tail = motion[max(0, len(motion) - int(np.ceil(frames * step)) - 1) :]
+    rows = encoded(tail.retarget("humanoid"), system)
+    place = np.clip(len(tail) - step * np.arange(frames, 0, -1), 0, len(tail) - 1)
+    low = np.minimum(place.astype(int), max(len(tail) - 2, 0))
+    part = (place - low).astype(np.float32)[:, None]
+    here, there = rows[low], rows[np.minimum(low + 1, len(tail) - 1)]
+    return (here + part * (there - here)).astype(np.float32)  # type: ignore[no-any-return]

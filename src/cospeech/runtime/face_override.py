@@ -1,0 +1,60 @@
+"""A face that is given, shown in the place of the rules'."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.speech import Speech
+from ..motion.motion import Motion
+from ..rules import Session
+from .conditioning import GivenFace
+
+__all__ = ["WornFace"]
+
+
+class WornFace:
+    """As the rule-based session whose gaze and moods it has; its weights are those given, as far as they are.
+
+    Args:
+        session: makes a face of its own.
+        face: that which is given.
+    """
+
+    def __init__(self, session: Session, face: GivenFace) -> None:
+        self._session, self._face, self._frame = session, face, 0
+
+    @property
+    def emotion(self) -> dict[str, float]:
+        """See `cospeech.rules.Session`."""
+        return self._session.emotion
+
+    @property
+    def latency(self) -> float:
+        """See `cospeech.rules.Session`."""
+        return self._session.latency
+
+    @property
+    def look_ahead(self) -> float:
+        """See `cospeech.rules.Session`."""
+        return self._session.look_ahead
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `cospeech.rules.Session`."""
+        self._session.share(prosody)
+
+    def push(self, chunk: Speech) -> Iterator[Motion]:
+        """See `cospeech.rules.Session`."""
+        return map(self._worn, self._session.push(chunk))
+
+    def finish(self) -> Iterator[Motion]:
+        """See `cospeech.rules.Session`."""
+        return map(self._worn, self._session.finish())
+
+    def _worn(self, piece: Motion) -> Motion:
+        weights, share = self._face.at((self._frame + np.arange(len(piece))) / piece.fps)
+        self._frame += len(piece)
+        return piece if piece.face is None else replace(piece, face=(1 - share) * piece.face + share * weights)

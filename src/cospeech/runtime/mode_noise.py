@@ -1,0 +1,59 @@
+"""What makes one take of a deterministic network differ from another: noise on the choice of its modes, or of its style."""
+
+from __future__ import annotations
+
+from math import erfc, exp, sqrt
+
+import numpy as np
+
+from ..motion.rotations import Array
+
+__all__ = ["SECONDS", "SmoothGumbel"]
+
+SECONDS = 1.0  # ours: about a gesture with its preparation; over it noise correlates (the integral of its correlation)
+LEAST = 1e-300  # ours: of a probability, so that logarithms are numbers
+
+
+class SmoothGumbel:
+    """Gumbel noise that moves smoothly: at every frame of a standard Gumbel distribution, independent from mode to mode.
+
+    The mode whose logit with such noise is the largest is drawn with the probability that the softmax gives it (Gumbel and
+    Lieblein 1954); a smooth path draws a mode for about a second. It is a Gaussian process of the correlation
+    (1 + λτ) e^(−λτ), λ = 2 / `SECONDS`, which is differentiable, brought to the Gumbel distribution by both distribution
+    functions. The same seed gives the same noise, in whatever pieces it is drawn.
+
+    Args:
+        width: modes.
+        fps: frames per second.
+        seed: of the take.
+    """
+
+    def __init__(self, width: int, fps: float, *, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, 3])  # 1 and 2 are of `cospeech.runtime.style`
+        rate, step = 2 / SECONDS, 1 / fps
+        decay = exp(-rate * step)
+        self._go = decay * np.array([[1 + rate * step, step], [-rate * rate * step, 1 - rate * step]])
+        settled = np.diag([1.0, rate * rate])  # variances of the process and of its slope, at any time
+        self._stir = np.linalg.cholesky(settled - self._go @ settled @ self._go.T)
+        self._state = np.sqrt(np.diag(settled))[:, None] * self._rng.standard_normal((2, width))
+
+    def draw(self, frames: int) -> Array:
+        """(frames, width) float32."""
+        if not self._state.size:
+            return np.zeros((frames, 0), np.float32)
+        (a, b), (c, d) = self._go
+        (e, _), (f, g) = self._stir
+        out = np.empty((frames, self._state.shape[1]))
+        for row in out:
+            row[:] = self._state[0]
+            (x, v), (n, m) = self._state, self._rng.standard_normal(self._state.shape)
+            self._state = np.stack([a * x + b * v + e * n, c * x + d * v + f * n + g * m])
+        return _gumbel(out).astype(np.float32)
+
+
+def _gumbel(normal: Array) -> Array:
+    """Normal numbers → Gumbel ones of the same rank: −log(−log Φ(x))."""
+    above = np.array([erfc(x / sqrt(2)) / 2 for x in normal.ravel()]).reshape(normal.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wait = np.where(above < 0.5, -np.log1p(-above), -np.log(np.maximum(1 - above, LEAST)))
+    return -np.log(np.maximum(wait, LEAST))  # type: ignore[no-any-return]

@@ -1,0 +1,257 @@
+"""A bundle on stage: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleGesturer`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from math import isfinite
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from ..audio.emotions import EmotionTrack, emotion_track
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.speech import Speech, counted_from
+from ..corpora.clip import Points
+from ..errors import InputError
+from ..motion.motion import Motion
+from ..motion.poses import find_pose
+from ..motion.poses.controls import control_row, read_controls
+from ..motion.rotations import Array
+from ..rules import MouthMaker, RuleGesturer
+from ..rules.session import check_speech, streamed
+from .backends import Players, Terms, players_of
+from .bundle import read_bundle
+from .conditioning import read_given
+from .face_override import WornFace
+from .manifest import System
+from .mouth import POSE, BundleMouth, shipped_mouth
+from .pose_resampler import Sampled
+from .session import PIECE, Performance, Player, Wish
+from .speech_frontend import Listener
+from .speech_text_frontend import Reader
+from .style import Transfer
+from .systems import open_system
+from .window_bundle import WindowSystem
+
+__all__ = ["BundleGesturer", "MotionLike"]
+
+MotionLike = str | PathLike[str] | Motion | None
+
+_PARTS = ("face", "body", "hands")
+
+
+class BundleGesturer:
+    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer with a learnt mouth.
+
+    Args:
+        system: an opened bundle; `BundleGesturer.open` takes a path.
+        transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
+        mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
+
+    Raises:
+        InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
+    """
+
+    takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
+
+    def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = shipped_mouth) -> None:
+        if system.pose in _WHOLE:
+            raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
+        self.system = system
+        self.styles, self.default_style = system.styles, system.style
+        self.makes = ("face",) if system.pose == POSE else _PARTS
+        self._players = players_of(system, transfer)
+        self.for_files = self._players.for_files
+        self._rules = RuleGesturer(mouth)
+
+    @classmethod
+    def open(cls, path: str | PathLike[str]) -> BundleGesturer:
+        """A bundle's file on stage.
+
+        Raises:
+            InputError: it cannot be read, or is no bundle of ours.
+        """
+        return cls(open_system(read_bundle(path)))
+
+    @cached_property
+    def _usual(self) -> Performance:
+        return self.session()
+
+    @property
+    def latency(self) -> float:
+        """Of a session with the usual options; see `Performance.latency`."""
+        return self._usual.latency
+
+    @property
+    def look_ahead(self) -> float:
+        """Of a session with the usual options; see `Performance.look_ahead`."""
+        return self._usual.look_ahead
+
+    def session(
+        self,
+        *,
+        style: object = None,
+        emotion: str | EmotionTrack = "auto",
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        fps: float = 30.0,
+        parts: Iterable[str] = _PARTS,
+        face_gain: float | str | Mapping[str, float] = 1.0,
+        look_ahead: float | None = None,
+        takes: int = 1,
+        face: MotionLike = None,
+        continue_from: MotionLike = None,
+    ) -> Performance:
+        """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
+        parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
+        _check(seed, takes, intensity, temperature)
+        options: dict[str, Any] = {"emotion": emotion, "fps": fps, "intensity": intensity, "temperature": temperature}
+        options["face_gain"] = face_gain
+        seeds = [int(seed) + take for take in range(takes)]
+        RuleGesturer().session(seed=seeds[0], parts=parts, **options)  # it checks them all
+        wish = self._understood(style)
+        felt, given = emotion_track(emotion), read_given(face, continue_from)
+        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, felt, given))
+        options["emotion"] = player.moods or emotion
+        shown = "face" in parts  # without a face, moods alone are listened to
+        rules = self._speaking(style)
+        heads = [rules.session(seed=k, parts=("face",), moving=shown, **options) for k in seeds]
+        faces = heads if given.face is None else [WornFace(head, given.face) for head in heads]
+        shared = SharedProsody()
+        for each in (listener, *faces):
+            each.share(shared)
+        return Performance(
+            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood,
+            before=given.before,
+        )  # fmt: skip
+
+    def _speaking(self, style: object) -> RuleGesturer:
+        """Who makes the face; of a system of faces one that speaks with it, in that style."""
+        system = self.system
+        if system.pose != POSE or not isinstance(system, WindowSystem):
+            return self._rules
+        return RuleGesturer(lambda: BundleMouth(system, style))
+
+    def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener | Reader, Player]:
+        """Who hears, and who plays."""
+        listener = self._players.listen(wish.controls)
+        return listener, self._players.play(wish.blend, listener.quiet, terms)
+
+    def _understood(self, style: object) -> Wish:
+        """What a style means."""
+        wishes, controls = _wishes(style, self._players)
+        blend = self._players.styles.blend(wishes)
+        return Wish(blend, controls, self._players.mixture(blend))
+
+    def generate(self, speech: Speech, **options: Any) -> Motion:
+        """Gestures for a whole speech.
+
+        Args:
+            speech: any rate.
+            style: a speaker of the training data by name (`styles` lists them); an example: a motion file, or a `Motion`; a
+                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
+                style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
+            emotion: of the face, and of body and hands where a system knows emotions: one of `cospeech.audio.emotions.EMOTIONS`, an
+                `EmotionTrack`, or "auto": from the voice.
+            seed: another seed, another performance; the same one, the same bytes.
+            intensity: how far poses stray from the mean one, 0 … 2.
+            temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice
+                among its modes, 0 (the network's own motion) … 2.
+            fps: frames per second, 1 … 240.
+            parts: of face, body, hands.
+            face_gain: see `cospeech.rules.RuleGesturer.generate`.
+            look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
+                the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
+            face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
+                and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
+            continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for
+                the same.
+
+        Returns:
+            Motion of exactly ceil(duration × fps) frames on our humanoid.
+
+        Raises:
+            InputError: an option is out of range or a name unknown.
+        """
+        return self.generate_takes(speech, takes=1, **options)[0]
+
+    def points(
+        self,
+        speech: Speech,
+        *,
+        style: object = None,
+        seed: int = 0,
+        intensity: float = 1.0,
+        temperature: float = 1.0,
+        look_ahead: float | None = None,
+    ) -> Points:
+        """The key points that `generate` makes motion of, for systems that were trained on points; at the system's own rate.
+
+        Of ``keypoints2d`` they are in pixels from the neck, y up, the shoulder at 167, as PATS' networks are published.
+
+        Args:
+            speech: any rate.
+            style, seed, intensity, temperature, look_ahead: see `generate`.
+
+        Returns:
+            ceil(duration × fps) frames.
+
+        Raises:
+            InputError: a system of joint rotations, or an option is out of range.
+        """
+        pose = find_pose(self.system.pose)
+        if pose.source != "points":
+            raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
+        self.session(style=style, seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)  # it checks
+        check_speech(speech)
+        listener, player = self._cast(self._understood(style), Terms([int(seed)], temperature, intensity, look_ahead))
+        made = [player.push(listener.push(chunk)) for chunk in counted_from(speech, speech.start).chunks(PIECE)]
+        made += [player.push(listener.finish()), player.finish(listener.quiet)]
+        sampled = Sampled(1, player.width, smooth=self.system.smooth, step=1.0)
+        poses, at = sampled.push(np.concatenate(made, 1), listener.frames, listener.frames - 1)
+        found: Points = pose.decode(player.units(poses, at)[0], self.system.fps)
+        return found
+
+    def generate_takes(self, speech: Speech, *, takes: int, **options: Any) -> list[Motion]:
+        """Several takes in one pass, which costs little more than one: those of ``seed``, ``seed + 1``, …"""
+        session = self.session(takes=takes, **options)
+        check_speech(speech)
+        pieces = [made for chunk in speech.chunks(PIECE) for made in session.push_takes(chunk)]
+        pieces += session.finish_takes()
+        return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
+
+    def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
+        """The same motion in pieces, from speech that comes in pieces of any size.
+
+        Raises:
+            InputError: at once, for an option; as the pieces are taken, for a piece of speech.
+        """
+        return streamed(self.session(**options), chunks)
+
+
+_WHOLE = frozenset({"expmap-full"})
+"""Representations whose rows add up: a frame does not follow from its own row."""
+_MOST_TAKES = 64  # ours, of one pass
+
+
+def _wishes(style: object, system: Players) -> tuple[object, Array]:
+    """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
+    parts = style.split(",") if isinstance(style, str) and style else []
+    said = [part for part in parts if part.partition(":")[0].strip() in system.controls]
+    row = control_row(read_controls(",".join(said)) if said else {}, system.quantiles, system.controls)
+    speakers = ",".join(part for part in parts if part not in said) or None
+    return (speakers if said else style), row
+
+
+def _check(seed: object, takes: object, intensity: object, temperature: object) -> None:
+    """What the rule-based gesturer, which sees the options too, does not check."""
+    if not (isinstance(takes, int | np.integer) and 1 <= takes <= _MOST_TAKES):
+        raise InputError(f"{takes!r} takes", f"1 … {_MOST_TAKES}")
+    if not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63 - _MOST_TAKES):
+        raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 65")
+    for name, value in (("intensity", intensity), ("temperature", temperature)):
+        if not (isinstance(value, int | float | np.number) and isfinite(value)):
+            raise InputError(f"{name} {value!r}", "0 … 2")

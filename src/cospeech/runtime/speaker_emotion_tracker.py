@@ -1,0 +1,141 @@
+"""Who speaks, and in which mood: what a chain's classifier hears in a voice, followed over a speech that comes in pieces.
+
+A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
+(`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
+(`Ear.lag`): everything follows from a frame's index alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..audio.emotions import EMOTIONS, Moods
+from ..motion.rotations import Array
+from ..rules.mood import SPAN
+from .chain_engine import ChainEngine
+
+__all__ = ["Ear"]
+
+DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
+CAUTION = 0.5
+"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and
+nothing in the logits tells (docs/emotion_from_speech.md)."""
+VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
+BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
+
+
+_NEUTRAL = np.array([float(name == "neutral") for name in EMOTIONS])
+
+
+class Ear:
+    """The course of speakers' and emotions' probabilities.
+
+    Args:
+        engine: of the bundle.
+        fps: of its frames.
+        quiet: (A,) what silence sounds like.
+        given: the emotion, where it is not to be heard.
+    """
+
+    def __init__(self, engine: ChainEngine, fps: float, quiet: Array, given: Moods | None = None) -> None:
+        self._engine, self._fps, self._quiet, self._given = engine, fps, np.asarray(quiet, np.float32), given
+        speakers, reach = engine.sizes.speakers, engine.sizes.reach
+        self._rows = np.repeat(self._quiet[None], reach, 0)
+        self._fade = np.ones(engine.sizes.style)
+        self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
+        self._sum = np.zeros(engine.sizes.style)
+        self._count = np.full(engine.sizes.style, DOUBT * fps)
+        self._felt = np.zeros(len(EMOTIONS))
+        self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
+        self.frames = 0
+        """Of which probabilities are known."""
+
+    def push(self, rows: Array) -> None:
+        """Hear (n, A) standardised rows."""
+        self._rows = np.concatenate([self._rows, rows])
+        width = 2 * self._engine.sizes.reach + BLOCK
+        while len(self._rows) >= width:
+            self._judge(self._rows[:width])
+            self._rows = self._rows[BLOCK:]
+        self._rows = self._rows.copy()
+
+    def _judge(self, rows: Array) -> None:
+        """The frames in the middle of (2 · reach + BLOCK, A) rows."""
+        reach = self._engine.sizes.reach
+        middle = rows[reach : reach + BLOCK]
+        voiced = np.sqrt(np.square(middle - self._quiet).mean(1)) > VOICE
+        logits = self._engine.classify(rows) if self._engine.judges and voiced.any() else None
+        for k in range(BLOCK):
+            self._sum, self._count = self._sum * self._fade, self._count * self._fade
+            if logits is not None and voiced[k]:
+                self._sum, self._count = self._sum + logits[k], self._count + 1
+            self._course.append(self._now())
+            self._felt += self._course[-1][self._engine.sizes.speakers :]
+        self.frames += BLOCK
+
+    @property
+    def lag(self) -> int:
+        """Frames that what is said of a frame is behind it, so that it is known once the frame was heard, however it came."""
+        return self._engine.sizes.reach + BLOCK
+
+    def shares(self, frames: Array) -> Array:
+        """(…, S + 8) weights to play at these frames, which were heard; between frames they change linearly.
+
+        Args:
+            frames: (…,) whole or not.
+        """
+        wanted = np.asarray(frames, float)
+        known = np.clip(wanted - self.lag, self._first - 1, self.frames - 1)
+        low = np.floor(known).astype(int)
+        first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
+        course = np.array(self._course[first - self._first + 1 : last - self._first + 2])
+        place = low - first
+        now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
+        heard: Array = now + (known - low)[..., None] * (after - now)
+        moods = heard[..., self._engine.sizes.speakers :]
+        moods[...] = _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._given is None else self._given.at(wanted / self._fps)
+        return heard
+
+    def at(self, times: Array) -> Array:
+        """(…, 8) weights of the emotions at these times in seconds."""
+        if self._given is not None:
+            return self._given.at(times)
+        return self.shares(np.asarray(times, float) * self._fps)[..., self._engine.sizes.speakers :]
+
+    def forget(self, before: int) -> None:
+        """Frames before this one are asked for no more."""
+        gone = min(before - self.lag, self.frames - 1) - self._first
+        if gone > 0:
+            del self._course[:gone]
+            self._first += gone
+
+    @property
+    def knows(self) -> bool:
+        """Whether emotions are given, or heard."""
+        return self._given is not None or self._engine.judges
+
+    @property
+    def hears(self) -> bool:
+        """Whether emotions are heard."""
+        return self._given is None and self._engine.judges
+
+    @property
+    def speaker(self) -> Array:
+        """(S,) probabilities, after all that was heard."""
+        return self._course[-1][: self._engine.sizes.speakers]
+
+    @property
+    def emotion(self) -> Array:
+        """(8,) mean probabilities over all that was heard."""
+        return self._felt / self.frames if self.frames else self._course[-1][self._engine.sizes.speakers :]
+
+    def _now(self) -> Array:
+        """(S + 8,) two distributions, of what was heard so far."""
+        logits, speakers = self._sum / self._count, self._engine.sizes.speakers
+        return np.concatenate([_softmax(logits[:speakers]), _softmax(logits[speakers:])])
+
+
+def _softmax(logits: Array) -> Array:
+    weights = np.exp(logits - logits.max())
+    scaled: Array = weights / weights.sum()
+    return scaled

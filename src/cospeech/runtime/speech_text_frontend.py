@@ -1,0 +1,69 @@
+"""Speech and its words → rows as a chain takes them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..audio.features.shared_prosody import SharedProsody
+from ..audio.features.words import WordStream
+from ..audio.speech import Speech
+from ..motion.rotations import Array
+from .chain_bundle import ChainSystem
+from .speech_frontend import Listener
+
+__all__ = ["Reader"]
+
+
+class Reader:
+    """Speech in pieces → standardised rows, what stands for the word of each behind it; zeros where nobody knows the words.
+
+    What it offers is as of `Listener`.
+
+    Args:
+        system: whose.
+    """
+
+    def __init__(self, system: ChainSystem) -> None:
+        self._system, self._listener, self._words = system, Listener(system, np.zeros(0, np.float32)), WordStream(system.fps)
+        self._heard = self._listener.quiet[:0]
+        self._read = np.zeros((0, system.engine.sizes.words), np.float32)
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `Listener`."""
+        self._listener.share(prosody)
+
+    @property
+    def frames(self) -> int:
+        """Of the model, in all that was heard."""
+        return self._listener.frames
+
+    @property
+    def delay(self) -> float:
+        """Seconds after a frame's time until its row is there."""
+        return max(self._listener.delay, self._words.delay)
+
+    @property
+    def quiet(self) -> Array:
+        """(1, A + W) a row of silence."""
+        return np.concatenate([self._listener.quiet, np.zeros((1, self._system.engine.sizes.words), np.float32)], 1)
+
+    def control(self, controls: Array) -> None:
+        """A chain has no style controls: they are of no width."""
+
+    def push(self, chunk: Speech) -> Array:
+        """(n, A + W) rows that have become certain."""
+        self._heard = np.concatenate([self._heard, self._listener.push(chunk)])
+        return self._joined(self._words.push(chunk))
+
+    def finish(self) -> Array:
+        """The rest."""
+        self._heard = np.concatenate([self._heard, self._listener.finish()])
+        return self._joined(self._words.finish(self.frames))
+
+    def _joined(self, words: list[str | None]) -> Array:
+        """Rows of which both the sound and the word are known."""
+        self._read = np.concatenate([self._read, self._system.word_rows(words)])
+        known = min(len(self._heard), len(self._read))
+        rows = np.concatenate([self._heard[:known], self._read[:known]], 1)
+        self._heard, self._read = self._heard[known:].copy(), self._read[known:].copy()
+        return rows

@@ -1,0 +1,115 @@
+"""Windows that slide over the rows of a speech, with silence before and after.
+
+Each makes the next ``hop`` frames, hears ``ahead`` frames after them, and as many before as it has left; what it makes of the
+frames ahead, the next window takes over step by step in ``fade`` frames. Windows lie where the frame's index puts them: pieces
+of any size give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion.rotations import Array
+
+__all__ = ["Setting", "Sliding", "check_look_ahead"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How windows lie, in frames.
+
+    Raises:
+        InputError: windows that do not hold what they shall.
+    """
+
+    window: int
+    hop: int
+    """New frames of each."""
+    ahead: int
+    """Heard after the new ones."""
+    fade: int
+    """Of the new ones, blended with what the window before made of them."""
+
+    def __post_init__(self) -> None:
+        if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.hop + self.ahead <= self.window):
+            raise InputError(f"{self}", "0 < hop, fade ≤ ahead and hop, hop + ahead ≤ window")
+
+    @property
+    def past(self) -> int:
+        """Frames heard before the new ones."""
+        return self.window - self.hop - self.ahead
+
+    @property
+    def waits(self) -> int:
+        """Frames of speech, from its own on, that a frame waits for at most."""
+        return self.hop + self.ahead
+
+
+def check_look_ahead(seconds: object) -> None:
+    """Raises:
+    InputError: no number of seconds from 0 on, nor None.
+    """
+    number = isinstance(seconds, int | float | np.number) and not isinstance(seconds, bool)
+    if seconds is not None and not (number and seconds >= 0):  # type: ignore[operator]  # NaN fails, too
+        raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
+
+
+class Sliding:
+    """Windows under way, for N takes of one speech.
+
+    Args:
+        setting: how windows lie.
+        quiet: (1, A) row of silence, which is before the speech.
+        draw: n → (N, n, Z) the next noise; before the speech it stands still.
+        make: (window, A) rows, the frame that the first of the new ones is, (N, window, Z) noise → (N, window, D) poses.
+    """
+
+    def __init__(
+        self, setting: Setting, quiet: Array, draw: Callable[[int], Array], make: Callable[[Array, int, Array], Array]
+    ) -> None:
+        self.setting, self._draw, self._make = setting, draw, make
+        self._rows = np.repeat(quiet, setting.past, 0)
+        self._nudge = np.repeat(draw(1), setting.past + 1, 1)
+        self._before: Array | None = None  # what the last window made of the frames ahead
+        self.made, self._heard = 0, 0
+        """Frames that are made."""
+
+    def push(self, rows: Array) -> list[Array]:
+        """Rows (n, A) that come next → poses (N, hop, D) of each window that they fill."""
+        self._heard += len(rows)
+        return self._slid(rows)
+
+    def finish(self, quiet: Array) -> list[Array]:
+        """The windows of the rest, of which as many frames as were heard; ``quiet`` (1, A) is after the speech."""
+        missing = self._heard - self.made
+        windows = -(-missing // self.setting.hop)
+        until = self.setting.window + (windows - 1) * self.setting.hop if windows else 0
+        made = self._slid(np.repeat(quiet, max(0, until - len(self._rows)), 0))
+        return [np.concatenate(made, 1)[:, :missing]] if made else []
+
+    def _slid(self, rows: Array) -> list[Array]:
+        self._rows = np.concatenate([self._rows, rows])
+        made = []
+        while len(self._rows) >= self.setting.window:
+            made.append(self._next())
+            self._rows = self._rows[self.setting.hop :]
+        self._rows = self._rows.copy()
+        return made
+
+    def _next(self) -> Array:
+        """(N, hop, D) of the next window."""
+        window, hop, fade, past = self.setting.window, self.setting.hop, self.setting.fade, self.setting.past
+        self._nudge = np.concatenate([self._nudge, self._draw(window - self._nudge.shape[1])], 1)
+        poses = self._make(self._rows[:window], self.made, self._nudge)
+        fresh = poses[:, past : past + hop]
+        if self._before is not None and fade:
+            share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]
+            fresh = np.concatenate([self._before + share * (fresh[:, :fade] - self._before), fresh[:, fade:]], 1)
+        self._before = poses[:, past + hop : past + hop + fade]
+        self._nudge = self._nudge[:, hop:]
+        self.made += hop
+        return fresh

@@ -1,0 +1,182 @@
+"""What a run leaves on disk: safetensors and JSON, nothing that executes when it is read.
+
+A run folder holds ``config.json`` (model, its config and sizes, the recipe, facts of the store), ``statistics.safetensors``
+(``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``examples.safetensors`` (what a bundle has to know of the data,
+see `cospeech.training.calibration_clips`), ``last.safetensors`` (everything that is needed to go on, as one file: parameters, their
+running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors`` (parameters alone).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Mapping
+from importlib import import_module
+from inspect import signature
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from ..errors import CospeechWarning, InputError, nearest
+from ..files import atomic, describe_os_error, read_regular, regular_file
+from ..limits import RUN_BYTES
+from ..models import NETWORKS
+from .recipe import build
+
+__all__ = [
+    "FORMAT",
+    "WHICH",
+    "build_model",
+    "load_run",
+    "network",
+    "read_facts",
+    "read_tensors",
+    "stands_for",
+    "write_facts",
+    "write_tensors",
+]
+
+FORMAT = "cospeech-run-1"
+WHICH = ("best", "last")
+
+
+def network(name: str) -> Any:
+    """The class of a network by its registry name.
+
+    Raises:
+        InputError: there is no such network.
+    """
+    if name not in NETWORKS:
+        raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
+    module, _, attribute = NETWORKS[name].partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Any:
+    """A model with new parameters, from the facts of a run (``model``, ``config``, ``sizes``, ``needs``).
+
+    Args:
+        facts: of the run.
+        needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
+    """
+    kind = network(facts["model"])
+    config = build(kind.Config, facts["config"], "model")
+    sizes = {name: size for name, size in facts["sizes"].items() if name in signature(kind.__init__).parameters}
+    parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
+    try:
+        return kind(config, **sizes, **parts)
+    except TypeError as error:
+        raise InputError(f"cannot build {facts['model']!r}: {error}"[:200], "do [needs] of the recipe fit the model?") from None
+
+
+def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapping[str, Tensor]]) -> None:
+    """Begin a run folder; ``config.json`` comes last, so that where it is, all is."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
+    for name, tensors in files.items():
+        write_tensors(folder / f"{name}.safetensors", tensors, {})
+    with atomic(folder / "config.json") as path:
+        path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8")
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """``config.json`` of a run folder.
+
+    Raises:
+        InputError: it is not a run folder.
+    """
+    path = folder / "config.json"
+    try:
+        facts = json.loads(read_regular(path, "the facts of a run", RUN_BYTES))
+    except (ValueError, RecursionError):  # an `InputError` is a ValueError
+        raise InputError(f"{str(folder)!r} is not a run: no readable config.json", "`cospeech train` makes one") from None
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
+        raise InputError(f"{str(folder)!r} is not a run of this version ({FORMAT})", "train it again")
+    return facts
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:
+    """One file that appears whole or not at all: tensors, and a JSON object in its head."""
+    plain = {name: tensor.detach().to("cpu", copy=True).contiguous() for name, tensor in tensors.items()}
+    with atomic(path) as temporary:
+        save_file(plain, temporary, {"state": json.dumps(state, sort_keys=True)})
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+
+
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """What `write_tensors` has written, on the CPU.
+
+    Raises:
+        InputError: there is no such file, or it is damaged.
+    """
+    try:
+        with safe_open(regular_file(path, "a checkpoint"), "pt") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # it is no mapping
+            state = json.loads((file.metadata() or {}).get("state", "{}"))
+    except OSError as error:
+        raise InputError(f"cannot read {str(path)!r}: {describe_os_error(error)}", "has the run saved yet?") from None
+    except (SafetensorError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{str(path)!r} is damaged: {error}"[:200], "train it again") from None
+    return tensors, state
+
+
+def stands_for(folder: Path, which: str = "best") -> str:
+    """The checkpoint that is read where one is asked for: "last" for "best" in a run that was not validated before it stopped.
+
+    Raises:
+        InputError: no checkpoint is called so, or the run has saved nothing yet.
+    """
+    if which not in WHICH:
+        raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
+    there = {name for name in WHICH if (folder / f"{name}.safetensors").exists()}
+    if not there:
+        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` goes on with it")
+    return which if which in there or which == "last" else "last"
+
+
+def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:
+    """A trained model, ready for use on the CPU.
+
+    Args:
+        folder: of the run.
+        which: "best", by validation, or "last"; both are the running average where the run kept one. A run that stopped before
+            its first validation has no best: the last are taken then, and a `CospeechWarning` says so.
+
+    Returns:
+        The model in evaluation mode, and the facts of ``config.json``.
+
+    Raises:
+        InputError: not a run, nothing saved yet, or its files are damaged.
+    """
+    facts = read_facts(Path(folder))
+    wanted, which = which, stands_for(Path(folder), which)
+    tensors, state = read_tensors(Path(folder) / f"{which}.safetensors")
+    if which != wanted:
+        note = f"the run {str(folder)!r} was not validated yet: its last parameters are taken, of step {state.get('step')}"
+        warnings.warn(note, CospeechWarning, stacklevel=2)
+    with torch.random.fork_rng(devices=[]):  # new parameters draw; nobody outside shall notice
+        try:
+            model = build_model(facts)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"the config.json of {str(folder)!r} is damaged: {error!r}"[:200], "train it again") from None
+    if which == "last":
+        average = {n.removeprefix("ema."): t for n, t in tensors.items() if n.startswith("ema.")}
+        tensors = {n.removeprefix("model."): t for n, t in tensors.items() if n.startswith("model.")} | average
+    try:
+        model.load_state_dict(tensors)
+    except RuntimeError as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
+        problem = f"{which}.safetensors of {str(folder)!r} does not fit the model: {reason}"
+        raise InputError(problem[:300], "was it trained with another version?") from None
+    return model.eval(), facts

@@ -1,0 +1,199 @@
+"""What a run begins with: a recipe and a store, checked against each other and made into facts, statistics and batches."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from .. import __version__
+from ..audio.features.reduce import REDUCTIONS, audio_columns, louder, reduce_audio
+from ..corpora.store import Store
+from ..errors import InputError
+from ..motion.poses.controls import control_quantiles, with_controls
+from ..motion.poses.joints import hand_columns
+from ..motion.poses.modes import with_modes
+from .batch_loader import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
+from .calibration_clips import examples_of
+from .checkpoint import load_run, network, read_tensors
+from .recipe import Data, Recipe, build, changed, read_recipe
+from .speaker_subset import of_speakers
+from .texts import with_text
+from .windows import Windows
+
+__all__ = ["TrainingSet", "check_same", "open_set"]
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Facts of a run, its statistics, the trained models that it needs, and its batches."""
+
+    facts: dict[str, Any]
+    statistics: dict[str, Tensor]
+    needs: dict[str, nn.Module]
+    store: Store
+    data: Data
+    standards: dict[str, Standard]
+    reduce: Reduce | None
+    moments: Moments | None
+
+    def examples(self) -> dict[str, Tensor]:
+        """What a bundle has to know of the data; nothing where there is no audio."""
+        if "audio" not in self.standards:
+            return {}
+        taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
+        return {name: torch.from_numpy(array) for name, array in taken.items()}
+
+    def feed(self, model: Any, split: str, balanced: bool) -> Feed:
+        """Batches of a split, as a model wants them."""
+        windows = Windows(
+            self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
+            held_out=self.data.validation, spare=getattr(model, "spare", ()),
+        )  # fmt: skip
+        return Feed(windows, self.standards, self.reduce, self.moments)
+
+
+def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
+    """Recipe and store together.
+
+    Raises:
+        InputError: they do not fit, or the model has no such settings.
+    """
+    data, kind = recipe.data, network(recipe.model)
+    config = build(kind.Config, recipe.config, "model")
+    for what, wanted in (("corpus", data.corpus), ("pose", data.pose), ("fps", data.fps)):
+        if wanted and wanted != getattr(store, what):
+            problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {getattr(store, what)!r}"
+            raise InputError(problem, f"prepare one that fits, or set data.{what}")
+    if data.speakers:
+        store = of_speakers(store, data.speakers)
+    check_mirror(store, data.mirror)
+    _check_encoder(config, store)
+    reduce = _reduction(data.audio, store)
+    standards = {"pose": standard_pose(store)}
+    if "audio" in store.arrays:
+        standards["audio"] = standard_audio(store, reduce)
+    controlled = "control" in getattr(config, "arrays", kind.arrays)
+    if controlled:
+        store = with_controls(store)
+        standards["control"] = Standard(*store.statistics("control"))
+    centres = None
+    if "text" in kind.arrays:
+        store = with_text(store, data.words)
+    if "cluster" in kind.arrays:
+        store, centres = with_modes(store, config.modes)
+    statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
+    if controlled:
+        statistics["control_quantiles"] = torch.from_numpy(control_quantiles(store))
+    if centres is not None:
+        statistics["cluster_centres"] = torch.from_numpy(centres)
+    needs, known = _needs(recipe, store, statistics)
+    facts = {
+        "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
+        "sizes": sizes(store, standards.get("audio")) | _own_sizes(kind, config, store, data, standards), "needs": known,
+        "recipe": recipe.to_dict(), "store": _facts_of(store),
+    }  # fmt: skip
+    moments = clip_moments(store, standards["pose"]) if data.by_clip else None
+    return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
+
+
+def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapping[str, Standard]) -> dict[str, Any]:
+    """Sizes that some models alone are built by."""
+    takes = signature(kind.__init__).parameters
+    found: dict[str, Any] = {}
+    if "hands" in takes:
+        found["hands"] = hand_columns(store.names["pose"])
+    if "text" in takes:
+        found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
+    if "louder" in takes and getattr(config, "gain", 0.0) > 0 and data.audio is not None:
+        found["louder"] = (np.array(louder(data.audio)) / standards["audio"].std).tolist()
+    return found
+
+
+def _check_encoder(config: Any, store: Store) -> None:
+    """Whether a store was heard by the CNN of the wav2vec 2.0 whose transformer is trained.
+
+    Raises:
+        InputError: by that of another.
+    """
+    heard = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
+    if getattr(config, "ear", None) == "wav2vec" and heard and heard != {own := Path(config.encoder).name}:
+        hint = f"prepare it with --wav2vec {config.encoder}, or set model.encoder"
+        raise InputError(f"the store {str(store.folder)!r} was heard by {heard.pop()!r}, the recipe has {own!r}", hint)
+
+
+def _reduction(name: str | None, store: Store) -> Reduce | None:
+    """A reduction of the audio columns by its name.
+
+    Raises:
+        InputError: the store has other columns than it is made of.
+    """
+    if name is None:
+        return None
+    if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
+        fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
+        problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"
+        raise InputError(problem, f"set data.audio to {fits}" if fits else "leave data.audio out")
+    return partial(reduce_audio, name=name)
+
+
+def _facts_of(store: Store) -> dict[str, Any]:
+    """What a run has to say of its store, without where it lay."""
+    names = {name: list(columns) for name, columns in store.names.items()}
+    seconds = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps
+    return {
+        "corpus": store.corpus, "pose": store.pose, "fps": store.fps, "clips": len(store.clips), "frames": len(store),
+        "train_seconds": seconds, "speakers": list(store.speakers), "columns": names,
+    }  # fmt: skip
+
+
+def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dict[str, nn.Module], dict[str, Any]]:
+    """The trained models of [needs], frozen, and what has to be known to build them again."""
+    models, known = {}, {}
+    for name, folder in recipe.needs.items():
+        if not (Path(folder) / "config.json").is_file():
+            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
+        model, facts = load_run(folder)
+        theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
+        alike = facts["store"]["pose"] == store.pose and facts["recipe"]["data"].get("by_clip", False) == recipe.data.by_clip
+        if not alike or not _alike(theirs, own, "pose"):
+            raise InputError(
+                f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
+            )
+        models[name] = model.requires_grad_(False)
+        known[name] = {key: facts[key] for key in ("model", "config", "sizes", "needs")}
+    return models, known
+
+
+def _alike(a: Mapping[str, Tensor], b: Mapping[str, Tensor], array: str) -> bool:
+    """Whether two statistics of an array are the same but for rounding."""
+    names = [f"{array}_{what}" for what in ("mean", "std")]
+    return all(n in a and n in b and a[n].shape == b[n].shape and torch.allclose(a[n], b[n], 1e-4, 1e-5) for n in names)
+
+
+def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str, Tensor], now: Mapping[str, Tensor]) -> None:
+    """Whether a run may go on: the same recipe, model and data, except what does not matter.
+
+    Raises:
+        InputError: says what differs.
+    """
+    new = json.loads(json.dumps(new))
+    found = changed(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
+    for part in ("config", "sizes", "store"):
+        found += changed({part: old[part]}, {part: new[part]})
+    if found:
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+    for name, value in now.items():
+        array = name.rpartition("_")[0]
+        if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):
+            raise InputError(f"the {array} statistics of the store are not those that the run began with", "has it changed?")

@@ -1,0 +1,3 @@
+"""A training run as a bundle: graphs, statistics and facts."""
+
+__all__: list[str] = []

@@ -1,0 +1,73 @@
+"""One objective under way: its parameters, their Adam, the schedule of its rate and the clipping of its gradients."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError, nearest
+from ..models.nn.objective import Objective
+from .recipe import Optimiser
+from .schedule import SCHEDULES
+
+__all__ = ["Part", "under"]
+
+
+def under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors whose names begin so, by the rest of their names."""
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+
+
+class Part:
+    """An objective and its optimiser.
+
+    Args:
+        name: of the objective.
+        objective: what is minimised.
+        settings: how.
+
+    Raises:
+        InputError: there is no such schedule.
+    """
+
+    def __init__(self, name: str, objective: Objective, settings: Optimiser) -> None:
+        if settings.schedule not in SCHEDULES:
+            raise InputError(f"no schedule is called {settings.schedule!r}", nearest(settings.schedule, SCHEDULES))
+        self.name, self.objective, self.settings = name, objective, settings
+        self.parameters = [p for p in objective.parameters if p.requires_grad]
+        self.adam = torch.optim.Adam(self.parameters, settings.lr, settings.betas, settings.eps, settings.weight_decay)
+
+    def active(self, step: int) -> bool:
+        """Whether it has begun and not ended, due or not."""
+        return self.objective.start <= step and (self.objective.stop is None or step < self.objective.stop)
+
+    def gradients(self, total: Tensor) -> list[Tensor]:
+        """Of a loss, for these parameters alone; one that is not in the loss has none, and is not moved."""
+        for p, gradient in zip(self.parameters, torch.autograd.grad(total, self.parameters, allow_unused=True), strict=True):
+            p.grad = gradient
+        return [p.grad for p in self.parameters if p.grad is not None]
+
+    def update(self, step: int) -> float:
+        """Clip as the papers have it, each number first, then the norm of all; move the parameters; the learning rate."""
+        if self.settings.clip_value:
+            nn.utils.clip_grad_value_(self.parameters, self.settings.clip_value)
+        if self.settings.clip_norm:
+            nn.utils.clip_grad_norm_(self.parameters, self.settings.clip_norm)
+        rate = SCHEDULES[self.settings.schedule](self.settings, step - self.objective.start)
+        for group in self.adam.param_groups:
+            group["lr"] = rate
+        self.adam.step()
+        return rate
+
+    def state(self) -> dict[str, Tensor]:
+        """Moments of the optimiser as named tensors."""
+        rows = self.adam.state_dict()["state"]
+        return {f"adam.{self.name}.{k}.{what}": tensor for k, row in rows.items() for what, tensor in row.items()}
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """The moments of a checkpoint."""
+        rows: dict[int, dict[str, Tensor]] = {}
+        for key, tensor in under(f"adam.{self.name}.", tensors).items():
+            number, what = key.split(".")
+            rows.setdefault(int(number), {})[what] = tensor
+        self.adam.load_state_dict({"state": rows, "param_groups": self.adam.state_dict()["param_groups"]})

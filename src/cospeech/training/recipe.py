@@ -1,0 +1,312 @@
+"""Recipes: what is trained, on what and how, as a flat TOML file with the sections [model], [needs], [data] and [train].
+
+An unknown key or a value of the wrong kind is an error that says what was meant. Dimensions are never in a recipe: they come
+from the store.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from os import PathLike
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from ..errors import InputError, nearest
+from ..files import parse_toml, read_regular
+from ..limits import RECIPE_BYTES
+
+__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe", "shipped"]
+
+SHIPPED = Path(__file__).with_name("recipes")
+"""Where the recipes lie that come with the program: ``NAME.toml``."""
+
+_KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
+FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
+"""What may change when a run is resumed: it alters how far and where, not what is computed."""
+
+_LARGEST = 2**1000  # ours: whole numbers beyond are no floats
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Data:
+    """[data]: which store the recipe was written for, and what is taken of it."""
+
+    store: str = ""
+    """Folder of the store, where none is named beside the recipe; "": stores/ and the corpus."""
+    corpus: str = ""
+    """Corpus that the store must hold; "": any."""
+    pose: str = ""
+    """Pose representation that it must hold; "": any."""
+    fps: float = 0.0
+    """Frames per second that it must have; 0: any."""
+    audio: str | None = None
+    """Name of a reduction of the audio columns (audio/features/reduce.py); None: all columns as they are."""
+    mirror: bool | None = None
+    """true: the store must have mirrored clips; false: they are left out; None: as the store has it."""
+    by_clip: bool = False
+    """Poses of every recording by its own mean and deviation: how somebody stands and how large they move is then not
+    learnt but set, at run time by a speaker's or an example's own. Ours."""
+    speakers: tuple[str, ...] = ()
+    """Names of the speakers that are trained on, in the order in which the model numbers them; none: all of the store.
+    Statistics and modes are then theirs alone."""
+    words: str | None = None
+    """File of fastText vectors (.vec, .bin) of the words, for a model that reads text; None: it learns subwords itself."""
+    validation: float = 0.0
+    """Share of the training clips held out for validation, for stores without a validation split."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.validation < 1:
+            raise InputError(f"data.validation is {self.validation}", "a share, 0 … 1")
+
+
+@dataclass(frozen=True)
+class Optimiser:
+    """How one objective is minimised: Adam, its rate, and the clipping of gradients."""
+
+    lr: float = 1e-3
+    """Peak of the learning rate."""
+    betas: tuple[float, float] = (0.9, 0.999)
+    eps: float = 1e-8
+    weight_decay: float = 0.0
+    """Adam's: so much of a parameter is added to its gradient (L2)."""
+    schedule: str = "constant"
+    """One of training/schedule.py: constant, noam, exponential."""
+    warmup: int = 3000
+    """noam: steps of rising rate."""
+    floor: float = 0.0
+    """noam, exponential: the rate does not fall below."""
+    gamma: float = 1.0
+    """exponential: factor …"""
+    gamma_every: int = 1
+    """… per so many steps."""
+    clip_value: float = 0.0
+    """Gradients are cut to ± this; 0: they are not."""
+    clip_norm: float = 0.0
+    """Then scaled down to this norm; 0: they are not."""
+
+    def __post_init__(self) -> None:
+        _check(
+            self,
+            {"lr": 0, "eps": 0, "weight_decay": 0, "floor": 0, "gamma": 0, "clip_value": 0, "clip_norm": 0}
+            | {"warmup": 1, "gamma_every": 1},
+        )
+        if not all(0 <= beta < 1 for beta in self.betas):
+            raise InputError(f"train.betas is {[*self.betas]}", "two numbers, 0 … 1")
+
+
+@dataclass(frozen=True)
+class Train(Optimiser):
+    """[train]: the loop; what `Optimiser` has, and [train.NAME] with keys of it for the objective NAME alone."""
+
+    steps: int = 1000
+    batch: int = 64
+    """Windows per step, over all processes together."""
+    seed: int = 0
+    ema: float = 0.0
+    """Decay of the running average of the parameters, which is what is validated and kept as best; 0: none."""
+    precision: str = "float32"
+    """float32, or bfloat16: mixed precision by autocast."""
+    device: str = "auto"
+    """auto (a GPU where there is one), cpu, cuda, cuda:1, mps …"""
+    threads: int = 0
+    """Of PyTorch on the CPU; 0: as it likes."""
+    balance: bool = False
+    """As many windows of each speaker in every batch."""
+    log_every: int = 10
+    validate_every: int = 500
+    """Steps; 0: never, and best is last."""
+    validate_batches: int = 8
+    save_every: int = 500
+    best: str = ""
+    """Validation figure whose minimum is best, such as "flow" or "flow.nll"; "": the first."""
+    tensorboard: bool = False
+    objectives: Mapping[str, Optimiser] = field(default_factory=dict)
+    """Name of an objective → how it is minimised, where that differs."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        low = {"steps": 1, "batch": 1, "seed": 0, "ema": 0, "threads": 0, "log_every": 1, "validate_every": 0}
+        _check(self, low | {"validate_batches": 1, "save_every": 1})
+        if self.ema >= 1:
+            raise InputError(f"train.ema is {self.ema}", "below 1, such as 0.999")
+        if self.precision not in ("float32", "bfloat16"):
+            raise InputError(f"train.precision is {self.precision!r}", nearest(self.precision, ["float32", "bfloat16"]))
+
+    def of(self, objective: str) -> Optimiser:
+        """How an objective is minimised."""
+        return self.objectives.get(objective, self)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A recipe as read: the model's fields are checked when its `Config` is built of them, see `build`."""
+
+    model: str
+    config: Mapping[str, Any] = field(default_factory=dict)
+    needs: Mapping[str, str] = field(default_factory=dict)
+    """Keyword of the model's constructor → folder of the run whose trained model it gets."""
+    data: Data = field(default_factory=Data)
+    train: Train = field(default_factory=Train)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in the file: `read_recipe` of it is the same recipe."""
+        train, data = asdict(self.train), {k: v for k, v in asdict(self.data).items() if v is not None}
+        train |= train.pop("objectives")
+        model = {"name": self.model, **self.config}
+        return {"model": model, "needs": dict(self.needs), "data": data, "train": train}
+
+
+def _check(settings: Any, low: Mapping[str, float]) -> None:
+    """Numbers are finite and not below what they can be."""
+    for name, least in low.items():
+        value = getattr(settings, name)
+        if not least <= value < float("inf"):
+            raise InputError(f"train.{name} is {value}", f"at least {least}")
+
+
+def _kind(hint: Any) -> str:
+    """What is expected, in words."""
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join(_kind(option) for option in get_args(hint) if option is not NoneType)
+    if get_origin(hint) is tuple:
+        return "a list" if Ellipsis in get_args(hint) else f"a list of {len(get_args(hint))}"
+    return _KINDS.get(hint, "something else")
+
+
+def _fit(value: Any, hint: Any, where: str) -> Any:
+    """A value of TOML as a field's type; a whole number is a number, a list is a tuple."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        for option in inner:
+            try:
+                return _fit(value, option, where)
+            except InputError:
+                continue
+    elif origin is tuple and isinstance(value, list | tuple):
+        endless = len(inner) == 2 and inner[1] is Ellipsis
+        if endless or len(value) == len(inner):
+            return tuple(
+                _fit(v, inner[0] if endless else h, where) for v, h in zip(value, inner if not endless else value, strict=True)
+            )
+    elif hint is float and type(value) in (int, float) and (isinstance(value, float) or abs(value) <= _LARGEST):
+        return float(value)
+    elif hint is Any or type(value) is hint:
+        return value
+    raise InputError(f"{where} is {value!r}"[:200], f"it takes {_kind(hint)}")
+
+
+def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:
+    """A dataclass of a section of a recipe.
+
+    >>> build(Data, {"corpus": "ted", "fps": 15}, "data").fps
+    15.0
+
+    Raises:
+        InputError: an unknown key, a missing one, or a value of the wrong kind.
+    """
+    hints = get_type_hints(kind)
+    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    for name in values:
+        if name not in known:
+            raise InputError(f"no key {section}.{name}", nearest(name, known))
+    missing = [n for n, f in known.items() if n not in values and f.default is MISSING and f.default_factory is MISSING]
+    if missing:
+        raise InputError(f"the recipe has no {section}.{missing[0]}", f"it takes {_kind(hints[missing[0]])}")
+    return kind(**{name: _fit(value, hints[name], f"{section}.{name}") for name, value in values.items()})
+
+
+def _train(values: Mapping[str, Any]) -> Train:
+    """[train] and its parts [train.NAME], which begin as [train] has it."""
+    own = {name: value for name, value in values.items() if not isinstance(value, Mapping)}
+    if "objectives" in own:
+        raise InputError("no key train.objectives", "a section [train.NAME] is for one objective")
+    whole, shared = build(Train, own, "train"), {f.name: own[f.name] for f in fields(Optimiser) if f.name in own}
+    sections = {name: value for name, value in values.items() if name not in own}
+    return replace(whole, objectives={n: build(Optimiser, shared | dict(v), f"train.{n}") for n, v in sections.items()})
+
+
+def read_recipe(sections: Mapping[str, Any]) -> Recipe:
+    """A recipe of the sections of a file.
+
+    Raises:
+        InputError: an unknown section or key, a value of the wrong kind, no model.
+    """
+    for name, value in sections.items():
+        if name not in ("model", "needs", "data", "train") or not isinstance(value, Mapping):
+            raise InputError(f"no section [{name}] in a recipe", nearest(name, ["model", "needs", "data", "train"]))
+    model = dict(sections.get("model", {}))
+    name = model.pop("name", None)
+    if not isinstance(name, str):
+        raise InputError("the recipe names no model", 'it takes a section [model] with name = "…"')
+    needs = {key: _fit(value, str, f"needs.{key}") for key, value in sections.get("needs", {}).items()}
+    return Recipe(name, model, needs, build(Data, sections.get("data", {}), "data"), _train(sections.get("train", {})))
+
+
+def _override(sections: dict[str, Any], text: str) -> None:
+    """Put in ``section.key=value``; the value as TOML has it, or text without quotes."""
+    path, equals, raw = text.partition("=")
+    *parents, key = (part.strip() for part in path.split("."))
+    if not equals or not parents or not key:
+        raise InputError(f"--set {text!r}", "it takes section.key=value, such as train.steps=2000")
+    try:
+        value = tomllib.loads(f"value = {raw.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = raw.strip()
+    place = sections
+    for parent in parents:
+        place = place.setdefault(parent, {})
+        if not isinstance(place, dict):
+            raise InputError(f"--set {text!r}", f"{parent} is no section")
+    place[key] = value
+
+
+def shipped() -> list[str]:
+    """Names of the recipes that come with the program."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def _file(path: str) -> Path:
+    """The file of a recipe: of a name without a suffix, where no such file is there, the one that ships."""
+    return SHIPPED / f"{path}.toml" if path in shipped() and not Path(path).is_file() else Path(path)
+
+
+def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Recipe:
+    """A recipe from a file.
+
+    Args:
+        path: of the TOML file; or the name of one that comes with the program (`SHIPPED`).
+        overrides: ``"section.key=value"``, put in place of what the file has.
+
+    Raises:
+        InputError: no such file, not TOML, or not a recipe; see `read_recipe`.
+    """
+    file = _file(str(path))
+    if not file.exists():
+        hint = f"a TOML file, or one that comes with the program: {', '.join(shipped())}"
+        raise InputError(f"cannot read {str(path)!r}: No such file or directory", hint)
+    sections = parse_toml(read_regular(file, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
+    for text in overrides:
+        _override(sections, text)
+    return read_recipe(sections)
+
+
+def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in sections.items():
+        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+    return found
+
+
+def changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """What differs between two recipes as dicts, except what may: ``["train.lr: 0.001, now 0.002"]``."""
+    first, second = _flat(old), _flat(new)
+    pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*FREE}))
+    return [f"{key}: {_told(a)}, now {_told(b)}" for key, a, b in pairs if _told(a) != _told(b)]
+
+
+def _told(value: Any) -> str:
+    return "nothing" if value is None else repr([*value] if isinstance(value, tuple) else value)

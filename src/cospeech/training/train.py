@@ -1,0 +1,366 @@
+"""The one training loop: a model says what is optimised (`cospeech.models.nn.objective`), this does it.
+
+A step is, for each objective that is due: loss, gradients, their average over the processes, clipping, Adam. All that is random
+is a function of seed and step, so that a run that was killed and resumed is the run that was not. A run that is asked to stop
+gives up a step that takes long, puts back what was before it, and saves that.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from copy import deepcopy
+from dataclasses import dataclass
+from math import isfinite
+from os import PathLike
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..corpora.store import Store
+from ..errors import CospeechError, InputError, nearest
+from ..models.nn.objective import Batch, Chance
+from .batch_loader import Feed
+from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
+from .dataset import check_same, open_set
+from .interrupts import Heed, Stopped, heeding
+from .objective_optimiser import Part, under
+from .processes import Team, average, join, mean_values, surroundings
+from .recipe import Recipe, Train
+from .run_log import Board, RunLog
+from .running_average import RunningAverage
+from .signals import let_signals_in
+
+__all__ = ["TrainReport", "train"]
+
+Tell = Callable[[float, float | None, str], None]
+Saved = tuple[dict[str, Tensor], dict[str, Any]]
+PROMPT = 0.5  # seconds; ours: who has asked to stop waits for the end of a step that takes no longer
+VALIDATION = 2**40  # "steps" from here on are validation batches: ours, no run gets that far
+
+
+@dataclass(frozen=True)
+class TrainReport:
+    """What a run has come to."""
+
+    folder: Path
+    step: int
+    resumed: int
+    """Step that it went on from; 0: it began."""
+    parameters: int
+    best: dict[str, Any] | None
+    """``name``, ``value`` and ``step`` of the best validation."""
+    seconds: float
+    rank: int
+    """Which process this is; 0 is the one that writes and speaks."""
+
+
+class _Run:
+    """One run in one process."""
+
+    def __init__(self, recipe: Recipe, store: Store, folder: Path, team: Team, resume: bool) -> None:
+        self.settings, self.folder, self.team = recipe.train, folder, team
+        if self.settings.batch % team.size:
+            raise InputError(f"a batch of {self.settings.batch} for {team.size} processes", "each takes an equal part")
+        work = open_set(recipe, store, team.device)
+        there = (folder / "config.json").exists()
+        if there and not resume:
+            raise InputError(f"there is a run in {str(folder)!r} already", "--resume goes on with it; --out names another")
+        if there:
+            check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
+        self.seed(0)
+        self.model = build_model(work.facts, work.needs).to(team.device)
+        if hasattr(self.model, "told"):
+            self.model.told(work.statistics)
+        self.parts = [Part(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
+        if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
+            raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
+        self.feed = work.feed(self.model, "train", self.settings.balance)
+        self.held: Feed | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
+        self.average = RunningAverage(self.model, self.settings.ema)
+        self.done = 0
+        self.saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
+        self.best: dict[str, Any] | None = None
+        self.latest: dict[str, dict[str, dict[str, float]]] = {}
+        if there and (folder / "last.safetensors").exists():
+            self._restore()
+        self.resumed = self.done
+        if mean_values([self.done], team) != [self.done]:  # all have looked before one writes
+            raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")
+        if team.rank == 0 and not there:
+            write_facts(folder, work.facts, {"statistics": work.statistics, "examples": work.examples()})
+
+    def _restore(self) -> None:
+        saved = read_tensors(self.folder / "last.safetensors")
+        try:
+            self._put_back(saved)
+            self.saved = self.done
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
+            raise InputError(f"cannot go on with {str(self.folder)!r}: {reason}"[:200], "begin another run") from None
+
+    def _put_back(self, saved: Saved) -> None:
+        """Be as the run was when `state` was taken."""
+        tensors, state = saved
+        self.model.load_state_dict(under("model.", tensors))
+        self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
+        self.average.restore(under("ema.", tensors))
+        for part in self.parts:
+            part.restore(tensors)
+
+    def seed(self, step: int) -> None:
+        """Layers that draw by themselves, dropout say, depend on seed, step and process alone; see `surroundings`."""
+        torch.random.manual_seed(((self.settings.seed * 1_000_003 + step) * 1009 + self.team.rank * (step > 0)) % 2**63)
+
+    def autocast(self) -> AbstractContextManager[Any]:
+        """Mixed precision, where the recipe has it."""
+        on = self.settings.precision == "bfloat16"
+        return torch.autocast(self.team.device.type, torch.bfloat16) if on else nullcontext()
+
+    def batch(self, feed: Feed, step: int) -> Batch:
+        """This process's rows of a step's batch."""
+        rank, size, device = self.team
+        arrays = feed.at(self.settings.batch, self.settings.seed, step, rank=rank, parts=size)
+        tensors = {name: torch.from_numpy(array).to(device) for name, array in arrays.items()}
+        return Batch(tensors, Chance(self.settings.seed, step, rank, size, device))
+
+    def step(self, stop: bool) -> bool:
+        """One step; whether any process was asked to stop."""
+        step, stopping = self.done, False
+        self.seed(step + 1)
+        batch = self.batch(self.feed, step)
+        self.model.train()
+        for part in self.parts:
+            if not part.objective.due(step):
+                continue
+            with self.autocast():
+                terms = part.objective.loss(batch, step)
+            total = torch.stack([term.float() for term in terms.values()]).sum()
+            if self.slow:
+                let_signals_in(total)
+            gradients = part.gradients(total)
+            average(gradients, self.team)
+            norm = torch.nn.utils.get_total_norm(gradients)
+            *values, size, asked = mean_values([*terms.values(), norm, float(stop)], self.team)
+            for name, value in [*zip(terms, values, strict=True), ("gradient", size)]:
+                self._finite(value, f"{name!r} of the objective {part.name!r}", step + 1)
+            losses = {f"{part.name}.{name}": value for name, value in zip(terms, values, strict=True)}
+            latest = self.latest.setdefault(part.name, {"loss": {}, "gradient": {}, "rate": {}})
+            latest["loss"] |= {part.name: sum(values), **losses}
+            latest["gradient"][part.name], latest["rate"][part.name] = size, part.update(step)
+            stopping = stopping or asked > 0
+        self.average.follow(self.done)
+        self.done += 1
+        return stopping
+
+    def row(self) -> dict[str, dict[str, float]]:
+        """The latest figures of the objectives under way: not every one, nor every term of one, is in every step."""
+        found: dict[str, dict[str, float]] = {"loss": {}, "gradient": {}, "rate": {}}
+        for part in self.parts:
+            for kind, figures in self.latest.get(part.name, {}).items() if part.active(self.done - 1) else ():
+                found[kind] |= figures
+        return found
+
+    def _told(self) -> str:
+        losses = self.row()["loss"]
+        return ", ".join(f"{part.name} {losses[part.name]:.4g}" for part in self.parts if part.name in losses)
+
+    def _finite(self, value: float, what: str, step: int) -> None:
+        if not isfinite(value):
+            hint = "a lower train.lr or clipping may help; last.safetensors is from before, where the run had saved"
+            raise CospeechError(f"training has diverged: {what} is {value} in step {step}", hint)
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """Means over the same batches of the validation split every time; keeps the best parameters."""
+        if self.held is None:
+            return {}
+        self.model.eval()
+        count, sums = self.settings.validate_batches, dict[str, Tensor | float]()
+        with self.average.instead():
+            for k in range(count):
+                for name, value in self._figures(self.batch(self.held, VALIDATION + k)).items():
+                    sums[name] = sums.get(name, 0.0) + value
+            means = mean_values([total / count for total in sums.values()], self.team)
+            figures = dict(zip(sums, means, strict=True))
+            name = self.settings.best or next(iter(figures))
+            if name not in figures:
+                raise InputError(f"train.best is {name!r}", nearest(name, figures))
+            self._finite(figures[name], f"the validation figure {name!r}", self.done)
+            if self.best is None or self.best["name"] != name or figures[name] < self.best["value"]:
+                self.best = {"name": name, "value": figures[name], "step": self.done}
+                self._save_best()
+        return figures
+
+    def _figures(self, batch: Batch) -> dict[str, Tensor | float]:
+        """What the model itself measures, or its losses: of each objective under way the sum, and each term.
+
+        Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
+        """
+        if hasattr(self.model, "validate"):
+            measured: dict[str, Tensor | float] = self.model.validate(batch)
+            return measured
+        found: dict[str, Tensor | float] = {}
+        for part in self.parts:
+            if part.active(self.done - 1):
+                with self.autocast():
+                    terms = part.objective.loss(batch, part.objective.start)
+                found[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
+                found |= {f"{part.name}.{name}": term for name, term in terms.items()}
+        return found
+
+    def _save_best(self) -> None:
+        if self.team.rank == 0:
+            write_tensors(self.folder / "best.safetensors", self.model.state_dict(), {"step": self.done, "best": self.best})
+
+    def save(self) -> None:
+        """All that is needed to go on, as one file."""
+        if self.team.rank != 0:
+            return
+        if self.held is None:
+            with self.average.instead():
+                self._save_best()
+        write_tensors(self.folder / "last.safetensors", *self.state())
+        self.saved = self.done
+
+    def state(self) -> Saved:
+        """Tensors and facts of everything that a step changes; not copied."""
+        tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        tensors |= {f"ema.{name}": tensor for name, tensor in self.average.values.items()}
+        for part in self.parts:
+            tensors |= part.state()
+        return tensors, {"step": self.done, "best": self.best, "latest": self.latest}
+
+    def _keep(self) -> Saved | None:
+        """A copy of `state`, to go back to; None where last.safetensors is that, or the step is over before anybody minds."""
+        validates = self.held is not None and (self.done + 1) % self.settings.validate_every == 0
+        if self.saved == self.done or not (self.slow or validates or self.done + 1 == self.settings.steps):
+            return None
+        tensors, state = self.state()
+        return {name: tensor.detach().to("cpu", copy=True) for name, tensor in tensors.items()}, deepcopy(state)
+
+    def loop(self, log: _Rows, heed: Heed, progress: Tell | None) -> bool:
+        """All steps that are left; whether it was stopped before."""
+        last, stopping, alone = self.settings.steps, False, self.team.size == 1
+        while self.done < last and not stopping and not (alone and heed.heard):
+            began, kept = perf_counter(), self._keep() if alone else None
+            try:
+                with heed.at_once(kept is not None or (alone and self.saved == self.done)):
+                    stopping = self.step(bool(heed.heard))
+                    end = stopping or self.done == last
+                    log.step(self, end)
+                    if self.held is not None and (self.done % self.settings.validate_every == 0 or self.done == last):
+                        log.write(self.done, {"validation": self.validate()})
+            except Stopped:
+                if kept is not None:
+                    self._put_back(kept)
+                else:
+                    self.done = self.saved
+                break
+            self.slow = perf_counter() - began > PROMPT
+            if self.done % self.settings.save_every == 0 or end:
+                self.save()
+            if progress is not None:
+                progress(self.done, last, self._told())
+        if alone and heed.heard and self.saved != self.done:
+            self.save()
+        mean_values([self.done], self.team)  # nobody leaves before all is saved
+        return stopping or bool(alone and heed.heard and self.done < last)
+
+
+class _Rows:
+    """What goes into the log, if this process writes one."""
+
+    def __init__(self, log: RunLog | None, run: _Run) -> None:
+        self._log, self._mark, self._settings = log, run.done, run.settings
+        self._began = self._since = perf_counter()
+
+    def write(self, step: int, row: dict[str, Any]) -> None:
+        if self._log is not None:
+            self._log.write(step, row)
+
+    def step(self, run: _Run, end: bool) -> None:
+        """The figures of a step, where they are due."""
+        if self._log is None or not (run.done % self._settings.log_every == 0 or end):
+            return
+        now = perf_counter()
+        speed = (run.done - self._mark) * self._settings.batch / (now - self._since)
+        self.write(run.done, run.row() | {"seconds": now - self._began, "windows_per_second": speed})
+        self._mark, self._since = run.done, now
+
+
+def _board(settings: Train, folder: Path, step: int) -> Board | None:
+    """TensorBoard's writer, where it is wanted."""
+    if not settings.tensorboard:
+        return None
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise InputError("train.tensorboard is true, and TensorBoard is not installed", "pip install tensorboard") from None
+    board: Board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1)
+    return board
+
+
+def _logged(run: _Run, heed: Heed, progress: Tell | None) -> bool:
+    """The loop, with its log; whether it was stopped."""
+    log = None
+    if run.team.rank == 0:
+        log = RunLog(run.folder / "log.jsonl", run.done, _board(run.settings, run.folder, run.done))
+    try:
+        return run.loop(_Rows(log, run), heed, progress)
+    finally:
+        if log is not None:
+            log.close()
+
+
+def train(
+    recipe: Recipe,
+    store: Store | str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    resume: bool = False,
+    progress: Tell | None = None,
+    notice: Callable[[str], None] | None = None,
+) -> TrainReport:
+    """Train a model, alone or as one of the processes that ``torchrun`` has started.
+
+    >>> train(load_recipe("recipes/x.toml"), "stores/ted", "runs/x").best           # doctest: +SKIP
+    {'name': 'flow', 'value': 0.83, 'step': 4000}
+
+    Args:
+        recipe: what is trained and how; see `cospeech.training.recipe.load_recipe`.
+        store: what it is trained on.
+        out: run folder, made where it is missing; docs/training.md says what it holds.
+        resume: go on with the run in ``out``, where there is one.
+        progress: told (steps done, of how many, a word about the loss).
+        notice: told at once that it stops, when a signal asks for it, and then what was saved.
+
+    Raises:
+        InputError: recipe and store do not fit, or there is a run already, or one that cannot be gone on with.
+        CospeechError: a loss or a gradient is no number any more; what was saved stays.
+        KeyboardInterrupt: Ctrl-C, after what was done is saved; a second one ends it at once. Of several processes each ends
+            the step first.
+    """
+    began, folder, run = perf_counter(), Path(out), None
+    tell = notice or (lambda text: None)
+    with heeding(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as heed:
+        try:
+            with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
+                with heed.at_once(team.size == 1):
+                    run = _Run(recipe, store if isinstance(store, Store) else Store(store), folder, team, resume)
+                stopping = _logged(run, heed, progress if team.rank == 0 else None)
+        except Stopped:
+            stopping = True
+        if stopping:
+            done = run.saved if run is not None else 0
+            tell(f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save")
+    if stopping or run is None:
+        if heed.heard:
+            signal.raise_signal(heed.heard[0])  # what it would have done
+        raise KeyboardInterrupt
+    count = sum(p.numel() for p in run.model.parameters())
+    return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)

@@ -1,0 +1,102 @@
+"""Training windows as a function of seed and step: nothing to save, nothing to lose, the same for any number of processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..corpora.store import Store, gather
+from ..errors import InputError
+from ..motion.rotations import Array
+
+__all__ = ["Windows", "mirrored_clip", "windows_at"]
+
+
+def mirrored_clip(name: str) -> bool:
+    """Whether a clip is the mirror image of another; see `cospeech.corpora.augment.mirrored`."""
+    return name.endswith("|mirror")
+
+
+class Windows:
+    """All windows of a split of a store.
+
+    Args:
+        store: to draw from.
+        frames: of a window.
+        arrays: which must be there.
+        split: train or validation.
+        balanced: as many windows of each speaker in a batch, up to one.
+        mirror: whether mirrored clips are among them.
+        held_out: share of the training clips that count as validation split: every k-th, with its augmented copies.
+        spare: arrays that a clip may lack, whose values then say that they are none.
+
+    Raises:
+        InputError: there is no such window.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        frames: int,
+        arrays: Sequence[str] = ("pose", "audio"),
+        *,
+        split: str = "train",
+        balanced: bool = False,
+        mirror: bool = True,
+        held_out: float = 0.0,
+        spare: Sequence[str] = (),
+    ) -> None:
+        self.store, self.frames, self.arrays, self.balanced = store, frames, tuple(arrays), balanced
+        if unknown := [name for name in self.arrays if name not in store.arrays]:
+            raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(store.arrays)}")
+        needed = [name for name in self.arrays if name not in spare]
+        numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, needed)
+        names = [store.clips[k].name for k in numbers]
+        good = np.array([mirror or not mirrored_clip(name) for name in names])
+        if held_out:
+            bases = list(dict.fromkeys(name.split("|")[0] for name in names))
+            chosen = {*bases[:: max(2, round(1 / held_out))]}
+            good &= np.array([(name.split("|")[0] in chosen) == (split == "validation") for name in names])
+        if not good.any():
+            hint = "longer clips; for a store without validation clips: data.validation=0.05, or train.validate_every=0"
+            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", hint)
+        place = {name: k for k, name in enumerate(store.speakers)}
+        self.clips, self._offsets, self._counts = numbers[good], self._offsets[good], self._counts[good]
+        self._speakers = np.array([place[store.clips[k].speaker] for k in self.clips])
+        order = np.argsort(self._speakers, kind="stable")  # so that the windows of a speaker are one range
+        self.clips, self._offsets, self._counts = self.clips[order], self._offsets[order], self._counts[order]
+        self._speakers, self._ends = self._speakers[order], np.cumsum(self._counts)
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def _draw(self, batch: int, rng: np.random.Generator) -> Array:
+        """(batch,) numbers of windows."""
+        if not self.balanced:
+            return rng.integers(0, len(self), batch)
+        present = np.unique(self._speakers)
+        rounds = -(-batch // len(present))
+        speakers = np.concatenate([rng.permutation(present) for _ in range(rounds)])[:batch]
+        first = np.searchsorted(self._speakers, speakers, "left")
+        last = np.searchsorted(self._speakers, speakers, "right") - 1
+        return rng.integers(self._ends[first] - self._counts[first], self._ends[last])
+
+    def at(self, batch: int, seed: int, step: int, *, rank: int = 0, parts: int = 1) -> dict[str, Array]:
+        """The batch of a step, or of it the rows ``rank · batch / parts`` … of one process.
+
+        Returns:
+            name → (rows, frames, …) for each array; ``"speaker"``, ``"clip"`` and ``"start"`` (rows,), as `Store.windows` has.
+        """
+        drawn = self._draw(batch, np.random.default_rng([seed, step]))
+        rows = batch // parts
+        drawn = drawn[rank * rows : (rank + 1) * rows]
+        which = np.searchsorted(self._ends, drawn, "right")
+        start = self._offsets[which] + drawn - (self._ends[which] - self._counts[which])
+        found = {name: gather(self.store.arrays[name], start, self.frames) for name in self.arrays}
+        return found | {"speaker": self._speakers[which], "clip": self.clips[which], "start": start}
+
+
+def windows_at(store: Store, frames: int, batch: int, seed: int, step: int) -> dict[str, Array]:
+    """Poses and audio of one step's batch, drawn from the training split; `Windows` keeps its tables from step to step."""
+    return Windows(store, frames).at(batch, seed, step)

@@ -12,14 +12,15 @@ from cospeech.corpora import attributes
 from cospeech.corpora.attributes import attributes_of, body_of, speaker_attributes
 from cospeech.corpora.augment import mirrored, mirrored_motion, mirrored_points
 from cospeech.corpora.beat import read as beat
-from cospeech.corpora.clip import Clip, Dropped, Points
+from cospeech.corpora.clip import Clip, Dropped
 from cospeech.corpora.derived_speakers import arm_joints, heard_of, hold_motion, mean_poses, twin_of
 from cospeech.corpora.pats import read as pats
 from cospeech.corpora.prepare import prepare
 from cospeech.corpora.prepare.derive_speakers import twin_maker
+from cospeech.corpora.samples import stored_clips
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
-from cospeech.metrics.evaluation import stored_clips
+from cospeech.motion.points import Points
 from cospeech.motion.poses import POSES, find_pose
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multiply
 from cospeech.motion.skeleton import Skeleton

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.errors import InputError
 from cospeech.export import open_writer
-from cospeech.export.bvh import continuous_euler
 from cospeech.export.bvh_reader import UNITS, frame_rate
 from cospeech.motion.bone_mapping import recognise
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import (
+    continuous_euler,
     euler_to_quat,
     quat_angle,
     quat_continuous,

@@ -13,17 +13,10 @@ from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import POSES, find_pose
-from cospeech.motion.poses.controls import (
-    CONTROLS,
-    QUANTILES,
-    control_quantiles,
-    control_row,
-    read_controls,
-    style_controls,
-    with_controls,
-)
+from cospeech.motion.poses.controls import CONTROLS, QUANTILES, control_row, read_controls, style_controls
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply
 from cospeech.motion.skeleton import named_skeleton
+from cospeech.training.style_controls import control_quantiles, with_controls
 
 FPS = 20.0
 

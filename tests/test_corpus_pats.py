@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, Word
-from cospeech.corpora import Clip, Dropped, Points
+from cospeech.corpora import Clip, Dropped
 from cospeech.corpora.hdf5_lmdb import Vault
 from cospeech.corpora.pats import read as pats
 from cospeech.corpora.pats.pandas_frame import read_frame, unpack
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
+from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_identity
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.pats import JOINTS, PARENTS, SPEAKERS

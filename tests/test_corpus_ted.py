@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, Word
-from cospeech.corpora import Clip, Dropped, Points
+from cospeech.corpora import Clip, Dropped
 from cospeech.corpora.ted import read as ted
 from cospeech.corpora.ted.legacy_arrow import PickledContent, decode
 from cospeech.corpora.ted.legacy_arrow_writer import encode
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
+from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_identity
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.ted import JOINTS, PARENTS

@@ -14,14 +14,16 @@ from typer.testing import CliRunner
 
 from cospeech.audio.speech import Speech, example
 from cospeech.cli.evaluate import register
-from cospeech.corpora import Clip, Points, Semantic
+from cospeech.corpora import Clip, Semantic
 from cospeech.corpora.motion_files import load_motions
+from cospeech.corpora.samples import POSE_STATISTICS, sample_of, stored_clips, track_of
 from cospeech.errors import InputError
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
-from cospeech.metrics.evaluation import DEFAULT, POSE_STATISTICS, evaluate, sample_of, stored_clips, track_of
 from cospeech.metrics.metric import About
+from cospeech.metrics.table import DEFAULT
 from cospeech.motion.motion import Motion
+from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_angle
 from cospeech.rules import RuleGesturer
 
@@ -55,7 +57,7 @@ def pats() -> tuple[Clip, ...]:
 @cache
 def table():
     again = [RuleGesturer().generate(c.speech, seed=9, fps=FPS, parts=("body", "hands")) for c in clips()]
-    return evaluate({"again": again}, clips())
+    return evaluate_clips({"again": again}, clips())
 
 
 def test_rows_are_systems_and_then_controls_and_columns_are_metrics():
@@ -79,7 +81,7 @@ def test_where_there_are_no_data_the_cell_is_empty_and_says_why():
 
 
 def test_metrics_that_reward_the_wrong_row_are_marked():
-    found = evaluate({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
+    found = evaluate_clips({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
     assert {"beat_align_ha2g", "pck"} <= set(found.faults)
     assert not {"fgd", "w1_speed", "movement"} & set(found.faults)
     text = found.to_text()
@@ -107,7 +109,7 @@ def test_the_json_is_all_of_it():
     assert data["rows"]["again"]["pck_2d"] is None
     assert data["why"]["again"]["pck_2d"]
     assert data["metrics"]["fgd"]["better"] == "lower"
-    json.loads(evaluate({}, clips()[:1], metrics=("fgd_published", "pck")).to_json().replace("NaN", "boom"))
+    json.loads(evaluate_clips({}, clips()[:1], metrics=("fgd_published", "pck")).to_json().replace("NaN", "boom"))
 
 
 def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
@@ -117,13 +119,13 @@ def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
             clip.motion.save(tmp_path / f"{clip.name}.2.bvh")
     found = load_motions(tmp_path, [clip.name for clip in clips()])
     assert [len(takes) for takes in found.values()] == [2, 1, 1, 1]
-    scores = evaluate({"files": tmp_path}, clips(), metrics=("pck", "srgr", "multimodality")).cells["files"]
+    scores = evaluate_clips({"files": tmp_path}, clips(), metrics=("pck", "srgr", "multimodality")).cells["files"]
     assert scores["pck"].value == pytest.approx(1)
     assert scores["srgr"].value == pytest.approx(1, abs=1e-3)  # through BVH's text
     assert scores["multimodality"].value < 0.5  # millimetres
     (tmp_path / "clip3.npz").unlink()
     with pytest.raises(InputError, match="clip3"):
-        evaluate({"files": tmp_path}, clips(), metrics=("pck",))
+        evaluate_clips({"files": tmp_path}, clips(), metrics=("pck",))
     with pytest.raises(InputError, match="folder"):
         load_motions(tmp_path / "nowhere", ["clip0"])
 
@@ -177,9 +179,9 @@ def test_what_is_not_found_is_named(tmp_path, files, names, says):
 
 def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():
     other = [clip.motion.resample(30.0).retarget("mixamo") for clip in clips()]
-    assert evaluate({"other": other}, clips(), metrics=("pck",)).cells["other"]["pck"].value > 0.99
+    assert evaluate_clips({"other": other}, clips(), metrics=("pck",)).cells["other"]["pck"].value > 0.99
     late = {clip.name: clip.motion[1:] for clip in clips()}
-    assert evaluate({"late": late}, clips(), metrics=("pck",)).cells["late"]["pck"].value > 0.8
+    assert evaluate_clips({"late": late}, clips(), metrics=("pck",)).cells["late"]["pck"].value > 0.8
 
 
 @pytest.mark.parametrize(
@@ -193,27 +195,27 @@ def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():
 )
 def test_what_does_not_fit_is_refused(systems, problem):
     with pytest.raises(InputError, match=problem):
-        evaluate(systems(), clips(), metrics=("pck",))
+        evaluate_clips(systems(), clips(), metrics=("pck",))
 
 
 def test_unknown_metrics_and_empty_references_are_refused():
     with pytest.raises(InputError, match="no metric is called"):
-        evaluate({}, clips(), metrics=("pkc",))
+        evaluate_clips({}, clips(), metrics=("pkc",))
     with pytest.raises(InputError):
-        evaluate({}, clips(), metrics=())
+        evaluate_clips({}, clips(), metrics=())
     with pytest.raises(InputError):
-        evaluate({}, [], metrics=("pck",))
+        evaluate_clips({}, [], metrics=("pck",))
     with pytest.raises(InputError, match="no motion"):
-        evaluate({}, [replace(clips()[0], motion=None)], metrics=("pck",))
+        evaluate_clips({}, [replace(clips()[0], motion=None)], metrics=("pck",))
     with pytest.raises(InputError, match="key points"):
-        evaluate({"x": [c.motion for c in clips()]}, pats(), metrics=("pck_2d",))
+        evaluate_clips({"x": [c.motion for c in clips()]}, pats(), metrics=("pck_2d",))
 
 
 def test_key_points_are_evaluated_too():
     made = [replace(c, points=replace(c.points, values=c.points.values + 8.0 * (np.arange(52) > 0)[:, None])) for c in pats()]
     names = ("pck_2d", "pck_mix_stage", "pck_s2g", "mode_f1", "fid_poses", "diversity", "w1_speed", "beat_align", "pck")
     centres = np.random.default_rng(0).normal(size=(8, 240)) * 100
-    found = evaluate({"moved": made}, pats(), metrics=names, tools=Tools(centres=centres))
+    found = evaluate_clips({"moved": made}, pats(), metrics=names, tools=Tools(centres=centres))
     truth = found.cells["ground truth"]
     assert truth["pck_2d"].value == truth["pck_mix_stage"].value == truth["pck_s2g"].value == truth["mode_f1"].value == 1
     assert found.cells["moved"]["pck_2d"].value <= 1
@@ -335,7 +337,7 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
     for clip in clips:
         assert abs(float(clip.speech.duration) - clip.motion.duration) < 0.1
         assert clip.speaker
-    found = evaluate({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
+    found = evaluate_clips({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
     assert found.cells["itself"]["pck"].value == found.cells["itself"]["srgr"].value == 1
     assert found.cells["itself"]["fgd"].value < 1e-6
     assert found.cells["white noise"]["fgd"].value > 10
@@ -345,7 +347,7 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
 def test_a_store_without_its_corpus_is_mute(corpus):
     clips = stored_clips(corpus / "store", split=None)
     assert all(clip.speech is None for clip in clips)
-    found = evaluate({}, clips, metrics=("beat_align", "pck"))
+    found = evaluate_clips({}, clips, metrics=("beat_align", "pck"))
     assert found.cells["ground truth"]["beat_align"] is None
     assert "speech" in found.why["ground truth"]["beat_align"]
     assert {c.name for c in stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
@@ -378,7 +380,7 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
 
 
 def test_every_metric_can_be_asked_for():
-    found = evaluate({}, clips()[:2], metrics=tuple(METRICS))
+    found = evaluate_clips({}, clips()[:2], metrics=tuple(METRICS))
     assert sum(score is not None for score in found.cells["ground truth"].values()) > 25
     assert all(isinstance(load_metric(name).about.unit, str) for name in found.columns)
     assert isinstance(clips()[0].motion, Motion)
@@ -386,15 +388,14 @@ def test_every_metric_can_be_asked_for():
 
 def test_a_model_plays_the_recordings_of_a_store(corpus):
     """From the name of a model to its row of the table, with the sound of the corpus."""
-    from cospeech.evaluation import contest
 
-    table = contest({"rules": "rules"}, corpus / "store", raw=corpus / "raw", metrics=("w1_speed", "pck"), takes=2)
+    table = evaluate_store({"rules": "rules"}, corpus / "store", raw=corpus / "raw", metrics=("w1_speed", "pck"), takes=2)
     assert table.rows == ("rules", *CONTROLS)
     assert table.cells["rules"]["w1_speed"].value < table.cells["white noise"]["w1_speed"].value
     with pytest.raises(InputError, match="models: rules"):
-        contest({"x": "rulez"}, corpus / "store")
+        evaluate_store({"x": "rulez"}, corpus / "store")
     with pytest.raises(InputError, match="--raw"):
-        contest({"rules": "rules"}, corpus / "store", metrics=("pck",))
+        evaluate_store({"rules": "rules"}, corpus / "store", metrics=("pck",))
 
 
 def test_the_public_call_takes_a_model_and_a_store(corpus):

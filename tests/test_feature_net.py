@@ -21,14 +21,15 @@ from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.evaluation import evaluate as cospeech_evaluate  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
-from cospeech.models.feature_net import feature_net, fingerprint, load_features, vectors_of  # noqa: E402
-from cospeech.models.gesture_autoencoder import AutoencoderConfig, FgdAutoencoder, FgdConfig, GestureAutoencoder
+from cospeech.models.feature_net import feature_net, fingerprint, vectors_of  # noqa: E402
+from cospeech.models.gesture_autoencoder import AutoencoderConfig, FgdAutoencoder, FgdConfig, GestureAutoencoder  # noqa: E402
 from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.rotations import quat_multiply, rotvec_to_quat  # noqa: E402
 from cospeech.motion.skeleton import named_skeleton  # noqa: E402
 from cospeech.training.checkpoint import write_facts, write_tensors  # noqa: E402
+from cospeech.training.feature_networks import load_features  # noqa: E402
 
 torch.set_num_threads(1)
 FPS = 15.0

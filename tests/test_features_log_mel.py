@@ -138,10 +138,11 @@ def test_a_store_of_pats_has_what_the_front_end_hears(tmp_path: Path, rate: int,
     bits, else but for the resampler, which works in pieces here and in one there (a few 1e-4 where there is sound; where
     there is none bands hold its rounding)."""
     pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
-    from cospeech.corpora import Clip, Points
+    from cospeech.corpora import Clip
     from cospeech.corpora.pats import read as pats
     from cospeech.corpora.prepare import prepare
     from cospeech.corpora.store import Store
+    from cospeech.motion.points import Points
 
     rng, frames = np.random.default_rng(0), round(seconds * 15)
     values = np.cumsum(rng.normal(0, 2, (frames, 52, 2)), 0) + rng.normal(0, 150, (52, 2))

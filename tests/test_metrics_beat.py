@@ -8,11 +8,11 @@ from scipy.signal import argrelextrema
 
 from cospeech.audio.speech import Speech, example
 from cospeech.corpora import Clip
+from cospeech.corpora.samples import sample_of
 from cospeech.errors import InputError
 from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order
-from cospeech.metrics.evaluation import sample_of
 from cospeech.metrics.onsets import backtracked, onset_frames, onset_strength, onset_times, rms
 from cospeech.rules import RuleGesturer
 

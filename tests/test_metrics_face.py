@@ -9,11 +9,11 @@ import pytest
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora import Clip
+from cospeech.corpora.samples import sample_of
 from cospeech.errors import InputError
 from cospeech.metrics import METRICS, Sample, Tools, load_metric
 from cospeech.metrics.blinks import blinks_of
 from cospeech.metrics.controls import CONTROLS, control_rows
-from cospeech.metrics.evaluation import evaluate, sample_of
 from cospeech.metrics.jaw_lag import LAGS, correlations
 from cospeech.metrics.lip_closure import kappa
 from cospeech.metrics.speech_level import RATE, level, silent
@@ -253,7 +253,7 @@ def test_controls_have_faces_of_their_own():
 
 
 def test_they_put_the_control_rows_in_order():
-    table = evaluate({}, clips(), metrics=FACE, tools=Tools())
+    table = evaluate_clips({}, clips(), metrics=FACE, tools=Tools())
     assert table.cells["ground truth"]["face_mse"].value == 0
     wrong = {name: [fault for fault in found if "not worse" in fault] for name, found in table.faults.items()}
     assert not any(
@@ -266,11 +266,11 @@ def test_a_systems_face_is_fitted_to_the_recording():
     motions = {clip.name: clip.motion for clip in clips()}
     short = {name: motion[: len(motion) - 2] for name, motion in motions.items()}
     double = {name: motion.resample(60.0) for name, motion in motions.items()}
-    table = evaluate({"short": short, "double": double}, clips(), metrics=("face_mse", "blinks"))
+    table = evaluate_clips({"short": short, "double": double}, clips(), metrics=("face_mse", "blinks"))
     assert table.cells["short"]["face_mse"].value < 1e-3
     assert table.cells["double"]["face_mse"].value < 1e-9
     bare = {name: replace(motion, face=None) for name, motion in motions.items()}
-    table = evaluate({"bare": bare}, clips(), metrics=("face_mse",))
+    table = evaluate_clips({"bare": bare}, clips(), metrics=("face_mse",))
     assert table.cells["bare"]["face_mse"] is None
     assert "face" in table.why["bare"]["face_mse"]
 
@@ -281,9 +281,9 @@ def test_legs_and_faces_of_a_clip_reach_the_sample():
 
 
 def test_faces_of_a_store_reach_the_metrics(tmp_path):
+    from cospeech.corpora.samples import stored_clips
     from cospeech.corpora.store import Entry
     from cospeech.corpora.store_writer import Piece, write_store
-    from cospeech.metrics.evaluation import stored_clips
     from cospeech.motion.poses import find_pose
     from cospeech.motion.skeletons.arkit import ARKIT
 

@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 from cospeech.metrics.mode_f1 import mode_features, nearest_centre
 from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D, to_points
-from cospeech.motion.poses.modes import find_centres, movement, with_modes
+from cospeech.training.movement_modes import find_centres, movement, with_modes
 
 FPS = 15.0
 

@@ -12,13 +12,13 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from cospeech.audio.features.frames import AUDIO_NAMES, audio_features  # noqa: E402
 from cospeech.audio.features.reduce import audio_width  # noqa: E402
 from cospeech.audio.speech import Speech, example  # noqa: E402
-from cospeech.corpora.clip import Points  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.moglow import MoGlow, MoGlowConfig  # noqa: E402
 from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.controls import CONTROLS, control_row, read_controls, style_controls  # noqa: E402
 from cospeech.runtime.flow_engine import FlowEngine  # noqa: E402

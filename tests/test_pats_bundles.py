@@ -12,10 +12,11 @@ pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
 
 import cospeech  # noqa: E402
 from cospeech import InputError, Motion, Speech  # noqa: E402
-from cospeech.corpora import Clip, Points
+from cospeech.corpora import Clip  # noqa: E402
 from cospeech.corpora.pats import read as pats  # noqa: E402
 from cospeech.corpora.prepare import prepare  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
+from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.lift import lift  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402

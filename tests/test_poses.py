@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from cospeech.corpora import Points
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
+from cospeech.motion.points import Points
 from cospeech.motion.poses import POSES, direction_vectors, euler, expmap, find_pose, keypoints2d
 from cospeech.motion.poses.rot6d import Rot6D
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply, quat_normalize

@@ -18,13 +18,14 @@ from cospeech.audio.features import AUDIO_NAMES, analyse, audio_features
 from cospeech.audio.speech import Speech, Word
 from cospeech.corpora.augment import faster, mirrored, mirrored_motion, shifted
 from cospeech.corpora.beat import read as beat
-from cospeech.corpora.clip import Clip, Points, Semantic
+from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
 from cospeech.corpora.prepare.filters import keep
 from cospeech.corpora.prepare.pieces import Plan, encode, split_of
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
+from cospeech.motion.points import Points
 from cospeech.motion.poses import direction_vectors, find_pose
 from cospeech.motion.rotations import quat_angle, quat_continuous, quat_normalize
 from cospeech.motion.skeleton import Skeleton, named_skeleton

@@ -17,10 +17,11 @@ from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
-from cospeech.models.feature_net import classifier_net, load_classifier, load_features  # noqa: E402
+from cospeech.models.feature_net import classifier_net  # noqa: E402
 from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.models.speaker_classifier import SpeakerClassifier, SpeakerClassifierConfig  # noqa: E402
 from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS as POSE  # noqa: E402
+from cospeech.training.feature_networks import load_classifier, load_features  # noqa: E402
 from cospeech.training.recipe import build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 

@@ -82,9 +82,9 @@ def test_what_is_no_choice_is_told(store, names, says):
 def test_modes_and_controls_are_of_these_speakers_alone(tmp_path):
     pytest.importorskip("scipy")
     from cospeech.corpora.store_files import Entry
-    from cospeech.motion.poses.controls import with_controls
     from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS
-    from cospeech.motion.poses.modes import with_modes
+    from cospeech.training.movement_modes import with_modes
+    from cospeech.training.style_controls import with_controls
 
     draw, pieces = np.random.default_rng(0), []
     for k, (speaker, split) in enumerate([("ann", "train"), ("bob", "train"), ("ann", "test"), ("cleo", "train")]):

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 from cospeech.audio.features.frames import AUDIO_NAMES
 from cospeech.cli.main import app
-from cospeech.corpora.clip import Points
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
@@ -28,6 +27,7 @@ from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, t
 from cospeech.experiments.tables.stages import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
 from cospeech.metrics.clustering import silhouette_coefficient
+from cospeech.motion.points import Points
 from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
 from cospeech.training.recipe import build, load_recipe
 

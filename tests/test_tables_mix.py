@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cospeech.corpora.clip import Points
 from cospeech.corpora.store import Entry, Store
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
@@ -28,6 +27,7 @@ from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
 from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
 from cospeech.experiments.tables.stages import CLASSIFIER, SMALL, Player, of_speakers
 from cospeech.metrics.controls import CONTROLS
+from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
 from cospeech.motion.skeletons.pats import JOINTS
 from cospeech.training.recipe import build, load_recipe

@@ -18,9 +18,9 @@ import tiny_models  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import CospeechError, CospeechWarning, InputError  # noqa: E402
 from cospeech.models import NETWORKS  # noqa: E402
-from cospeech.models.feature_net import load_features  # noqa: E402
 from cospeech.training.batch_loader import POSE_FLOOR, standard_audio, standard_pose  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_facts, read_tensors, write_tensors  # noqa: E402
+from cospeech.training.feature_networks import load_features  # noqa: E402
 from cospeech.training.recipe import Optimiser, read_recipe  # noqa: E402
 from cospeech.training.schedule import SCHEDULES  # noqa: E402
 from cospeech.training.train import train  # noqa: E402

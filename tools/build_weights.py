@@ -26,8 +26,7 @@ from measure_face import measured
 from cospeech.audio.speech import Speech
 from cospeech.corpora.prepare import prepare
 from cospeech.corpora.synthetic import synthesise
-from cospeech.evaluation import contest
-from cospeech.metrics.evaluation import Table
+from cospeech.metrics.table import Table
 from cospeech.models import BUNDLE, SHIPPED, load
 from cospeech.models.speech_to_face import SpeechToFaceConfig
 from cospeech.motion.motion import Motion
@@ -300,7 +299,7 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
     systems: dict[str, Any] = {chosen.name: str(out), "rules": "rules"}
     if kind.teacher:
         systems = {chosen.name: str(out), f"{chosen.name}, offline": Offline(load(out)), "rules": "rules"}
-    table = contest(systems, store, raw=raw, metrics=METRICS)
+    table = evaluate_store(systems, store, raw=raw, metrics=METRICS)
     kept, config = facts["store"], facts["config"]
     card = kind.card.format(
         hours=kept["train_seconds"] / 3600, speakers=SPEAKERS, config=config, parameters=report.parameters,

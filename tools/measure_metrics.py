@@ -18,12 +18,13 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from cospeech.audio.speech import Speech
-from cospeech.corpora.clip import Clip, Points, Semantic
+from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.keypoints import joint_points
+from cospeech.corpora.samples import POSE_STATISTICS, sample_of
 from cospeech.metrics import METRICS, FeatureNet, Tools, load_metric
-from cospeech.metrics.evaluation import POSE_STATISTICS, evaluate, sample_of
 from cospeech.metrics.mode_f1 import mode_features
 from cospeech.models import PARTS
+from cospeech.motion.points import Points
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.pats import JOINTS
 from cospeech.rules import STYLES, RuleGesturer
@@ -114,8 +115,8 @@ def main() -> None:
     made = {clip.name: [take.motion for take in group] for clip, group in zip(clips, takes, strict=True)}
     made_flat = {clip.name: [key_points(take) for take in group] for clip, group in zip(clips, takes, strict=True)}
     tools, name = tools_for(clips, flat), f"rules, {TAKES} other seeds"
-    solid = evaluate({name: made}, clips, metrics=[n for n in METRICS if n not in POINTS], tools=tools)
-    planar = evaluate({name: made_flat}, flat, metrics=sorted(POINTS), tools=tools)
+    solid = evaluate_clips({name: made}, clips, metrics=[n for n in METRICS if n not in POINTS], tools=tools)
+    planar = evaluate_clips({name: made_flat}, flat, metrics=sorted(POINTS), tools=tools)
     for path in sorted(PAGES.glob("*.md")):
         names = [n for n, where in METRICS.items() if where.split(":")[0].endswith(f".{path.stem}")]
         text = path.read_text("utf-8")

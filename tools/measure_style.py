@@ -22,9 +22,9 @@ import numpy as np
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
+from cospeech.corpora.samples import sample_of, stored_clips
 from cospeech.corpora.store import Store
 from cospeech.metrics import Tools, load_metric
-from cospeech.metrics.evaluation import sample_of, stored_clips
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose

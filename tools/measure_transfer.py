@@ -22,9 +22,9 @@ from measure_style import PARTS, TALK, WARM, Judge, held_out
 import cospeech
 from cospeech.corpora.attributes import attributes_of, body_of
 from cospeech.corpora.clip import Clip
+from cospeech.corpora.samples import sample_of, stored_clips
 from cospeech.corpora.store import Store
 from cospeech.metrics import Tools, load_metric
-from cospeech.metrics.evaluation import sample_of, stored_clips
 
 PAGE = Path(__file__).parents[1] / "docs" / "models" / "mix_stage.md"
 BLOCK = re.compile(r"(<!-- transfer -->\n).*?(<!-- end -->)", re.S)

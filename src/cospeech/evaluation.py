@@ -1,4 +1,8 @@
-"""Contest: a model plays the recordings of a corpus, so that `evaluate` can compare it with them."""
+"""Evaluation: a model, or motions, against recordings, as a table of systems and control rows by metrics.
+
+table = evaluate("rules", "stores/beat", raw="raw/beat")
+print(table.to_text())
+"""
 
 from __future__ import annotations
 
@@ -11,16 +15,22 @@ from typing import Any
 
 import numpy as np
 
-from .corpora.clip import Clip, Points
+from .corpora.clip import Clip
 from .corpora.keypoints import resample_points
+from .corpora.motion_files import load_motions
+from .corpora.samples import POSE_STATISTICS, sample_of, stored_clips
 from .errors import InputError
-from .metrics import FeatureNet, Tools
-from .metrics.evaluation import DEFAULT, Table, sample_of, stored_clips
-from .metrics.evaluation import evaluate as judge
+from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
+from .metrics.controls import CONTROLS, control_rows, faults_of_order
+from .metrics.table import DEFAULT, Table
 from .models import MODELS, Gesturer, load, plays
 from .motion.motion import Motion
+from .motion.points import Points
 
-__all__ = ["contest", "evaluate", "feature_tools", "play"]
+__all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
+
+PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
+Motions = Mapping[str, Motion | Clip | Sequence[Motion | Clip]] | Sequence[Motion | Clip] | str | PathLike[str]
 
 
 def _pats(motion: Motion) -> Points:
@@ -70,7 +80,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
     """What metrics get: a feature network that was trained (`cospeech.models.feature_net`), for FGD and its like.
 
     Args:
-        features: the network, the folder of its run (which needs torch), or None: what `cospeech.metrics.evaluation` has without any.
+        features: the network, the folder of its run (which needs torch), or None: `POSE_STATISTICS`.
         clips: what it has to see.
 
     Raises:
@@ -81,7 +91,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
     net = features
     if not isinstance(net, FeatureNet):
         try:
-            net = import_module("cospeech.models.feature_net").load_features(net)
+            net = import_module("cospeech.training.feature_networks").load_features(net)
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] != "torch":
                 raise
@@ -92,7 +102,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
     return Tools(features=net)
 
 
-def contest(
+def evaluate_store(
     targets: Mapping[str, str | Gesturer],
     store: str | PathLike[str],
     *,
@@ -133,7 +143,7 @@ def contest(
         name: target if isinstance(target, str) and not plays(target) else play(target, clips, takes=takes, seed=seed)
         for name, target in targets.items()
     }
-    return judge(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
+    return evaluate_clips(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
 
 
 def evaluate(
@@ -152,21 +162,104 @@ def evaluate(
     Args:
         model: what `cospeech.load` gives or takes, a folder of motions, or None: the control rows alone.
         corpus: a prepared store, or recordings with speech and motion.
-        metrics, raw, split, takes, seed, features: see `contest`.
+        metrics, raw, split, takes, seed, features: see `evaluate_store`.
 
     Raises:
         InputError: anything of these cannot be used.
     """
     model = fspath(model) if isinstance(model, PathLike) else model
     if isinstance(model, str) and isinstance(corpus, str | PathLike):
-        return contest(
+        return evaluate_store(
             {Path(model).name: model}, corpus,
             raw=raw, metrics=metrics, split=split, takes=takes, seed=seed, features=features,
         )  # fmt: skip
     clips = stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
     systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
-    return judge(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
+    return evaluate_clips(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
 
 
 def _name(model: str | Gesturer) -> str:
     return model if isinstance(model, str) else type(model).__name__
+
+
+def evaluate_clips(
+    systems: Mapping[str, Motions],
+    reference: Sequence[Clip],
+    *,
+    metrics: Sequence[str] = DEFAULT,
+    tools: Tools | None = None,
+    seed_frames: int = 0,
+) -> Table:
+    """Scores of ``systems`` and of the control rows against recordings.
+
+    Args:
+        systems: name → a folder (`load_motions`), a motion per clip in the clips' order, or clip name → motion or takes.
+        reference: recordings with speech and motion (or key points), all of one skeleton.
+        metrics: names in `cospeech.metrics.METRICS`.
+        tools: feature network and so on; `POSE_STATISTICS` stands in where there is no network.
+        seed_frames: so many first frames of each motion were given to the system.
+
+    Raises:
+        InputError: a name is unknown, motions and clips do not match, or there is nothing to evaluate against.
+    """
+    chosen = {name: load_metric(name) for name in metrics}
+    tools = Tools(features=POSE_STATISTICS) if tools is None else tools
+    tools = replace(tools, features=POSE_STATISTICS) if tools.features is None else tools
+    both = sorted(set(systems) & set(CONTROLS))
+    if not chosen or both:
+        raise InputError(f"a system called {both[0]!r}" if both else "no metrics", f"known: {', '.join(METRICS)}")
+    track = any("track" in measure.about.needs for measure in chosen.values())
+    truth = [sample_of(clip, track=track) for clip in reference]
+    rows = {name: _system(motions, reference, seed_frames, track) for name, motions in systems.items()}
+    for name, clips in control_rows(reference, seed=tools.seed).items():
+        rows[name] = [sample_of(clip, seed_frames=seed_frames, track=track) for clip in clips]
+    cells: dict[str, dict[str, Score | None]] = {row: {} for row in rows}
+    why: dict[str, dict[str, str]] = {}
+    for row, samples in rows.items():
+        for column, measure in chosen.items():
+            try:
+                cells[row][column] = measure(samples, truth, tools)
+            except InputError as problem:
+                cells[row][column] = None
+                why.setdefault(row, {})[column] = str(problem)
+    faults = {c: faults_of_order(m.about, {row: cells[row][c] for row in CONTROLS}) for c, m in chosen.items()}
+    minutes = sum(clip.duration for clip in reference) / 60
+    assert tools.features is not None
+    about = f"{len(reference)} clips, {minutes:.1f} min; features: {tools.features.name}"
+    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about)
+
+
+def _fit(motion: Motion, clip: Clip) -> Clip:
+    """The clip with a generated motion in place of its own: on its skeleton, at its rate, of its length."""
+    if clip.motion is None:
+        raise InputError(f"clip {clip.name!r} has key points only", "give systems as clips with points")
+    if motion.skeleton != clip.motion.skeleton:
+        motion = motion.retarget(clip.motion.skeleton)
+    motion = motion.resample(clip.motion.fps)
+    missing = len(clip.motion) - len(motion)
+    if missing > PADDED or not len(motion):
+        raise InputError(f"motion for {clip.name!r} has {len(motion)} frames, the recording {len(clip.motion)}")
+    frames = np.minimum(np.arange(len(clip.motion)), len(motion) - 1)
+    face = None if motion.face is None else motion.face[frames]
+    return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
+
+
+def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
+    names = [clip.name for clip in reference]
+    if isinstance(motions, str | PathLike):
+        motions = load_motions(motions, names)
+    if not isinstance(motions, Mapping):
+        if len(motions) != len(reference):
+            raise InputError(f"{len(motions)} motions for {len(reference)} clips", "one for each, in their order")
+        motions = dict(zip(names, motions, strict=True))
+    unknown = sorted(set(motions) - set(names))
+    if unknown or set(names) - set(motions):
+        raise InputError(f"motions and clips do not match: {(unknown or sorted(set(names) - set(motions)))[0]!r}")
+    samples = []
+    for clip in reference:
+        takes = motions[clip.name]
+        for number, take in enumerate([takes] if isinstance(takes, Motion | Clip) else takes, 1):
+            made = take if isinstance(take, Clip) else _fit(take, clip)
+            made = replace(made, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
+            samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames, track=track))
+    return samples

@@ -169,10 +169,9 @@ def register(app: typer.Typer) -> None:
             )  # fmt: skip
             _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
             return
-        from ..evaluation import contest
-        from ..metrics.evaluation import DEFAULT
+        from ..metrics.table import DEFAULT
 
-        result = contest(
+        result = evaluate_store(
             _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
             metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
             seed_frames=seed_frames, features=features,

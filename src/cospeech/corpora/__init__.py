@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .clip import Clip, Dropped, Points, Semantic
+from ..motion.points import Points
+from .clip import Clip, Dropped, Semantic
 
 __all__ = ["CORPORA", "Clip", "Corpus", "Dropped", "Points", "Semantic"]
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.rotations import Array
 from ..motion.skeletons import pats, ted
-from .clip import Points
 from .store import Store
 
 __all__ = ["Attributes", "attributes_of", "body_of", "speaker_attributes"]

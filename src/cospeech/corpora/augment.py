@@ -11,10 +11,11 @@ import numpy as np
 from ..audio.speech import Speech, Word
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.rotations import Array
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons.arkit import ARKIT_MIRROR
-from .clip import Clip, Points
+from .clip import Clip
 
 __all__ = ["faster", "mirrored", "mirrored_motion", "mirrored_points", "shifted"]
 

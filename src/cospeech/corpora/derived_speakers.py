@@ -18,11 +18,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.rotations import Array, quat_continuous
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons import pats, ted
 from .augment import mirrored
-from .clip import Clip, Points
+from .clip import Clip
 
 __all__ = ["TWINS", "MeanPose", "arm_joints", "heard_of", "hold_motion", "hold_points", "mean_poses", "twin_of"]
 

@@ -30,7 +30,7 @@ def write_bvh(path: Path, motion: Motion, *, order: str, root: Array, frame_time
         root: (T, 3) metres, the root's position channels.
         frame_time: as it is to stand in the file: ``"0.008333"``.
     """
-    from ..export.bvh import continuous_euler
+    from ..motion.rotations import continuous_euler
 
     joints = _depth_first(motion.skeleton)
     last: Array | None = None

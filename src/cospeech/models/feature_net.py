@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from hashlib import sha256
-from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..corpora.clip import Points
 from ..errors import InputError
 from ..metrics.sample import FeatureNet, Sample
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.poses import Pose, find_pose
 from ..motion.rotations import Array
 from ..motion.skeleton import named_skeleton
 from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
 from .speaker_classifier import SpeakerClassifier
 
-__all__ = ["classifier_net", "feature_net", "fingerprint", "load_classifier", "load_features", "vectors_of"]
+__all__ = ["classifier_net", "feature_net", "fingerprint", "vectors_of"]
 
 HOP = 10  # frames between windows; stride of the published data of TED (and of BEAT's FGD)
 RATE = 1e-3  # ours: relative difference of frame rates that is none
@@ -118,38 +116,3 @@ def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Ar
     if not isinstance(net, SpeakerClassifier):
         raise InputError(f"{name!r} is no classifier", "train recipes/speaker_classifier_pats.toml or its like")
     return _window_net(net, net.probabilities, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)
-
-
-def _load(run: str | PathLike[str], which: str, build: Callable[..., FeatureNet]) -> FeatureNet:
-    """A network of a run, with what it was trained on."""
-    from ..training.checkpoint import load_run, read_tensors
-
-    net, facts = load_run(run, which)
-    statistics, _ = read_tensors(Path(run) / "statistics.safetensors")
-    try:
-        mean, std = (statistics[f"pose_{what}"].numpy() for what in ("mean", "std"))
-        name, pose, fps = str(facts["model"]), str(facts["store"]["pose"]), float(facts["store"]["fps"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"the run {str(run)!r} is damaged: {error!r}"[:200], "train it again") from None
-    return build(net, name=name, pose=pose, fps=fps, mean=mean, std=std)
-
-
-def load_features(run: str | PathLike[str], which: str = "best") -> FeatureNet:
-    """The features of a trained autoencoder, from the folder of its run.
-
-    Args:
-        run: folder made by ``cospeech train``, of recipes/fgd_ted.toml or its like.
-        which: "best" or "last".
-
-    Raises:
-        InputError: not such a run.
-    """
-    return _load(run, which, feature_net)
-
-
-def load_classifier(run: str | PathLike[str], which: str = "best") -> FeatureNet:
-    """``Tools.classifier`` of the inception score, from the run of a recipe such as recipes/speaker_classifier_pats.toml.
-
-    Its columns are the speakers of the run, in order; arguments and errors as of `load_features`.
-    """
-    return _load(run, which, classifier_net)

@@ -251,3 +251,27 @@ def quat_twist(q: Array, axis: ArrayLike) -> Array:
     axis = np.asarray(axis, q.dtype)
     along = np.einsum("...i,i->...", q[..., :3], axis)[..., None]
     return quat_normalize(np.concatenate([along * axis, q[..., 3:]], -1))
+
+
+def continuous_euler(angles: Array, last: Array | None = None) -> Array:
+    """Of the equivalent answers, take those that run on without jumps.
+
+    ``(a, b, c)`` and ``(a + π, π − b, c + π)`` are the same rotation, and so is any angle plus 2π. Which of the two is
+    nearer to the frame before does not depend on the choice made there, so that the choices add up (modulo two).
+
+    Args:
+        angles: (T, …, 3) radians, of three different axes.
+        last: (…, 3) the row before, which has been settled already.
+    """
+    rows = angles if last is None else np.concatenate([last[None], angles])
+    twin = np.stack([rows[..., 0] + np.pi, np.pi - rows[..., 1], rows[..., 2] + np.pi], -1)
+
+    def distance(a: Array, b: Array) -> Array:
+        return np.abs(np.remainder(a - b + np.pi, 2 * np.pi) - np.pi).sum(-1)
+
+    swap = distance(twin[1:], rows[:-1]) + 1e-9 < distance(rows[1:], rows[:-1])  # 1e-9: ours, ties stay
+    odd = (
+        np.concatenate([np.zeros_like(swap[:1]), np.cumsum(swap, 0) % 2 == 1]) if len(swap) else np.zeros(rows.shape[:-1], bool)
+    )
+    rows = np.unwrap(np.where(odd[..., None], twin, rows), axis=0)
+    return rows if last is None else rows[1:]

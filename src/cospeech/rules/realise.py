@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..motion.kinematics import arms
-from ..motion.kinematics.body import Body
+from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
 from ..motion.kinematics.hands import Channel
 from ..motion.kinematics.legs import stand
@@ -31,10 +31,8 @@ from ..motion.skeleton import humanoid
 from .styles import Style
 from .track import Track
 
-__all__ = ["NECK_SHARE", "SPINE", "Pieces", "realise"]
+__all__ = ["Pieces", "realise"]
 
-SPINE = (("spine", 0.28), ("chest", 0.34), ("upperChest", 0.38))  # shares of the torso's bend (ours: more towards the chest)
-NECK_SHARE = 0.42  # of the head's turn
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BREATHS = 15.0 / 60  # per second (motion.md: 12–18 per minute)
 _GAZE_LIMIT = np.radians([28.0, 20.0])  # eyes in the head: sideways, up and down

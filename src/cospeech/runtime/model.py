@@ -13,9 +13,9 @@ import numpy as np
 from ..audio.emotions import EmotionTrack, emotion_track
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, counted_from
-from ..corpora.clip import Points
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.poses import find_pose
 from ..motion.poses.controls import control_row, read_controls
 from ..motion.rotations import Array

@@ -18,9 +18,9 @@ import numpy as np
 
 from ..audio.emotions import Moods
 from ..audio.speech import Speech, count_frames, counted_from
-from ..corpora.clip import Points
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.points import Points
 from ..motion.poses import Pose, find_pose
 from ..motion.poses.lift import lift
 from ..motion.rotations import Array, QuatStream, quat_identity

@@ -18,14 +18,14 @@ from .. import __version__
 from ..audio.features.reduce import REDUCTIONS, audio_columns, louder, reduce_audio
 from ..corpora.store import Store
 from ..errors import InputError
-from ..motion.poses.controls import control_quantiles, with_controls
 from ..motion.poses.joints import hand_columns
-from ..motion.poses.modes import with_modes
 from .batch_loader import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
 from .calibration_clips import examples_of
 from .checkpoint import load_run, network, read_tensors
+from .movement_modes import with_modes
 from .recipe import Data, Recipe, build, changed, read_recipe
 from .speaker_subset import of_speakers
+from .style_controls import control_quantiles, with_controls
 from .texts import with_text
 from .windows import Windows
 

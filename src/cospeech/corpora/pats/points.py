@@ -6,9 +6,9 @@ import numpy as np
 
 from ...errors import InputError
 from ...motion.motion import Motion
+from ...motion.points import Points
 from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS, LEFT, RIGHT, SOURCES
-from ..clip import Points
 from ..keypoints import joint_points
 
 __all__ = ["FPS", "from_points", "hold_arm", "mirror", "normalized", "points_of", "to_points"]

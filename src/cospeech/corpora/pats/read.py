@@ -21,8 +21,9 @@ import numpy as np
 
 from ...audio.speech import Speech, Word
 from ...errors import InputError
+from ...motion.points import Points
 from ...motion.rotations import Array
-from ..clip import Clip, Dropped, Points
+from ..clip import Clip, Dropped
 from ..hdf5_lmdb import Dataset, Vault
 from ..reading import usable_folder
 from .pandas_frame import read_frame

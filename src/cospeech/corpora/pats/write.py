@@ -16,9 +16,10 @@ from ...audio.features.mel import RATE, mel_triangles, spectra
 from ...audio.speech import Speech, Word
 from ...errors import InputError
 from ...files import atomic, describe_os_error
+from ...motion.points import Points
 from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS
-from ..clip import SPLITS, Clip, Dropped, Points
+from ..clip import SPLITS, Clip, Dropped
 from ..keypoints import resample_points
 from ..layout import on_rate
 from .pandas_frame_writer import write_frame

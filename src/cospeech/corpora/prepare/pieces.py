@@ -17,10 +17,11 @@ from ...audio.speech import Word
 from ...errors import CospeechError, InputError
 from ...files import atomic
 from ...motion.motion import Motion
+from ...motion.points import Points
 from ...motion.poses import Pose, find_pose
 from ...motion.rotations import Array
 from ...rules import EMOTIONS
-from ..clip import Clip, Points, Semantic
+from ..clip import Clip, Semantic
 from ..store import Entry
 from ..store_writer import Piece
 from .filters import FILTERS, keep

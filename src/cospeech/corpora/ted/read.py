@@ -20,9 +20,10 @@ import numpy as np
 
 from ...audio.speech import Speech, Word
 from ...errors import InputError
+from ...motion.points import Points
 from ...motion.rotations import Array
 from ...motion.skeletons.ted import AXES, JOINTS
-from ..clip import Clip, Dropped, Points
+from ..clip import Clip, Dropped
 from ..hdf5_lmdb import read_lmdb
 from ..reading import usable_folder
 from .legacy_arrow import PickledContent, decode

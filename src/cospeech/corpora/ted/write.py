@@ -16,9 +16,10 @@ from ...audio.features.mel import mel_triangles, spectra
 from ...errors import InputError
 from ...files import describe_os_error
 from ...motion.motion import Motion
+from ...motion.points import Points
 from ...motion.rotations import Array
 from ...motion.skeletons.ted import AXES, JOINTS, SOURCES
-from ..clip import SPLITS, Clip, Dropped, Points
+from ..clip import SPLITS, Clip, Dropped
 from ..keypoints import joint_points, resample_points
 from ..layout import on_rate
 from .legacy_arrow_writer import encode

@@ -18,11 +18,11 @@ from os import PathLike
 import numpy as np
 
 from ...corpora.clip import Clip
+from ...corpora.samples import sample_of, stored_clips
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...metrics import Sample
 from ...metrics.controls import control_rows
-from ...metrics.evaluation import sample_of, stored_clips
 from ...motion.motion import Motion
 from ...motion.poses import find_pose
 from ...motion.rotations import Array

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...audio.speech import Word
+from ...corpora.samples import stored_clips
 from ...corpora.store import Entry, Store
 from ...errors import InputError
 from ...export.render.strip import Sound
 from ...files import atomic
-from ...metrics.evaluation import stored_clips
 from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ...motion.skeletons.ted import JOINTS, PARENTS

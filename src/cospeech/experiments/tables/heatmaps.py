@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...corpora.clip import Points
 from ...corpora.pats.points import points_of
 from ...corpora.store import Store, gather
 from ...errors import InputError
+from ...motion.points import Points
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from ..figures.heat import FIGURES, draw_heat

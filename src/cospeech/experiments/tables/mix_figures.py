@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...metrics.evaluation import METRES, SHOULDER
+from ...corpora.samples import METRES, SHOULDER
 from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS, PARENTS
 from ..figures.sticks import Sticks, draw_sticks

@@ -12,15 +12,16 @@ from os import PathLike
 
 import numpy as np
 
-from ...corpora.clip import Clip, Points
+from ...corpora.clip import Clip
+from ...corpora.samples import METRES, SHOULDER, sample_of, stored_clips
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...metrics import Sample, Track
-from ...metrics.evaluation import METRES, SHOULDER, sample_of, stored_clips
 from ...metrics.mode_f1 import mode_features
+from ...motion.points import Points
 from ...motion.poses import find_pose
-from ...motion.poses.modes import find_centres
 from ...motion.rotations import Array
+from ...training.movement_modes import find_centres
 
 __all__ = ["FRAMES", "MODES", "MixWindows"]
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["BODY_CHANNELS", "Body"]
+__all__ = ["BODY_CHANNELS", "NECK_SHARE", "SPINE", "Body"]
+
+SPINE = (("spine", 0.28), ("chest", 0.34), ("upperChest", 0.38))  # shares of the torso's bend (ours: more towards the chest)
+NECK_SHARE = 0.42  # of the head's turn
 
 
 class Body:

@@ -8,29 +8,31 @@ as it moves, and generates with constant ones, told as quantiles of the training
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
 
-from ...corpora.clip import Points
-from ...corpora.store import Store
 from ...errors import InputError, nearest
 from ..motion import Motion
+from ..points import Points
 from ..rotations import Array
 from ..skeletons import SKELETONS
 from ..skeletons.ted import JOINTS as TED
-from . import Pose, find_pose
+from . import Pose
 
-__all__ = ["CONTROLS", "QUANTILES", "control_quantiles", "control_row", "read_controls", "style_controls", "with_controls"]
+__all__ = [
+    "CONTROLS",
+    "QUANTILES",
+    "control_row",
+    "read_controls",
+    "style_controls",
+]
 
 CONTROLS = ("hand_height", "hand_speed", "hand_radius")
 """In the order of the columns; the authors' MG-H, MG-V and MG-R."""
 QUANTILES = 101
 """How many quantiles of a control a bundle keeps: 0, 0.01 … 1."""
 SECONDS = 4.0  # of the running mean; Alexanderson et al. 2020 and the authors' code
-_TINY = 1e-6  # a control that varies by less is constant, and has deviation 1 as in a store
 
 
 def _wrists(vectors: Array, pose: Pose, fps: float) -> Array:
@@ -81,45 +83,6 @@ def style_controls(vectors: Array, pose: Pose, fps: float) -> Array:
     height, radius = wrists[..., 1], np.linalg.norm(wrists[..., [0, 2]], axis=-1)
     both = np.stack([height.mean(1), speed.mean(1), radius.mean(1)], -1)
     return _running_mean(both, int(SECONDS * fps)).astype(np.float32)
-
-
-def with_controls(store: Store) -> Store:
-    """The same store with the array ``control`` (N, 3) and its statistics, worked out of its poses; the files stay as they are.
-
-    Raises:
-        InputError: see `style_controls`.
-    """
-    if "control" in store.arrays:
-        return store
-    pose = find_pose(store.pose)
-    parts = [style_controls(store.clip(clip)["pose"], pose, store.fps) for clip in store.clips]
-    train = any(clip.split == "train" for clip in store.clips)
-    means, stds = [], []
-    for speaker in (None, *store.speakers):
-        own = [part for clip, part in zip(store.clips, parts, strict=True)
-               if (clip.split == "train" or not train) and speaker in (None, clip.speaker)]  # fmt: skip
-        rows = np.concatenate(own or parts).astype(np.float64)
-        means.append(rows.mean(0))
-        stds.append(np.where(rows.std(0) < _TINY, 1, rows.std(0)))
-    control = np.full((len(store.arrays["pose"]), len(CONTROLS)), np.nan, np.float32)  # of rows that belong to no clip
-    for clip, part in zip(store.clips, parts, strict=True):
-        control[clip.offset : clip.offset + clip.frames] = part
-    more = copy(store)
-    more.arrays = store.arrays | {
-        "control": control,
-        "control_mean": np.array(means, np.float32),
-        "control_std": np.array(stds, np.float32),
-    }
-    more.clips = tuple(replace(clip, has=(*clip.has, "control")) for clip in store.clips)
-    return more
-
-
-def control_quantiles(store: Store) -> Array:
-    """(101, 3) quantiles 0, 0.01 … 1 of each control over the training split of a store `with_controls`."""
-    rows = [store.clip(clip)["control"] for clip in store.clips if clip.split == "train"]
-    if not rows:
-        raise InputError(f"the store {str(store.folder)!r} has no training clips")
-    return np.quantile(np.concatenate(rows), np.linspace(0, 1, QUANTILES), axis=0).astype(np.float32)
 
 
 def read_controls(text: str) -> dict[str, float]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...corpora.clip import Points
 from ...errors import InputError
+from ..points import Points
 from ..rotations import Array
 from ..skeletons.ted import AXES, JOINTS
 

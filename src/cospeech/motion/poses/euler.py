@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...export.bvh import continuous_euler
 from ..motion import Motion
-from ..rotations import Array, euler_to_quat, quat_to_euler
+from ..rotations import Array, continuous_euler, euler_to_quat, quat_to_euler
 from ..skeleton import Skeleton, named_skeleton
 from .joints import build_motion, pick, size
 

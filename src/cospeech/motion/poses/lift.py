@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...corpora.clip import Points
 from ...errors import InputError
-from ...rules.realise import NECK_SHARE, SPINE
 from ..kinematics import arms
+from ..kinematics.body import NECK_SHARE, SPINE
 from ..kinematics.hands import CHANNELS, HAND_SHAPES, Channel
 from ..motion import Motion
+from ..points import Points
 from ..rotations import (
     Array,
     matrix_to_quat,

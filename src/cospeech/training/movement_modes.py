@@ -13,14 +13,14 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from ...corpora.clip import Points
-from ...corpora.store import Store
-from ...errors import InputError
-from ...metrics._scipy import scipy
-from ..motion import Motion
-from ..rotations import Array
-from . import Pose, find_pose
-from .keypoints2d import KEYPOINTS2D
+from ..corpora.store import Store
+from ..errors import InputError
+from ..metrics._scipy import scipy
+from ..motion.motion import Motion
+from ..motion.points import Points
+from ..motion.poses import Pose, find_pose
+from ..motion.poses.keypoints2d import KEYPOINTS2D
+from ..motion.rotations import Array
 
 __all__ = ["find_centres", "movement", "with_modes"]
 

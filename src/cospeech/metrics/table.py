@@ -1,0 +1,101 @@
+"""A table of systems and control rows by metrics, as text and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import load_metric
+from .controls import WRONG
+from .metric import Score
+
+__all__ = ["DEFAULT", "Table"]
+
+DEFAULT = (
+    "movement", "beat_align", "fgd", "fid_poses", "pck", "pck_2d", "ape", "srgr", "cca", "diversity", "l1_div", "multimodality",
+    "w1_speed", "w1_acceleration", "jerk", "hellinger_speed",
+)  # fmt: skip
+"""The metrics of a table where none are named: the corrected forms. What a corpus has no data for stays empty."""
+
+
+def _mark(faults: Sequence[str]) -> str:
+    return "!" if any(WRONG in fault for fault in faults) else "~" if faults else ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Scores of systems and control rows.
+
+    Args:
+        rows: names, systems first.
+        columns: names of metrics.
+        cells: row → column → score; None where the data for it are not there.
+        why: row → column → why there is none.
+        faults: column → what the metric puts in the wrong order among the control rows.
+        about: of what and with what the table was made.
+    """
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    cells: Mapping[str, Mapping[str, Score | None]]
+    why: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    faults: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    about: str = ""
+
+    def to_json(self) -> str:
+        """All of it; values that are not numbers are null."""
+
+        def plain(score: Score | None) -> dict[str, object] | None:
+            if score is None:
+                return None
+            ends = None if score.interval is None else [x if np.isfinite(x) else None for x in score.interval]
+            value = score.value if np.isfinite(score.value) else None
+            return {"value": value, "interval": ends, "count": score.count, "note": score.note}
+
+        units = {name: load_metric(name).about for name in self.columns}
+        return json.dumps(
+            {
+                "about": self.about,
+                "metrics": {
+                    n: {"better": a.better, "unit": a.unit, "faults": list(self.faults.get(n, ()))} for n, a in units.items()
+                },
+                "rows": {row: {column: plain(self.cells[row][column]) for column in self.columns} for row in self.rows},
+                "why": {row: dict(reasons) for row, reasons in self.why.items()},
+            },
+            indent=2,
+            ensure_ascii=False,
+        )
+
+    def _cell(self, row: str, column: str) -> str:
+        score = self.cells[row][column]
+        if score is None:
+            return "–"
+        half = "" if score.interval is None else f" ± {(score.interval[1] - score.interval[0]) / 2:.2g}"
+        return f"{score.value:.3g}{half}"
+
+    def to_text(self, *, width: int = 120) -> str:
+        """Aligned columns, in blocks that fit into ``width`` characters; the faults of metrics below."""
+        arrows = {"higher": "↑", "lower": "↓", "reference": "→"}
+        marks = {name: _mark(self.faults.get(name, ())) for name in self.columns}
+        heads = {name: f"{name} {arrows[load_metric(name).about.better]}{marks[name]}" for name in self.columns}
+        sizes = {n: max(len(heads[n]), *(len(self._cell(row, n)) for row in self.rows)) for n in self.columns}
+        first = max(map(len, self.rows))
+        blocks: list[list[str]] = [[]]
+        for name in self.columns:
+            if blocks[-1] and first + sum(sizes[n] + 2 for n in [*blocks[-1], name]) > width:
+                blocks.append([])
+            blocks[-1].append(name)
+        lines = [self.about] if self.about else []
+        for block in blocks:
+            lines += ["", " " * first + "".join(f"  {heads[n]:>{sizes[n]}}" for n in block)]
+            lines += [f"{row:<{first}}" + "".join(f"  {self._cell(row, n):>{sizes[n]}}" for n in block) for row in self.rows]
+        lines += [
+            "",
+            "± half of the 95 % interval; ↑ higher is better, ↓ lower, → nearest to the ground truth",
+            "! the control rows are in the wrong order; ~ they are too near to each other to tell, on so few clips",
+        ]
+        lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
+        return "\n".join(lines)

@@ -18,6 +18,7 @@ from cospeech.corpora import Clip, Semantic
 from cospeech.corpora.motion_files import load_motions
 from cospeech.corpora.samples import POSE_STATISTICS, sample_of, stored_clips, track_of
 from cospeech.errors import InputError
+from cospeech.evaluation import evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.metric import About

@@ -11,6 +11,7 @@ from cospeech.audio.speech import Speech
 from cospeech.corpora import Clip
 from cospeech.corpora.samples import sample_of
 from cospeech.errors import InputError
+from cospeech.evaluation import evaluate_clips
 from cospeech.metrics import METRICS, Sample, Tools, load_metric
 from cospeech.metrics.blinks import blinks_of
 from cospeech.metrics.controls import CONTROLS, control_rows

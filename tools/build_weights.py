@@ -26,6 +26,7 @@ from measure_face import measured
 from cospeech.audio.speech import Speech
 from cospeech.corpora.prepare import prepare
 from cospeech.corpora.synthetic import synthesise
+from cospeech.evaluation import evaluate_store
 from cospeech.metrics.table import Table
 from cospeech.models import BUNDLE, SHIPPED, load
 from cospeech.models.speech_to_face import SpeechToFaceConfig

@@ -91,18 +91,17 @@ class Speech:
 
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
-        if samples.ndim != 1 or samples.dtype.kind not in "fiu":
-            raise InputError(f"samples of shape {samples.shape} and type {samples.dtype}", "one channel of floats in -1 … 1")
-        if samples.dtype.kind in "iu" and samples.dtype != np.int16:
-            raise InputError(f"samples of type {samples.dtype}", "floats in -1 … 1, or 16-bit integers")
+        if samples.ndim != 1 or (samples.dtype.kind != "f" and samples.dtype != np.int16):
+            problem = f"samples of shape {samples.shape} and type {samples.dtype}"
+            raise InputError(problem, "one channel of floats in -1 … 1, or of 16-bit integers")
         if samples.dtype != np.float32:
             samples = samples.astype(np.float32) / np.float32(1 if samples.dtype.kind == "f" else 32768)
         object.__setattr__(self, "rate", _check_rate(self.rate))
         _check_samples(samples[:, None], self.name, 0, self.rate)
         object.__setattr__(self, "samples", samples)
         if self.duration is None:
-            given = self.seconds is not None
-            exact = _fraction("seconds", self.seconds) if given else Fraction(len(samples), self.rate)
+            whole = Fraction(len(samples), self.rate)
+            exact = whole if self.seconds is None else _fraction("seconds", self.seconds)
             object.__setattr__(self, "duration", exact)
         if not (isinstance(self.duration, Rational) and 0 <= self.duration <= Fraction(len(samples), self.rate) + SPARE):
             problem = f"{len(samples)} samples at {self.rate} Hz as a speech of {str(self.duration)[:40]} s"
@@ -123,8 +122,8 @@ class Speech:
                 parts.append(block)
                 count += len(block)
                 if count > SECONDS_IN_MEMORY * rate:
-                    hours = f"{SECONDS_IN_MEMORY / 3600:g} hours"
-                    raise InputError(f"{source.name!r} is longer than {hours}", "stream it: cospeech.audio.speech.open_speech")
+                    problem = f"{source.name!r} is longer than {SECONDS_IN_MEMORY / 3600:g} hours"
+                    raise InputError(problem, "stream it: cospeech.audio.speech.open_speech")
         assert source.duration is not None
         speech = Speech(np.concatenate(parts), rate, name=source.name, duration=source.duration)
         if transcript is None:

@@ -169,6 +169,7 @@ def register(app: typer.Typer) -> None:
             )  # fmt: skip
             _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
             return
+        from ..evaluation import evaluate_store
         from ..metrics.table import DEFAULT
 
         result = evaluate_store(

@@ -17,7 +17,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,9 +40,8 @@ from cospeech.runtime.mouth import shipped_mouth
 from cospeech.runtime.session import Performance, Wish
 from cospeech.training.checkpoint import network
 from cospeech.training.export.chain_graph import LoweredChain, lower_chain
-from cospeech.training.recipe import Recipe, build, load_recipe
+from cospeech.training.recipe import SHIPPED, Recipe, build, load_recipe
 
-RECIPES = Path(__file__).parents[1] / "recipes"
 SPEAKERS = 8
 SECONDS, PIECE, FPS = 60.0, 1 / 30, 30.0
 BOUND = 8.0  # deviations; poses of the training data lie within
@@ -188,7 +186,7 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"Chain of Generation, one core of {processor()}, onnxruntime; {load()}")
     recipes = {
-        name: load_recipe(RECIPES / f"{name}.toml", ["model.gain=0"])
+        name: load_recipe(SHIPPED / f"{name}.toml", ["model.gain=0"])
         for name in ("chain_of_generation_humanoid", "chain_live_humanoid")
     }
     teacher = untrained(recipes["chain_of_generation_humanoid"])
@@ -206,7 +204,7 @@ def main() -> None:
         print(f"        offline, {name}: real-time factor {value:.4f}")
     verdict("real-time factor, offline, everything but files", factor["all"], 0.01, "")
     told_live(gesturer, speech)
-    large = load_recipe(RECIPES / "chain_of_generation_beat.toml")
+    large = load_recipe(SHIPPED / "chain_of_generation_beat.toml")
     paper = untrained(large)
     engine = engine_of(lower_chain(paper))
     ms = medians({"a window, paper's size": windows(engine), "by PyTorch eager": eager(paper)}, 15, 1)

@@ -4,7 +4,8 @@ The paper's size (256 channels, five halvings, 8 sub-generators, 8 speakers, 96 
 weights; speech, styles and nudges are normal noise. Played by onnxruntime in float32:
 
 * offline, 10 s of speech at 15 frames per second in one pass: 150 frames, filled up to 160;
-* live, as `cospeech.runtime.sliding_window_decoder.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a stage would.
+* live, as `cospeech.runtime.sliding_window_decoder.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a
+stage would.
 
 The training step, discriminator and generator with Adam, 16 windows of 64 frames, is PyTorch's in float32, in float64, in which
 the authors' code trains, and in the mixed precision of ``train.precision = "bfloat16"``.

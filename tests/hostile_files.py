@@ -294,7 +294,8 @@ def peak_of(path: Path, call: str = "cospeech.Motion.load(path)") -> tuple[str, 
         pytest.skip("this system does not tell the memory of a process")
     program = (
         "import sys, time\n"
-        "import cospeech, cospeech.audio.transcripts, cospeech.audio.emotions, cospeech.motion.bone_mapping, cospeech.training.recipe\n"
+        "import cospeech, cospeech.audio.transcripts, cospeech.audio.emotions, cospeech.motion.bone_mapping\n"
+        "import cospeech.training.recipe\n"
         "path, began = sys.argv[1], time.perf_counter()\n"
         f"try:\n    {call}\n    said = 'read'\n"
         "except cospeech.InputError as error:\n    said = str(error)\n"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.joints import hand_columns  # noqa: E402
 from cospeech.training.calibration_clips import STRETCH, STRETCHES  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
-from cospeech.training.recipe import build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from cospeech.training.windows import Windows  # noqa: E402
 
@@ -626,7 +625,7 @@ def test_a_clip_may_lack_what_is_spare(tmp_path):
 
 
 def test_the_recipe_of_the_paper_is_at_the_values_of_the_paper():
-    file = Path(__file__).resolve().parents[1] / "recipes" / "chain_of_generation_beat.toml"
+    file = SHIPPED / "chain_of_generation_beat.toml"
     found = load_recipe(file)
     assert build(ChainConfig, found.config, "model") == ChainConfig()
     assert (found.data.pose, found.data.fps) == ("euler", 15)

@@ -1,65 +1,25 @@
-"""Imports go one way, downwards; the heavy libraries stay where they belong (docs/contributing.md, "Layers")."""
+"""Imports go one way; the heavy libraries stay where they belong. The order stands in docs/contributing.md, "Layers"."""
 
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "src" / "cospeech"
-
-# Low to high: a module may import what stands before its own row, and its own package. Unknown names fail, see below.
-LAYERS = [
-    {"errors", "limits", "_decode"},
-    {"files", "interrupts", "rotations", "skeletons"},
-    {"decoding", "emotions", "recipe", "runlog"},
-    {"skeleton", "speech"},
-    {"motion", "features", "recognise_shape"},
-    {"recognise", "tpose", "alignment"},
-    {"retarget", "transcripts", "nn"},
-    {"mannequin"},
-    {"render"},
-    {"export", "metrics", "rules", "motion_files"},
-    {"corpora"},
-    {"poses"},
-    {"runtime"},
-    {"models", "avatar"},
-    {"checkpoint"},
-    {"training_set"},
-    {"report", "how_to_open"},
-    {"prepare", "synthesise"},
-    {"bundling_flow", "bundling_window"},
-    {"bundling_chain"},
-    {"train", "bundling", "evaluation"},
-    {"contest", "style_mixing"},
-    {"tables"},
-    {"checks"},
-    {"generate"},
-    {"batch", "convert", "demo", "catalogue"},
-    {"bench", "cli_corpora", "cli_evaluate", "cli_options", "cli_train"},
-    {"studio", "cli"},
-]
-RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-# What is imported only when called: Motion.load, .save and .retarget; Speech.load with a transcript; render_motion;
-# models.load and .bundle_run of a run folder.
-FACADES = {("motion", "export"), ("motion", "retarget"), ("speech", "transcripts"), ("render", "export")}
-FACADES |= {("models", "checkpoint"), ("models", "bundling")}
-TORCH = {
-    "nn",
-    "models",
-    "checkpoint",
-    "training_set",
-    "train",
-    "bundling",
-    "bundling_flow",
-    "bundling_window",
-    "bundling_chain",
-}
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "cospeech"
+ORDER = re.search(r"## Layers\n+```text\n(.*?)```", (ROOT / "docs" / "contributing.md").read_text("utf-8"), re.S)[1]
+RANK = {name: rank for rank, name in enumerate(ORDER.replace("<", " ").split())}
+# What is imported only when it is called: Motion.load and Motion.save; `load` of the folder of a run.
+FACADES = {("motion", "export"), ("models", "training")}
+TORCH = {"models", "training"}
+MOST_MODULES, MOST_PACKAGES = 8, 12  # at the root
 
 
 def part(path: Path) -> str:
-    """`export/bvh.py` → `export`; `speech.py` → `speech`."""
+    """`export/bvh.py` → `export`; `generate.py` → `generate`."""
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
@@ -91,9 +51,12 @@ def faults(source: str, path: Path) -> list[str]:
     return found
 
 
-def test_every_module_has_a_layer():
-    parts = {part(path) for path in PACKAGE.rglob("*.py")} - {"__init__", "__main__"}
-    assert parts <= set(RANK), f"give these a row in LAYERS: {sorted(parts - set(RANK))}"
+def test_every_module_and_package_has_a_layer_and_they_are_few():
+    modules = {path.stem for path in PACKAGE.glob("*.py")}
+    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert set(RANK) == (modules | packages) - {"__init__", "__main__"}, "docs/contributing.md has the order"
+    assert len(modules) <= MOST_MODULES
+    assert len(packages) <= MOST_PACKAGES
 
 
 def test_imports_go_downwards():
@@ -102,13 +65,24 @@ def test_imports_go_downwards():
     assert wrong == {}
 
 
+@pytest.mark.parametrize("pair", sorted(FACADES))
+def test_facades_are_imported_only_when_called(pair):
+    low, high = pair
+    for path in (PACKAGE / low).rglob("*.py"):
+        top = ast.Module([node for node in ast.parse(path.read_text()).body if not isinstance(node, ast.If)], [])
+        at_once = {node for node in top.body if isinstance(node, ast.Import | ast.ImportFrom)}
+        names = imported(ast.Module(list(at_once), []), path)
+        assert not [name for name in names if name.startswith(f"cospeech.{high}.")], path
+
+
 @pytest.mark.parametrize(
     ("file", "source", "fault"),
     [
-        ("skeleton.py", "from .motion import Motion", "skeleton imports motion"),
+        ("motion/skeleton.py", "from ..audio.speech import Speech", "motion imports audio"),
         ("metrics/fgd.py", "def f():\n    from ..models import load", "metrics imports models"),
         ("export/bvh.py", "import torch.nn", "export imports torch"),
         ("rules/plan.py", "from cospeech.cli import main", "rules imports cli"),
+        ("training/train.py", "from ..experiments import tables", "training imports experiments"),
     ],
 )
 def test_the_test_would_notice(file, source, fault):

@@ -16,7 +16,7 @@ from cospeech.models.nn.objective import Batch, Chance, Objective  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.dataset import open_set  # noqa: E402
 from cospeech.training.objective_optimiser import Part  # noqa: E402
-from cospeech.training.recipe import Optimiser, build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, Optimiser, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
 
@@ -116,7 +116,7 @@ def test_wrong_sizes_are_told(net):
 
 
 def test_the_recipe_is_at_the_authors_values_and_they_are_the_defaults():
-    recipe = load_recipe(ROOT / "recipes" / "munit_pats.toml")
+    recipe = load_recipe(SHIPPED / "munit_pats.toml")
     assert build(MunitConfig, recipe.config, "model") == MunitConfig()
     assert (recipe.train.betas, recipe.train.lr, recipe.train.gamma) == ((0.5, 0.999), 1e-4, 0.5)
     assert recipe.train.weight_decay == 1e-4

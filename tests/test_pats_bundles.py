@@ -22,7 +22,7 @@ from cospeech.motion.poses.lift import lift  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.systems import open_system  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402
-from cospeech.training.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from runtime_bundles import write_small  # noqa: E402
 from windowed_networks import KINDS  # noqa: E402
@@ -125,7 +125,7 @@ def test_points_are_of_systems_of_points(tmp_path):
 
 
 def test_recipes_for_pats_say_what_they_hear():
-    recipes = {path.stem: load_recipe(path) for path in (ROOT / "recipes").glob("*_pats*.toml")}
+    recipes = {path.stem: load_recipe(path) for path in SHIPPED.glob("*_pats*.toml")}
     heard = {name: recipe.data.audio for name, recipe in recipes.items() if recipe.model in KINDS}
     assert set(heard.values()) == {"log-mel-400"}
     assert len(heard) >= 6

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.training.recipe import Data, Train, build, changed, load_recipe, read_recipe
+from cospeech.training.recipe import SHIPPED, Data, Train, build, changed, load_recipe, read_recipe
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = """
@@ -145,7 +145,7 @@ def test_what_may_change_and_what_may_not(path):
 
 
 def test_every_recipe_of_ours_is_one():
-    recipes = sorted((ROOT / "recipes").glob("*.toml"))
+    recipes = sorted(SHIPPED.glob("*.toml"))
     assert recipes
     for file in recipes:
         assert isinstance(load_recipe(file).train, Train)
@@ -164,7 +164,7 @@ def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
     names = ("mix_stage", "stage", "cmix_gan", "speech2gesture", "munit", "speaker_classifier", "mix_stage_authors")
     for name in names:
         base = name.removesuffix("_authors")
-        recipe = load_recipe(ROOT / "recipes" / f"{base}_pats{'_authors' if name != base else ''}.toml")
+        recipe = load_recipe(SHIPPED / f"{base}_pats{'_authors' if name != base else ''}.toml")
         assert recipe.model == base.replace("_", "-")
         kind = network(recipe.model).Config
         assert build(kind, recipe.config, "model") == kind(**(theirs if name != base else {}))
@@ -172,7 +172,7 @@ def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
         assert recipe.data.speakers == ()
         hears = "audio" in network(recipe.model).arrays
         assert recipe.data.audio == ("log-mel-400" if hears else None)  # the 64 bands that a store of PATS has
-    family = {name: load_recipe(ROOT / "recipes" / f"{name}.toml").train for name in
+    family = {name: load_recipe(SHIPPED / f"{name}.toml").train for name in
               ("mix_stage_pats", "stage_pats", "cmix_gan_pats", "mix_stage_pats_authors")}  # fmt: skip
     for name, train in family.items():
         assert (train.steps, train.batch, train.gamma, train.gamma_every) == (60_000, 16, 0.99, 3000)

@@ -306,7 +306,8 @@ def test_a_dead_helper_is_an_internal_error(look):
 
 def test_helpers_end_when_their_parent_is_killed(tmp_path):
     code = (
-        "from cospeech.export.render.worker import Helper, Look; from cospeech.export.render.camera import view_named; import time\n"
+        "from cospeech.export.render.worker import Helper, Look\n"
+        "from cospeech.export.render.camera import view_named; import time\n"
         "h = Helper(Look(48, 40, view_named('body'), (9, 9, 9))); print(h._process.pid, flush=True); time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)

@@ -22,7 +22,7 @@ from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.models.speaker_classifier import SpeakerClassifier, SpeakerClassifierConfig  # noqa: E402
 from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS as POSE  # noqa: E402
 from cospeech.training.feature_networks import load_classifier, load_features  # noqa: E402
-from cospeech.training.recipe import build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
@@ -39,7 +39,7 @@ def test_layers_and_sizes_are_those_of_the_authors():
     assert {(c.kernel_size, c.stride) for c in convolutions} == {((4,), (2,))}
     widths = [96, 64, 128, 128, 256, 256, 25]
     assert sum(p.numel() for p in net.parameters()) == sum(4 * a * b + 3 * b for a, b in pairwise(widths))
-    recipe = load_recipe(ROOT / "recipes" / "speaker_classifier_pats.toml")
+    recipe = load_recipe(SHIPPED / "speaker_classifier_pats.toml")
     assert build(SpeakerClassifierConfig, recipe.config, "model") == SpeakerClassifierConfig()
 
 

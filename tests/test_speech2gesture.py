@@ -15,7 +15,7 @@ from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
 from cospeech.models.speech2gesture import Speech2Gesture, Speech2GestureConfig  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.dataset import open_set  # noqa: E402
-from cospeech.training.recipe import build, load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
 
@@ -123,7 +123,7 @@ def test_settings_that_are_none_are_told(field, value):
 
 
 def test_the_recipe_is_at_the_authors_sizes_and_the_defaults_are_its_own():
-    recipe = load_recipe(ROOT / "recipes" / "speech2gesture_pats.toml")
+    recipe = load_recipe(SHIPPED / "speech2gesture_pats.toml")
     assert build(Speech2GestureConfig, recipe.config, "model") == Speech2GestureConfig()
     assert (recipe.train.batch, recipe.train.lr, recipe.data.audio) == (32, 1e-4, "log-mel-400")
 

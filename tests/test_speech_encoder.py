@@ -24,11 +24,11 @@ from cospeech.models.nn.speech_encoder import load_cnn, load_transformer  # noqa
 from cospeech.rules import EMOTIONS  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402
-from cospeech.training.recipe import load_recipe, read_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from test_prepare import moving, voice  # noqa: E402
 
-RECIPE = Path(__file__).resolve().parents[1] / "recipes" / "chain_of_generation_beat_wav2vec.toml"
+RECIPE = SHIPPED / "chain_of_generation_beat_wav2vec.toml"
 SMALL = {
     "hidden_size": 24, "num_hidden_layers": 2, "num_attention_heads": 2, "intermediate_size": 32, "conv_dim": (16,) * 7,
     "num_conv_pos_embeddings": 8, "num_conv_pos_embedding_groups": 2, "layerdrop": 0.5, "mask_time_prob": 0.5,

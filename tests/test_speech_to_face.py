@@ -17,7 +17,7 @@ from cospeech.models.speech_to_face import CALM, SpeechToFace, SpeechToFaceConfi
 from cospeech.motion.poses.face import FACE, MIRROR  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.runtime.sliding_window_decoder import live  # noqa: E402
-from cospeech.training.recipe import build, load_recipe  # noqa: E402
+from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 CALMED = {"gain": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
@@ -58,7 +58,7 @@ def test_a_frame_hears_as_far_as_its_config_says(config):
 
 def test_as_it_ships_a_stream_hears_all_that_matters():
     """A window as the runtime lays them has room for all that a frame hears, before and after."""
-    config = build(SpeechToFaceConfig, load_recipe(ROOT / "recipes" / "speech_to_face.toml").config, "model")
+    config = build(SpeechToFaceConfig, load_recipe(SHIPPED / "speech_to_face.toml").config, "model")
     net = SpeechToFace(config, pose=55, audio=40, speakers=2)
     from cospeech.training.export.window_graph import lower
 

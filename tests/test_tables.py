@@ -29,7 +29,7 @@ from cospeech.experiments.tables.tsne import tsne
 from cospeech.metrics.clustering import silhouette_coefficient
 from cospeech.motion.points import Points
 from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
-from cospeech.training.recipe import build, load_recipe
+from cospeech.training.recipe import SHIPPED, build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -84,7 +84,7 @@ def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
     folder = tmp_path_factory.mktemp("recipes")
     for name in (*(r for r in RECIPES if "_ted" in r), f"{OMEGA}_ted", f"{FEATURES}_ted"):
-        sections = load_recipe(ROOT / "recipes" / f"{name}.toml").to_dict()
+        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
         sections["model"] |= TINY[sections["model"]["name"]]
         sections["train"] = {"steps": 2, "batch": 4, "validate_every": 0, "save_every": 1, "threads": 1, "lr": 1e-4}
         lines = []
@@ -134,7 +134,7 @@ def test_published_figures_are_the_papers(shared):
 def test_every_row_has_a_recipe_that_builds(name):
     from cospeech.training.checkpoint import network
 
-    recipe = load_recipe(ROOT / "recipes" / f"{name}.toml")
+    recipe = load_recipe(SHIPPED / f"{name}.toml")
     config = build(network(recipe.model).Config, recipe.config, "model")
     assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
     assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
@@ -143,11 +143,11 @@ def test_every_row_has_a_recipe_that_builds(name):
 
 
 def test_recipes_of_the_flow_are_at_the_papers_values():
-    ted, trinity = (load_recipe(ROOT / "recipes" / f"flow_{corpus}.toml") for corpus in ("ted", "trinity"))
+    ted, trinity = (load_recipe(SHIPPED / f"flow_{corpus}.toml") for corpus in ("ted", "trinity"))
     assert (ted.train.batch, ted.train.steps, trinity.train.batch, trinity.train.steps) == (200, 80_000, 100, 30_000)
     assert ted.config["reconstruction"] == 1
     assert ted.config["perceptual"] == 0.1
-    authors = load_recipe(ROOT / "recipes" / "flow_trinity_authors.toml")
+    authors = load_recipe(SHIPPED / "flow_trinity_authors.toml")
     assert (authors.config["history"], authors.config["look_ahead"], authors.train.steps) == (10, 10, 40_000)
     assert authors.config["nll_unit"] == pytest.approx(math.log(2))
 

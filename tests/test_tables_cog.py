@@ -24,7 +24,7 @@ from cospeech.experiments.tables.stages import FEATURES, SMALL
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.poses.euler import EULER
 from cospeech.motion.skeletons.arkit import ARKIT
-from cospeech.training.recipe import build, load_recipe
+from cospeech.training.recipe import SHIPPED, build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -78,7 +78,7 @@ def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
     folder = tmp_path_factory.mktemp("recipes")
     for name in (*RECIPES, f"{FEATURES}_beat"):
-        sections = load_recipe(ROOT / "recipes" / f"{name}.toml").to_dict()
+        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
         sections["model"] |= TINY[sections["model"]["name"]]
         sections["train"] = {"steps": 3, "batch": 4, "validate_every": 0, "save_every": 3, "threads": 1, "lr": 1e-4}
         lines = []
@@ -120,7 +120,7 @@ def test_published_figures_are_the_papers(shared):
 def config_of(row) -> object:
     from cospeech.training.checkpoint import network
 
-    recipe = load_recipe(ROOT / "recipes" / f"{row.recipe}.toml", row.overrides)
+    recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     return build(network(recipe.model).Config, recipe.config, "model")
 
 
@@ -128,7 +128,7 @@ def config_of(row) -> object:
 def test_every_row_has_a_recipe_that_builds(row):
     from cospeech.training.checkpoint import network
 
-    recipe = load_recipe(ROOT / "recipes" / f"{row.recipe}.toml", row.overrides)
+    recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
     assert config.frames == (64 if recipe.model == "speech2gesture" else FRAMES)
     small = build(network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model]["model"]}, "model")

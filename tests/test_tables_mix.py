@@ -30,7 +30,7 @@ from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
 from cospeech.motion.skeletons.pats import JOINTS
-from cospeech.training.recipe import build, load_recipe
+from cospeech.training.recipe import SHIPPED, build, load_recipe
 
 torch = pytest.importorskip("torch")
 
@@ -88,7 +88,7 @@ def recipes(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recipes")
     tiny = {"channels": 8, "patch_channels": 4, "judge": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
     for name in (*RECIPES, f"{CLASSIFIER}_pats"):
-        sections = load_recipe(ROOT / "recipes" / f"{name}.toml").to_dict()
+        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
         known = {field for field in build_config(name).__dataclass_fields__}
         sections["model"] |= {key: value for key, value in tiny.items() if key in known}
         sections["train"] = {"steps": 2, "batch": 4, "validate_every": 0, "save_every": 1, "threads": 1, "lr": 1e-4}
@@ -103,7 +103,7 @@ def recipes(tmp_path_factory) -> Path:
 def build_config(name: str):
     from cospeech.training.checkpoint import network
 
-    recipe = load_recipe(ROOT / "recipes" / f"{name}.toml")
+    recipe = load_recipe(SHIPPED / f"{name}.toml")
     return build(network(recipe.model).Config, recipe.config, "model")
 
 
@@ -153,7 +153,7 @@ def test_rows_bear_the_figures_of_their_own_line(shared):
 
 @pytest.mark.parametrize("name", [*RECIPES, f"{CLASSIFIER}_pats"])
 def test_every_row_has_a_recipe_and_a_small_form_of_it(name):
-    recipe = load_recipe(ROOT / "recipes" / f"{name}.toml")
+    recipe = load_recipe(SHIPPED / f"{name}.toml")
     small = SMALL[recipe.model]
     assert build_config(name).frames == FRAMES
     assert small["model"]["channels"] < build_config(name).channels
@@ -161,7 +161,7 @@ def test_every_row_has_a_recipe_and_a_small_form_of_it(name):
 
 
 def test_systems_are_compared_at_the_same_steps_batch_and_rate():
-    models = {load_recipe(ROOT / "recipes" / f"{name}.toml").model for name in RECIPES}
+    models = {load_recipe(SHIPPED / f"{name}.toml").model for name in RECIPES}
     assert len(models) == 5
     assert len({json.dumps(SMALL[model]["train"]) for model in models}) == 1
 

@@ -243,7 +243,7 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
     store, run = chosen.work / "store-faces", chosen.work / "run-face"
     if not (store / "index.json").exists():
         print(prepare("faces", chosen.faces, store, pose="face", fps=60).summary())
-    recipe = load_recipe(ROOT / "recipes" / "speech_to_face.toml", [*chosen.set, f"train.threads={chosen.threads}"])
+    recipe = load_recipe("speech_to_face", [*chosen.set, f"train.threads={chosen.threads}"])
     report = train(recipe, store, run, resume=True)
     shape = {"which": "last", "smooth": 0, "style": FACE_STYLE}  # velocity was learnt: nothing is left to smooth
     bundle_run(run, out, **shape)
@@ -288,10 +288,10 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
     own, more = [f"train.threads={chosen.threads}"], dict[str, Any]()
     if kind.teacher:
         folder = chosen.work / "run-chain"
-        theirs = train(load_recipe(ROOT / "recipes" / f"{kind.teacher}.toml", own), store, folder, resume=True)
+        theirs = train(load_recipe(kind.teacher, own), store, folder, resume=True)
         own.append(f"needs.teacher={folder}")
         more = {"theirs": theirs.parameters, "their_steps": theirs.step, "name": chosen.name}
-    recipe = load_recipe(ROOT / "recipes" / f"{kind.recipe}.toml", [*chosen.set, *own])
+    recipe = load_recipe(kind.recipe, [*chosen.set, *own])
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     out.parent.mkdir(parents=True, exist_ok=True)

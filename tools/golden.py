@@ -212,7 +212,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("record", "compare"))
     parser.add_argument("file", type=Path)
-    parser.add_argument("--recipes", type=Path, default=ROOT / "recipes")
+    parser.add_argument("--recipes", type=Path, default=ROOT / "src/cospeech/training/recipes")
     parser.add_argument("--only", default="", help="motion, export, prepare, train; separated by commas")
     parser.add_argument("--tolerance", type=float, default=0.0, help="of fingerprints, relative; 0: the same bits")
     given = parser.parse_args()

@@ -197,7 +197,7 @@ def main() -> None:
     part = parts.add_parser("voices")
     part.add_argument("store", type=Path)
     part.add_argument("work", type=Path)
-    part.add_argument("--recipe", type=Path, default=Path("recipes/speech_classifier.toml"))
+    part.add_argument("--recipe", default="speech_classifier")
     part.add_argument("--held-out", type=int, default=2)
     part.add_argument("--steps", type=int)
     part = parts.add_parser("recordings")

@@ -1,4 +1,5 @@
-"""Measures mixtures of two styles (`cospeech.experiments.style_mixing`): a table on the screen, and curves with heat maps as a picture.
+"""Measures mixtures of two styles (`cospeech.experiments.style_mixing`): a table on the screen, and curves with heat maps as a
+picture.
 
     python tools/measure_mixing.py BUNDLE SPEECH... [--pair ada,ben] [--pair cleo,dan] [--store STORE] [--out FILE]
 

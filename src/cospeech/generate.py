@@ -106,8 +106,8 @@ def generate_files(
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
-        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over time: an
-            `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
+        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over
+            time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.

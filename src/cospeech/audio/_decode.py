@@ -1,7 +1,7 @@
 """The decoder: a process of its own that turns sound files into blocks of float32, so that a crash in a codec stays there.
 
-Run as a script by `cospeech.audio.speech`; it imports nothing of the package. Paths come in on standard input, each ended by a NUL;
-messages go out on standard output: one letter, the length of what follows (uint32, little endian), then the bytes.
+Run as a script by `cospeech.audio.speech`; it imports nothing of the package. Paths come in on standard input, each ended by a
+NUL; messages go out on standard output: one letter, the length of what follows (uint32, little endian), then the bytes.
 
     H  JSON {"rate", "channels", "frames"}     frames is the header's claim, -1 where it makes none
     B  float32 samples, channels interleaved

@@ -29,7 +29,8 @@ Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Performances of
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Of a model's first performance.")]
 Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="First frames that were given to the systems.")]
 Features = Annotated[
-    Path | None, Option("--features", metavar="RUN", help="Network of FGD: the folder of a trained one (recipes/fgd_ted.toml).")
+    Path | None,
+    Option("--features", metavar="RUN", help="Network of FGD: the folder of a trained one (of the recipe fgd_ted)."),
 ]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write the table as JSON.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
@@ -42,7 +43,9 @@ Rows = Annotated[
     list[str] | None, Option("--rows", metavar="TEXT", help="Of --table: make only rows whose names hold this; repeatable.")
 ]
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="Of --table: where its runs lie, or are made, and its files.")]
-Recipes = Annotated[Path, Option("--recipes", metavar="FOLDER", help="Of --table: the recipes of the repository.")]
+Recipes = Annotated[
+    Path | None, Option("--recipes", metavar="FOLDER", help="Of --table: recipes of your own, in place of those that ship.")
+]
 Small = Annotated[bool, Option("--small", help="Of --table: narrow networks and few steps, about two minutes a run.")]
 Change = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Of --table: change every row's recipe.")]
 Threads = Annotated[int, Option("--threads", metavar="NUMBER", min=0, help="Of --table: of PyTorch; 0: as many as it likes.")]
@@ -74,16 +77,17 @@ def _numbers(text: str) -> list[int]:
 
 
 def _table(
-    name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path, small: bool,
+    name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path | None, small: bool,
     changes: list[str], threads: int, about: str, figure: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a table of a paper, its files and its figure."""
     from ..experiments.tables import Stages, draw_table, make_table, write_table
+    from ..training.recipe import SHIPPED
 
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
-    stages = Stages(store, runs, recipes, small, tuple(changes), threads, about, tell)
+    stages = Stages(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
     table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
     for path in write_table(table, runs):
         tell(f"wrote {path}")
@@ -138,7 +142,7 @@ def register(app: typer.Typer) -> None:
         seeds: Seeds = "0,1,2",
         rows: Rows = None,
         runs: Runs = Path("runs/tables"),
-        recipes: Recipes = Path("recipes"),
+        recipes: Recipes = None,
         small: Small = False,
         changes: Change = None,
         threads: Threads = 0,

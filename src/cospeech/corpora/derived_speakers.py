@@ -4,8 +4,8 @@
 with left and right exchanged. A twin says what its original says, so their clips differ in one attribute only.
 
 The mean is the speaker's, as the authors' is, over training clips: a clip's own would differ from clip to clip, and give away
-which one it is. PATS' transform of the same name holds the arm that it names (`cospeech.corpora.pats.read.hold_arm`); here, as in
-the paper's table, the name says which arm is used.
+which one it is. PATS' transform of the same name holds the arm that it names (`cospeech.corpora.pats.read.hold_arm`); here, as
+in the paper's table, the name says which arm is used.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ ARRAYS = {
     "cluster": "<i4", "text": "<i4", "wav2vec": "<f2",
 }  # fmt: skip
 """Name → type of the arrays that run along the frames; only the pose is always there. ``control``, ``cluster`` and ``text``
-are in no file: they are worked out of the poses (`cospeech.motion.poses.controls`, `cospeech.motion.poses.modes`) and of the words
-(`cospeech.training.texts`, where ``text`` may be float32 as well)."""
+are in no file: they are worked out of the poses (`cospeech.training.style_controls`, `cospeech.training.movement_modes`) and
+of the words (`cospeech.training.texts`, where ``text`` may be float32 as well)."""
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
 """Those that have statistics."""

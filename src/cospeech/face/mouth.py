@@ -31,7 +31,8 @@ class Mouth(Protocol):
         """What speech does to the face at (T,) ascending seconds, which were never before those of the last call.
 
         Returns:
-            (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`; only jaw, mouth and tongue are looked at.
+            (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`; only jaw, mouth and tongue are looked
+            at.
         """
         ...
 

@@ -10,14 +10,15 @@ too, so that nothing but speech and words is needed to play it. What is known be
 
     ℓ = λ_Rhy ℓ_Rhy + λ_Mse ℓ_Mse + λ_Rec (ℓ_B + α ℓ_H)     (9), λ = 1, 1000, 500
 
-ℓ_Rhy of F̂ and Â (6, models/nn/contrast.py), ℓ_Mse = (F − F̂*)² of the recorded face (7), ℓ_B and ℓ_H the L1 distances of body and hands
-(8). In a first stage of ``classifier_steps`` the classifier alone is trained (10, models/speech_classifier.py); then it is
-frozen, and what it says is what the style is made of. Both decoders get the seed poses, the first four frames, with a flag.
+ℓ_Rhy of F̂ and Â (6, models/nn/contrast.py), ℓ_Mse = (F − F̂*)² of the recorded face (7), ℓ_B and ℓ_H the L1 distances of body
+and hands (8). In a first stage of ``classifier_steps`` the classifier alone is trained (10, models/speech_classifier.py); then
+it is frozen, and what it says is what the style is made of. Both decoders get the seed poses, the first four frames, with a
+flag.
 
 Followed, changed, not said: docs/models/chain_of_generation.md. Ours, off by default: clips without words or seeds, with the
 style of their labels or with their recorded face, so that all of these may be missing or given when it plays; smooth noise, by
-which takes differ; and, as a distance to one recording is least for the mean of all poses, a discriminator (models/nn/pose_discriminator.py)
-and a loss of how large and how fast a clip moves, also to the speech of somebody else.
+which takes differ; and, as a distance to one recording is least for the mean of all poses, a discriminator
+(models/nn/pose_discriminator.py) and a loss of how large and how fast a clip moves, also to the speech of somebody else.
 """
 
 from __future__ import annotations

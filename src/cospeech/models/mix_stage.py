@@ -83,7 +83,8 @@ class MixGanConfig:
     curriculum: int = 0
     """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
     judging: str = "logarithm"
-    """What D's scores are worth, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code; squares."""
+    """What D's scores are worth, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code;
+    squares."""
     growth: float = 0.0
     """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
     alternate: bool = False
@@ -91,7 +92,8 @@ class MixGanConfig:
     reconstruction: float = 1.0
     """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
     judge_poses: bool = False
-    """Whether D sees poses beside velocity, and knows whose they should be and to what speech (models/nn/pose_discriminator.py); ours."""
+    """Whether D sees poses beside velocity, and knows whose they should be and to what speech
+    (models/nn/pose_discriminator.py); ours."""
     persistence: float = 0.0
     """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
     that makes takes differ, drawn for so long a time. Ours; 0: of those that L_rec is of."""

@@ -53,7 +53,8 @@ class ChainStatistics(Scales):
     strays: Array
     """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
     words: Array
-    """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first: none."""
+    """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first:
+    none."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,8 @@ class FlowSystem(System):
     engine: FlowEngine
     statistics: Statistics
     controls: tuple[str, ...]
-    """Names of the style controls (`cospeech.motion.poses.controls`) that it was trained with: further columns of the speech."""
+    """Names of the style controls (`cospeech.motion.poses.controls`) that it was trained with: further columns of the
+    speech."""
 
 
 def write_flow(

@@ -2,8 +2,8 @@
 
 A run folder holds ``config.json`` (model, its config and sizes, the recipe, facts of the store), ``statistics.safetensors``
 (``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``examples.safetensors`` (what a bundle has to know of the data,
-see `cospeech.training.calibration_clips`), ``last.safetensors`` (everything that is needed to go on, as one file: parameters, their
-running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors`` (parameters alone).
+see `cospeech.training.calibration_clips`), ``last.safetensors`` (everything that is needed to go on, as one file: parameters,
+their running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors`` (parameters alone).
 """
 
 from __future__ import annotations

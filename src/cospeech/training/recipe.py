@@ -270,8 +270,12 @@ def shipped() -> list[str]:
 
 
 def _file(path: str) -> Path:
-    """The file of a recipe: of a name without a suffix, where no such file is there, the one that ships."""
-    return SHIPPED / f"{path}.toml" if path in shipped() and not Path(path).is_file() else Path(path)
+    """The file of a recipe; of a bare name, or of one in a folder ``recipes`` that is not there, the one that ships."""
+    asked = Path(path)
+    name = asked.name.removesuffix(".toml")
+    if asked.is_file() or name not in shipped() or asked.parent not in (Path(), Path("recipes")):
+        return asked
+    return SHIPPED / f"{name}.toml"
 
 
 def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Recipe:

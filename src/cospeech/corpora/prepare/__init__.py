@@ -113,7 +113,8 @@ def prepare(
         mirror: add every training clip with left and right exchanged.
         speeds: add training clips so many times as fast, 0.5 … 2.
         pitches: add training clips with the voice so many semitones higher (−12 … 12).
-        twins: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.TWINS` makes one of every speaker,
+        twins: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.TWINS` makes one of every
+            speaker,
             ``"cleo|leftarm"`` one of cleo. The corpus is read twice then.
         jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
         backend: joblib's name: loky, threading, multiprocessing, dask, ray.

@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...files import describe_os_error
 from ...metrics import FeatureNet
 from ...motion.rotations import Array
-from ...training.recipe import Recipe, changed, load_recipe, read_recipe
+from ...training.recipe import SHIPPED, Recipe, changed, load_recipe, read_recipe
 
 __all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder", "of_speakers"]
 
@@ -164,7 +164,7 @@ class Stages:
     Args:
         folder: of the store.
         runs: where run folders lie, or are made.
-        recipes: folder of the recipes.
+        recipes: folder of the recipes; those that ship, where not given.
         small: whether `SMALL` holds.
         overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
@@ -174,7 +174,7 @@ class Stages:
 
     folder: str | PathLike[str]
     runs: str | PathLike[str] = "runs/tables"
-    recipes: str | PathLike[str] = "recipes"
+    recipes: str | PathLike[str] = SHIPPED
     small: bool = False
     overrides: tuple[str, ...] = ()
     threads: int = 0
@@ -219,7 +219,7 @@ class Stages:
         """The same, but for where the runs lie that it needs."""
         path = Path(self.recipes) / f"{name}.toml"
         if not path.is_file():
-            raise InputError(f"there is no recipe {str(path)!r}", "--recipes names the folder of the repository's recipes")
+            raise InputError(f"there is no recipe {str(path)!r}", "--recipes names a folder that has it")
         plain = load_recipe(path)
         texts: list[str] = []
         if self.small:

@@ -1,7 +1,8 @@
 """The mannequin: our own character, skinned to the humanoid, with the 52 ARKit expressions.
 
-`build` gives the character as it ships; ``tools/mannequin`` sculpts it anew by code. Facial movement is in the morphs alone: the skeleton's ``jaw`` bone carries no weight, the eyeballs follow ``leftEye`` and ``rightEye``, and ``eyeLook*``
-moves the lids.
+`build` gives the character as it ships; ``tools/mannequin`` sculpts it anew by code. Facial movement is in the morphs alone:
+the skeleton's ``jaw`` bone carries no weight, the eyeballs follow ``leftEye`` and ``rightEye``, and ``eyeLook*`` moves the
+lids.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One who draws pictures from rows of numbers: in this process, or in one of its own (``python -m cospeech.export.render.worker``).
+"""Draws pictures from rows of numbers: in this process, or in one of its own (``python -m cospeech.export.render.worker``).
 
 A helper process is started with the look of the pictures in JSON as its argument. It reads batches from its standard input,
 a 4-byte count (little endian) and that many rows of float32, and writes the pictures, one after the other, as bare RGB

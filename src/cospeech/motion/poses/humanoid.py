@@ -1,8 +1,9 @@
 """Our humanoid in 57 numbers: what a network generates where the product is an animated character.
 
 Hips (place from the rest place in metres, rotation vector), rotation vectors of spine, neck, head and arms in radians, and six
-numbers per hand: a hand's twelve angles (`cospeech.motion.kinematics.hands`) lie close to six directions, the principal ones of its
-table of hand shapes. Legs are not generated: decoding plants the feet (`cospeech.motion.kinematics.legs.plant`). Eyes, jaw and toes rest.
+numbers per hand: a hand's twelve angles (`cospeech.motion.kinematics.hands`) lie close to six directions, the principal ones of
+its table of hand shapes. Legs are not generated: decoding plants the feet (`cospeech.motion.kinematics.legs.plant`). Eyes, jaw
+and toes rest.
 
 Every frame is decoded from its own row, so a motion may be decoded in pieces of any size.
 """

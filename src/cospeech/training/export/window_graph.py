@@ -195,7 +195,8 @@ def _conv(b: ConvGraph, x: Signal, conv: Any) -> Signal:
 
 
 def _audio_content(b: ConvGraph, net: AudioContent, bands: int) -> Signal:
-    """`cospeech.models.nn.content.AudioContent`, of whose last bands only those in the middle are worked out: they alone are kept."""
+    """`cospeech.models.nn.content.AudioContent`, of whose last bands only those in the middle are worked out: they alone are
+    kept."""
     x = b.more_bands(b.picture("rows", bands), BANDS)
     blocks: list[Any] = [*net.blocks]
     for number, block in enumerate(blocks):

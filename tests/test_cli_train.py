@@ -74,8 +74,9 @@ def test_train_and_go_on(app, place):
 def test_without_torch_it_says_what_to_install(app, place, monkeypatch, line):
     for name in [name for name in sys.modules if name.partition(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
-    for name in ("train", "bundling", "checkpoint", "training_set", "nn.part", "nn.processes", "nn.norm"):
-        monkeypatch.delitem(sys.modules, f"cospeech.{name}", raising=False)
+    for name in ("train", "export.bundles", "checkpoint", "dataset", "objective_optimiser", "processes"):
+        monkeypatch.delitem(sys.modules, f"cospeech.training.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, "cospeech.models.nn.norm", raising=False)
     monkeypatch.setattr(sys, "meta_path", [_NoTorch(), *sys.meta_path])
     with pytest.raises(InputError, match=r"needs torch, which is not installed \(pip install 'cospeech\[train\]'\)"):
         CliRunner().invoke(app, line, catch_exceptions=False)

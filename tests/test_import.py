@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -114,11 +115,61 @@ def test_who_lacks_scipy_is_told_how_to_get_it(monkeypatch):
 
 
 def test_scipy_has_one_door():
-    """Metrics ask `metrics._scipy`; the sculptors of the mannequin run in development alone."""
+    """Metrics and training ask `metrics._scipy`."""
     package = ROOT / "src" / "cospeech"
     files = {path.relative_to(package).as_posix(): path.read_text("utf-8") for path in package.rglob("*.py")}
-    users = {name for name, text in files.items() if re.search(r"^\s*(from|import) scipy\b", text, re.M)}
-    assert users == {f"mannequin/{name}.py" for name in ("face_shapes", "head", "net", "solids")}
+    assert [name for name, text in files.items() if re.search(r"^\s*(from|import) scipy\b", text, re.M)] == []
+
+
+OLD_PATHS = """
+cospeech.corpora Clip Dropped
+cospeech.corpora.attributes attributes_of speaker_attributes
+cospeech.corpora.store Store
+cospeech.demo EXAMPLE
+cospeech.emotions EmotionTrack read_emotion_track
+cospeech.evaluation evaluate
+cospeech.generate generate_files
+cospeech.metrics Tools load_metric
+cospeech.motion Motion
+cospeech.poses find_pose
+cospeech.poses.controls control_row read_controls
+cospeech.prepare prepare
+cospeech.recipe load_recipe
+cospeech.rotations quat_to_euler
+cospeech.rules RuleGesturer STYLES
+cospeech.runtime.gesturer BundleGesturer
+cospeech.runtime.mouth SHIPPED_FACE BundleMouth open_mouth
+cospeech.skeletons SKELETONS
+cospeech.skeletons.arkit ARKIT ARKIT_INDEX
+cospeech.speech open_speech
+cospeech.style_mixing measure_mixing
+"""
+OLD_PATHS_OF_TRAINING = """
+cospeech.models.chain_of_generation ChainConfig ChainOfGeneration
+cospeech.models.cmix_gan CMixGan
+cospeech.models.mix_stage MixGanConfig MixStage MixStageConfig
+cospeech.models.munit Munit MunitConfig
+cospeech.models.speech_classifier SpeechClassifier SpeechClassifierConfig
+cospeech.train train
+"""
+
+
+@pytest.mark.parametrize("line", OLD_PATHS.strip().splitlines())
+def test_import_paths_of_the_first_documentation_work(line):
+    module, *names = line.split()
+    found = import_module(module)
+    assert all(hasattr(found, name) for name in names)
+
+
+@pytest.mark.parametrize("line", OLD_PATHS_OF_TRAINING.strip().splitlines())
+def test_import_paths_of_the_first_documentation_of_training_work(line):
+    pytest.importorskip("torch", reason="networks need torch (the train extra)")
+    test_import_paths_of_the_first_documentation_work(line)
+
+
+def test_a_module_under_its_old_path_is_the_same_object():
+    assert import_module("cospeech.speech") is import_module("cospeech.audio.speech")
+    assert import_module("cospeech.audio.speech").__spec__.name == "cospeech.audio.speech"
 
 
 def locked() -> dict[str, str]:

@@ -14,7 +14,7 @@ ORDER = re.search(r"## Layers\n+```text\n(.*?)```", (ROOT / "docs" / "contributi
 RANK = {name: rank for rank, name in enumerate(ORDER.replace("<", " ").split())}
 # What is imported only when it is called: Motion.load and Motion.save; `load` of the folder of a run.
 FACADES = {("motion", "export"), ("models", "training")}
-TORCH = {"models", "training"}
+TORCH = {"models", "training", "experiments"}
 MOST_MODULES, MOST_PACKAGES = 8, 12  # at the root
 
 

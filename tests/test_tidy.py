@@ -14,7 +14,7 @@ PACKAGE = ROOT / "src" / "cospeech"
 FILES = sorted(PACKAGE.rglob("*.py"))
 PICKLERS = {"pickle", "marshal", "shelve", "dill"}
 MACHINES = r"/(?:home|root|work|Users)/\S+|(?:localhost|127\.0\.0\.1):\d+/simple"
-LINES = {"export": 200, "metrics": 200, "models": 400}  # of a file, by folder; any other file may have 400
+LINES = {"export": 200, "export/render": 400, "metrics": 200}  # of a file, by folder; any other file may have 400
 FUNCTION_LINES = 60
 FORBIDDEN_CALLS = {"eval", "exec", "print", "input", "breakpoint", "sys.exit", "exit", "quit", "pickle.load", "pickle.loads"}
 FORBIDDEN_CALLS |= {
@@ -93,7 +93,7 @@ def test_no_file_breaks_the_house_rules():
 
 def test_files_are_small():
     sizes = {relative(path): len(path.read_text("utf-8").splitlines()) for path in FILES}
-    assert {name: size for name, size in sizes.items() if size > LINES.get(name.split("/")[0], 400)} == {}
+    assert {name: size for name, size in sizes.items() if size > LINES.get(name.rpartition("/")[0], 400)} == {}
 
 
 def test_there_are_no_grab_bags():

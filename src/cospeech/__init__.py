@@ -6,7 +6,11 @@ Public names are resolved on first use, so that ``import cospeech`` (and ``cospe
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -46,6 +50,42 @@ _HOME = {
     "humanoid": "motion.skeleton",
     "load": "models",
 }
+
+
+_MOVED = {
+    "demo": "cli.demo",
+    "emotions": "audio.emotions",
+    "poses": "motion.poses",
+    "poses.controls": "motion.poses.controls",
+    "prepare": "corpora.prepare",
+    "recipe": "training.recipe",
+    "rotations": "motion.rotations",
+    "runtime.gesturer": "runtime.model",
+    "skeletons": "motion.skeletons",
+    "skeletons.arkit": "motion.skeletons.arkit",
+    "speech": "audio.speech",
+    "style_mixing": "experiments.style_mixing",
+    "train": "training.train",
+}
+"""Import paths of 0.1.0's documentation → where they lead now."""
+
+
+class _Moved(MetaPathFinder, Loader):
+    """Finds a module by the path that it had in an earlier documentation: the same object, under both names."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        return ModuleSpec(name, self) if name.removeprefix(f"{__name__}.") in _MOVED else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        module = import_module(f".{_MOVED[spec.name.removeprefix(f'{__name__}.')]}", __name__)
+        self._own = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__spec__ = self._own  # its own, which the import system has replaced
+
+
+sys.meta_path.append(_Moved())
 
 
 def __getattr__(name: str) -> object:

@@ -19,7 +19,6 @@ from typer import Argument, Option
 
 from .. import __version__
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError
-from ..export.how_to_open import HOW_TO_OPEN
 from ..models import DEFAULT, PARTS
 from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
@@ -166,6 +165,7 @@ def convert(
     cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
     """
     from ..convert import convert_file
+    from ..export.how_to_open import HOW_TO_OPEN
 
     motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar)
     if not quiet:
@@ -188,6 +188,7 @@ def render(
     """
     from ..convert import convert_file
     from ..export.checks import LISTENS
+    from ..export.how_to_open import HOW_TO_OPEN
 
     if target.suffix.lower() not in LISTENS:
         known = " ".join(sorted(LISTENS))
@@ -259,6 +260,8 @@ def bench(
 
 def _show_outputs(results: list[Report]) -> None:
     """The files, and where each kind goes, once per kind."""
+    from ..export.how_to_open import HOW_TO_OPEN
+
     if not results:
         return
     took = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)

@@ -34,7 +34,7 @@ from ..motion.rotations import (
     quat_identity,
     quat_multiply,
     quat_rotate,
-)
+)  # fmt: skip
 from ..motion.skeleton import Skeleton, named_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose

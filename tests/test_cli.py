@@ -18,7 +18,6 @@ from cospeech.cli.catalogue import CATALOGUES
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import main
 from cospeech.export import FORMATS
-from cospeech.export.how_to_open import HOW_TO_OPEN
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleGesturer
 from cospeech.runtime.bundle import write_bundle
@@ -73,7 +72,7 @@ def test_version(cli):
 
 
 def test_every_format_says_where_it_goes():
-    assert set(HOW_TO_OPEN) == set(FORMATS)
+    assert all(entry.opens for entry in FORMATS.values())
 
 
 def test_generate_writes_what_is_asked_for(cli, place):
@@ -81,7 +80,7 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert (code, err) == (0, "")
     assert sorted(p.name for p in place.iterdir()) == ["a.bvh", "b.npz", "r.json", "talk.wav"]
     assert frames_of(Path("a.bvh")) == frames_of(Path("b.npz")) == math.ceil(SECONDS * 30)
-    assert HOW_TO_OPEN[".bvh"] in out
+    assert FORMATS[".bvh"].opens in out
     report = json.loads(Path("r.json").read_text())
     assert report["frames"] == math.ceil(SECONDS * 30)
     assert report["outputs"] == ["a.bvh", "b.npz"]
@@ -135,7 +134,7 @@ def test_demo_has_everything(cli, place, monkeypatch):
     assert (code, err) == (0, "")
     suffixes = {".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}
     assert {p.name for p in (place / "show/me").iterdir()} == {f"talk{suffix}" for suffix in suffixes} | {"report.json"}
-    assert all(HOW_TO_OPEN[suffix] in out for suffix in suffixes)
+    assert all(FORMATS[suffix].opens in out for suffix in suffixes)
     assert cli("demo", "--to", "show/me", "-q")[0] == 0, "again, over what is there"
 
 

@@ -148,3 +148,10 @@ def test_python_of_the_docs_runs(path, desk, monkeypatch):
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
 def test_docs_name_no_machine(path):
     assert re.findall(r"/(?:home|root|work|Users)/\w+", path.read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize(("page", "file"), [("add_a_format.md", "toy_format.py"), ("add_a_model.md", "toy_model.py")])
+def test_pages_show_whole_files(page, file):
+    """They are up to date by the first test of this file, and run in tests/test_plugins.py."""
+    text = (ROOT / "docs" / page).read_text("utf-8")
+    assert (ROOT / "examples" / "plugins" / file).read_text("utf-8") in text

@@ -14,7 +14,8 @@ from PIL import Image
 from cospeech.audio.speech import Word
 from cospeech.errors import InputError
 from cospeech.export import open_writer
-from cospeech.export.pictures import PICTURES, render_motion
+from cospeech.export.pictures import render_motion
+from cospeech.export.registry import suffixes
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat
 from cospeech.motion.skeleton import humanoid
@@ -192,7 +193,7 @@ def test_strip_of_short_motion_without_sound(tmp_path, frames):
         assert np.asarray(picture).std() > 10
 
 
-@pytest.mark.parametrize("suffix", PICTURES)
+@pytest.mark.parametrize("suffix", suffixes(lambda entry: entry.picture))
 def test_bad_input_is_told_and_leaves_nothing(tmp_path, suffix):
     target, motion = tmp_path / f"a{suffix}", gesturing(2)
     text = tmp_path / "talk.wav"

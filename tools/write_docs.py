@@ -1,7 +1,7 @@
 """`make docs`: writes what the documentation takes from the code, so that it cannot drift; a test compares.
 
 ``docs/cli.md`` is written whole. In other pages (README.md too) the lines between ``<!-- table: NAME -->`` and
-``<!-- end -->`` are.
+``<!-- end -->`` are, and those after ``<!-- file: PATH -->``, which are the file.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cospeech.cli.catalogue import catalogue
-from cospeech.export.how_to_open import HOW_TO_OPEN
 from cospeech.limits import LIMITS, Limit
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = ("generate", "convert", "render", "list", "demo", "bench", "prepare", "synthesise", "evaluate", "train", "bundle")
 BINARY = {30: "GiB", 20: "MiB", 10: "KiB", 0: "bytes"}
 BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
+FILE = re.compile(r"(<!-- file: (\S+) -->\n```\w+\n).*?(^```\n<!-- end -->)", re.S | re.M)
 
 CLI_HEAD = """\
 # Command line
@@ -61,9 +61,7 @@ def named(what: str) -> Callable[[], str]:
 
 
 def formats() -> str:
-    rows = [
-        [f"[`{r['name']}`](#{r['name'][1:]})", r["what"], r["access"], HOW_TO_OPEN[r["name"]]] for r in catalogue("formats")
-    ]
+    rows = [[f"[`{r['name']}`](#{r['name'][1:]})", r["what"], r["access"], r["opens"]] for r in catalogue("formats")]
     return table(["suffix", "what it holds", "cospeech can", "where it goes"], rows)
 
 
@@ -96,7 +94,8 @@ def pages() -> dict[Path, str]:
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if path not in found:
             text = path.read_text("utf-8")
-            found[path] = BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
+            text = BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
+            found[path] = FILE.sub(lambda match: match[1] + (ROOT / match[2]).read_text("utf-8") + match[3], text)
     return found
 
 

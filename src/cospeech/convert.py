@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
-from .export.checks import FPS_RANGE, LISTENS, File, check_avatar, check_files, check_range, check_skeleton
+from .export.checks import FPS_RANGE, File, check_avatar, check_files, check_range, check_skeleton
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
 
@@ -39,7 +39,7 @@ def convert_file(
     Raises:
         InputError: a file cannot be read or written, or the skeleton is not recognised.
     """
-    format_of(target)
+    written = format_of(target)
     inputs = [path for path in (names, audio, avatar) if path]
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
@@ -50,14 +50,15 @@ def convert_file(
     shown = [part for part in format_of(source).holds if part != "face" or motion.face is not None]
     check_parts(target, shown, f"{str(source)!r} holds")
     options: dict[str, object] = {}
-    if "body" not in shown and Path(target).suffix.lower() in LISTENS:
+    if "body" not in shown and written.picture:
         if camera not in (None, "face"):
             raise InputError(f"camera {camera!r} would show nothing that moves: {str(source)!r} holds a face only", "face does")
         options["camera"] = "face"
     if names is not None and "body" not in shown:
         warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
-    if audio is not None and Path(target).suffix.lower() == ".gif":
-        warnings.warn("the speech changes nothing: a .gif has neither sound nor a waveform", CospeechWarning, stacklevel=2)
+    if audio is not None and written.picture and not written.sound:
+        problem = f"the speech changes nothing: a {Path(target).suffix.lower()} has neither sound nor a waveform"
+        warnings.warn(problem, CospeechWarning, stacklevel=2)
     if skeleton is not None or names is not None:
         motion = motion.retarget(skeleton or "humanoid", bone_map=load_map(names) if names else None)
     if fps is not None:

@@ -23,18 +23,8 @@ from .audio.emotions import EmotionTrack, emotion_track, read_emotion_track
 from .audio.forced_alignment import align_with_recogniser
 from .audio.speech import Speech, SpeechSource, Word, open_speech
 from .errors import CospeechWarning, InputError, nearest
-from .export import FORMATS, Writer, check_parts, open_writer
-from .export.checks import (
-    FPS_RANGE,
-    KEEPS_SKELETON,
-    LISTENS,
-    WEARS_AVATAR,
-    File,
-    check_avatar,
-    check_files,
-    check_range,
-    check_skeleton,
-)
+from .export import FORMATS, Writer, check_parts, format_of, open_writer
+from .export.checks import FPS_RANGE, File, check_avatar, check_files, check_range, check_skeleton
 from .face.gains import face_gains
 from .files import all_or_none
 from .models import DEFAULT, PARTS, Gesturer, Performance
@@ -146,7 +136,7 @@ def generate_files(
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
-        keywords = _writer_keywords(audio, avatar, special or {}, source.words)
+        keywords = _writer_keywords(files, audio, avatar, special or {}, source.words)
         counts = set[int]()
         for group, performance in _passes(gesturer, options, seed, takes):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
@@ -289,18 +279,19 @@ def _write_all(
     """Write a stream of takes, each to its files, all at once; how many frames they have: one number, if all is well."""
     counts, writers = [0] * len(takes), list[Writer]()
     paths = [path for files in takes for path in files]
-    suffixes = [path.suffix.lower() for path in paths]
+    any_skeleton = {path: format_of(path).any_skeleton for path in paths}
     with ExitStack() as stack:
         for pieces in moving:
             others = pieces if skeleton == "humanoid" else [piece.retarget(skeleton) for piece in pieces]
             kept = [
-                other if path.suffix.lower() in KEEPS_SKELETON else piece
+                other if any_skeleton[path] else piece
                 for piece, other, files in zip(pieces, others, takes, strict=True)
                 for path in files
             ]
             if not writers:
-                for path, suffix, motion in zip(paths, suffixes, kept, strict=True):
-                    writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **keywords.get(suffix, {}))
+                for path, motion in zip(paths, kept, strict=True):
+                    more = keywords.get(path.suffix.lower(), {})
+                    writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **more)
                     writers.append(stack.enter_context(writer))
             for writer, motion in zip(writers, kept, strict=True):
                 writer.write(motion)
@@ -309,16 +300,23 @@ def _write_all(
 
 
 def _writer_keywords(
-    audio: File, avatar: File | None, special: Mapping[str, Mapping[str, object]], words: tuple[Word, ...] | None
+    files: Sequence[Path],
+    audio: File,
+    avatar: File | None,
+    special: Mapping[str, Mapping[str, object]],
+    words: tuple[Word, ...] | None,
 ) -> dict[str, dict[str, object]]:
     """Suffix → what the writer of that format is given beside skeleton and fps."""
-    keywords: dict[str, dict[str, object]] = {suffix: {"audio": audio} for suffix in LISTENS}
-    if words:
-        keywords[".png"]["words"] = list(words)
-    if avatar is not None:
-        keywords |= {suffix: {"avatar": avatar} for suffix in WEARS_AVATAR}
-    for suffix, more in special.items():
-        keywords[suffix] = keywords.get(suffix, {}) | dict(more)
+    keywords: dict[str, dict[str, object]] = {}
+    for suffix in {path.suffix.lower() for path in files}:
+        own, entry = keywords.setdefault(suffix, {}), FORMATS[suffix]
+        if entry.sound:
+            own["audio"] = audio
+        if entry.words and words:
+            own["words"] = list(words)
+        if entry.wears_avatar and avatar is not None:
+            own["avatar"] = avatar
+        own |= special.get(suffix, {})
     return keywords
 
 

@@ -80,6 +80,7 @@ def _formats() -> list[Row]:
             "what": entry.what,
             "holds": ", ".join(entry.holds),
             "access": "read and write" if entry.readable else "write",
+            "opens": entry.opens,
         }
         for suffix, entry in FORMATS.items()
     ]

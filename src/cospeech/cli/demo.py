@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
+from ..export import FORMATS
 from ..files import describe_os_error
 from ..generate import Progress, generate_files
 from ..runtime.report import Report
@@ -20,7 +21,7 @@ EXAMPLE_WORDS = EXAMPLE.with_suffix(".TextGrid")
 """Its words and their times."""
 
 VIDEO_SIZE = (540, 540)  # ours: drawn in half the time of the usual 720, so that the demonstration stays short
-SUFFIXES = (".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png")
+SUFFIXES = tuple(suffix for suffix in FORMATS.ours if suffix != ".gif")  # the video shows as much
 
 
 def make_demo(folder: str | PathLike[str], *, progress: Progress | None = None) -> Report:
@@ -36,7 +37,7 @@ def make_demo(folder: str | PathLike[str], *, progress: Progress | None = None) 
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make the folder {str(place)!r}: {describe_os_error(error)}", "name another one") from None
-    suffixes = [suffix for suffix in SUFFIXES if suffix != ".mp4" or find_spec("av")]
+    suffixes = [suffix for suffix in SUFFIXES if not (module := FORMATS[suffix].needs) or find_spec(module)]
     return generate_files(
         EXAMPLE,
         [place / f"talk{suffix}" for suffix in suffixes],

@@ -165,11 +165,11 @@ def convert(
     cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
     """
     from ..convert import convert_file
-    from ..export.how_to_open import HOW_TO_OPEN
+    from ..export import format_of
 
     motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar)
     if not quiet:
-        print(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({HOW_TO_OPEN[target.suffix.lower()]})")
+        print(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({format_of(target).opens})")
 
 
 @app.command()
@@ -187,15 +187,16 @@ def render(
     cospeech render talk.glb talk.mp4 --audio talk.wav
     """
     from ..convert import convert_file
-    from ..export.checks import LISTENS
-    from ..export.how_to_open import HOW_TO_OPEN
+    from ..export import FORMATS, format_of
+    from ..export.registry import suffixes
 
-    if target.suffix.lower() not in LISTENS:
-        known = " ".join(sorted(LISTENS))
+    suffix = target.suffix.lower()
+    if suffix not in FORMATS or not FORMATS[suffix].picture:
+        known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
     convert_file(source, target, audio=audio, camera=camera)
     if not quiet:
-        print(f"{target}  ({HOW_TO_OPEN[target.suffix.lower()]})")
+        print(f"{target}  ({format_of(target).opens})")
 
 
 @app.command("list")
@@ -223,7 +224,7 @@ def demo(
 ) -> None:
     """Make every kind of file from the example speech.
 
-    These are .bvh .glb .vrma .csv .json .npz .mp4 .png.
+    All of `cospeech list formats` but .gif; .mp4 needs the extra `av`.
     """
     from .demo import make_demo
 
@@ -260,7 +261,7 @@ def bench(
 
 def _show_outputs(results: list[Report]) -> None:
     """The files, and where each kind goes, once per kind."""
-    from ..export.how_to_open import HOW_TO_OPEN
+    from ..export import format_of
 
     if not results:
         return
@@ -273,7 +274,7 @@ def _show_outputs(results: list[Report]) -> None:
     told = set()
     for name in outputs:
         suffix = Path(name).suffix.lower()
-        print(f"  {name}" if suffix in told else f"  {name:<{width}}  {HOW_TO_OPEN[suffix]}")
+        print(f"  {name}" if suffix in told else f"  {name:<{width}}  {format_of(name).opens}")
         told.add(suffix)
 
 

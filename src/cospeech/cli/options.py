@@ -9,11 +9,16 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
+from ..export.registry import FORMATS
+
 __all__ = [
     "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Json", "Map",
     "Model", "Motion", "NewFps", "Output", "Parts", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker", "Style",
     "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
 ]  # fmt: skip
+
+
+_READABLE = [suffix for suffix, entry in FORMATS.ours.items() if entry.readable]
 
 
 def option(*flags: str, help: str, metavar: str | None = None, parser: Callable[[str], Any] | None = None) -> Any:
@@ -42,7 +47,7 @@ Audio = Annotated[
         "Or folders of them; or - for standard input.",
     ),
 ]
-Motion = Annotated[Path, Argument(metavar="MOTION", help="Motion file to read: .bvh .glb .vrma .csv .json .npz.")]
+Motion = Annotated[Path, Argument(metavar="MOTION", help=f"Motion file to read: {' '.join(_READABLE)}.")]
 Output = Annotated[
     list[str] | None,
     option(

@@ -12,14 +12,14 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
+from ..export.registry import reads_body, suffixes
 from ..files import describe_os_error
 from .clip import Clip, Dropped
 from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
 
-__all__ = ["MOTION", "SOUND", "WORDS", "read", "sounds"]
+__all__ = ["SOUND", "WORDS", "read", "sounds"]
 
 SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
-MOTION = (".bvh", ".glb", ".vrma", ".npz")
 WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
 _PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB
 
@@ -27,8 +27,8 @@ _PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB
 def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     """Clips in order of path, one at a time; the name is the path below the folder, without suffix.
 
-    Where several files could be a clip's sound, motion or words, the first suffix of `SOUND`, `MOTION`, `WORDS` counts. A
-    second sound of one name is reported as dropped.
+    Where several files could be a clip's sound, motion or words, the first suffix of `SOUND`, of the formats, of `WORDS`
+    counts. A second sound of one name is reported as dropped.
 
     Raises:
         InputError: no such folder, or no sound file in it.
@@ -76,7 +76,7 @@ def _read(root: Path) -> Iterator[Clip | Dropped]:
 
 
 def _clip(name: str, speaker: str, sound: Path, files: dict[str, Path]) -> Clip:
-    path = next((files[suffix] for suffix in MOTION if suffix in files), None)
+    path = next((files[suffix] for suffix in suffixes(reads_body) if suffix in files), None)
     face = files[".json"] if ".json" in files and _is_face(files[".json"]) else None
     words = next((files[s] for s in WORDS if s in files and files[s] != face), None)
     motion = None if path is None else load_motion(path)

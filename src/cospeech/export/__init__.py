@@ -1,49 +1,27 @@
 """Motion files: one module per format, each with a ``Writer`` and, where the format can be read, a ``load``.
 
-The suffix picks the module. A `Writer` takes motion in pieces, so that hours of it never have to be in memory at once;
-``save`` is a writer that gets one piece.
+The suffix picks the module; `cospeech.export.registry` has the table. A `Writer` takes motion in pieces, so that hours of it
+never have to be in memory at once; ``save`` is a writer that gets one piece.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection
 from contextlib import AbstractContextManager
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..files import atomic
-from ..motion.motion import Motion
-from ..motion.skeleton import Skeleton
+from .registry import FORMATS, Format, check_parts, format_of, reads_body, suffixes
 
-__all__ = ["FORMATS", "Format", "Writer", "check_parts", "load", "open_writer", "save"]
+if TYPE_CHECKING:  # the table of formats is read where nothing heavy is imported
+    from ..motion.motion import Motion
+    from ..motion.skeleton import Skeleton
 
-
-class Format(NamedTuple):
-    """A row of the table of formats."""
-
-    module: str
-    what: str
-    readable: bool
-    holds: tuple[str, ...] = ("face", "body", "hands")
-    """Parts of a character."""
-
-
-FORMATS: dict[str, Format] = {
-    ".bvh": Format("cospeech.export.bvh", "skeleton animation, centimetres, T-pose rest", True, ("body", "hands")),
-    ".glb": Format("cospeech.export.glb", "skinned character with 52 morph targets, animated", True),
-    ".vrma": Format("cospeech.export.vrma", "VRM animation 1.0, for any VRM avatar", True),
-    ".csv": Format("cospeech.export.live_link_csv", "Live Link Face recording, 61 channels", True, ("face",)),
-    ".json": Format("cospeech.export.arkit_json", "ARKit-52 weights in BEAT's face layout", True, ("face",)),
-    ".npz": Format("cospeech.export.npz", "SMPL-X poses in BEAT2's layout", True),
-    ".mp4": Format("cospeech.export.mp4", "preview video with the speech", False),
-    ".gif": Format("cospeech.export.gif", "moving preview picture", False),
-    ".png": Format("cospeech.export.png", "strip of frames with the waveform", False),
-}
-"""Suffix → module; `cospeech list formats` and the tests iterate over it."""
+__all__ = ["FORMATS", "Format", "Writer", "check_parts", "format_of", "load", "open_writer", "save"]
 
 
 class Writer(AbstractContextManager["Writer"], ABC):
@@ -117,45 +95,10 @@ class Writer(AbstractContextManager["Writer"], ABC):
                 raise
 
 
-def format_of(path: str | PathLike[str]) -> Format:
-    """Look up the format of ``path`` by its suffix.
-
-    Raises:
-        InputError: unknown suffix; the message lists those that are known.
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(f"cannot tell the format of {str(path)!r}", f"known suffixes: {' '.join(FORMATS)}")
-    return FORMATS[suffix]
-
-
-def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -> None:
-    """Whether a file can show anything of some parts of a character.
-
-    Args:
-        path: of the file to be.
-        parts: of face, body and hands, what there is to show.
-        whose: the beginning of the message: ``"--parts face makes"``, say.
-
-    Raises:
-        InputError: its format holds none of them; the message names those that do.
-    """
-    holds = format_of(path).holds
-    if not {*parts} & {*holds}:
-        fit = " ".join(suffix for suffix, entry in FORMATS.items() if {*parts} & {*entry.holds})
-        problem = (
-            f"{str(path)!r} would not move: {whose} {_listed(parts)} only, {Path(path).suffix} files hold {_listed(holds)}"
-        )
-        raise InputError(problem, f"for {_listed(parts)}: {fit}")
-
-
-def _listed(parts: Collection[str]) -> str:
-    return " and ".join(parts)
-
-
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:
     """A writer for ``path``, chosen by its suffix; use it in a ``with`` block."""
-    return import_module(format_of(path).module).Writer(path, skeleton=skeleton, fps=fps, **options)
+    writer: Writer = import_module(format_of(path).module).Writer(path, skeleton=skeleton, fps=fps, **options)
+    return writer
 
 
 def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
@@ -176,5 +119,7 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
         raise InputError(f"cannot read {str(path)!r}: it is a folder", "name a motion file")
     entry = format_of(path)
     if not entry.readable:
-        raise InputError(f"{Path(path).suffix} files can be written but not read", "load a .bvh, .glb, .vrma or .npz")
-    return import_module(entry.module).load(path, **options)
+        *most, last = suffixes(reads_body)
+        raise InputError(f"{Path(path).suffix} files can be written but not read", f"load a {', '.join(most)} or {last}")
+    found: Motion = import_module(entry.module).load(path, **options)
+    return found

@@ -8,39 +8,31 @@ from pathlib import Path
 
 from ..errors import InputError, nearest
 from ..motion.skeletons import SKELETONS
-from . import FORMATS, format_of
+from .registry import FORMATS, format_of, suffixes
 
-__all__ = [
-    "FPS_RANGE", "KEEPS_SKELETON", "LISTENS", "WEARS_AVATAR", "File", "check_avatar", "check_files", "check_range",
-    "check_skeleton",
-]  # fmt: skip
+__all__ = ["FPS_RANGE", "File", "check_avatar", "check_files", "check_range", "check_skeleton"]
 
 File = str | PathLike[str]
 
 FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
-LISTENS = frozenset({".mp4", ".gif", ".png"})
-"""Suffixes of pictures, which carry or draw the speech."""
-KEEPS_SKELETON = frozenset({".bvh"})
-"""Suffixes of files that hold any skeleton as it is; the other formats prescribe theirs."""
-WEARS_AVATAR = frozenset({".glb"})
-"""Suffixes of files in which somebody's character can take the place of ours."""
 
 
-def check_skeleton(skeleton: str, suffixes: set[str]) -> None:
+def check_skeleton(skeleton: str, written: set[str]) -> None:
     """There is such a skeleton, and one of the files, if any, can hold it."""
     if skeleton not in SKELETONS:
         raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
-    if suffixes and not suffixes & KEEPS_SKELETON:
+    if written and not any(FORMATS[suffix].any_skeleton for suffix in written):
         raise InputError(
-            f"skeleton {skeleton!r} would not be seen in {' '.join(sorted(suffixes))}",
-            f"it is for {' '.join(sorted(KEEPS_SKELETON))} files; the other formats have their own",
+            f"skeleton {skeleton!r} would not be seen in {' '.join(sorted(written))}",
+            f"it is for {' '.join(suffixes(lambda entry: entry.any_skeleton))} files; the other formats have their own",
         )
 
 
-def check_avatar(avatar: File, suffixes: set[str]) -> None:
+def check_avatar(avatar: File, written: set[str]) -> None:
     """The character is there, and one of the files can show it."""
-    if not suffixes & WEARS_AVATAR:
-        raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {' '.join(sorted(WEARS_AVATAR))} files")
+    if not any(FORMATS[suffix].wears_avatar for suffix in written):
+        fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
+        raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
 

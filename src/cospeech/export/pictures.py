@@ -8,11 +8,10 @@ from pathlib import Path
 from ..errors import InputError
 from ..motion.motion import Motion
 from . import save
+from .registry import FORMATS, suffixes
 from .render.frames import BACKDROP
 
-__all__ = ["PICTURES", "background_of", "no_avatar", "render_motion", "size_of"]
-
-PICTURES = (".mp4", ".gif", ".png")
+__all__ = ["background_of", "no_avatar", "render_motion", "size_of"]
 
 
 def render_motion(
@@ -42,8 +41,9 @@ def render_motion(
         InputError: unknown suffix or camera, a size or rate out of range, or the audio cannot be read.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in PICTURES:
-        raise InputError(f"cannot draw {str(path)!r}", f"name a file that ends in {', '.join(PICTURES)}")
+    if suffix not in FORMATS or not FORMATS[suffix].picture:
+        known = ", ".join(suffixes(lambda entry: entry.picture))
+        raise InputError(f"cannot draw {str(path)!r}", f"name a file that ends in {known}")
     if suffix == ".png" and fps is not None:
         raise InputError(f"{fps} pictures per second of a strip", "leave fps out for .png")
     options = {"audio": audio, "size": size, "camera": camera, "rate": fps, "background": background}

@@ -23,6 +23,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import InputError, nearest
+from ..export.registry import FORMATS, reads_body, suffixes
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .autoregressive_decoder import Source
@@ -35,8 +36,6 @@ __all__ = [
     "Blend", "CodeSource", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer", "example_files",
 ]  # fmt: skip
 
-BODIES = (".bvh", ".glb", ".vrma", ".npz")
-"""Suffixes of motion files that have a body."""
 BLOCK = 1.0  # s; ours: of latents drawn together, about a gesture stroke with its preparation
 CHUNK = 64  # frames drawn at once
 ALL = 1 - 1e-6  # ours: weights that add up to so much leave nothing to the default style
@@ -311,13 +310,16 @@ def _known(who: object, names: tuple[str, ...]) -> str:
         raise InputError(f"style {_shown(who)}", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
+    known = " ".join(suffixes(reads_body))
     if Path(who).suffix and not who.endswith(".") and (_is_file(who) or "/" in who):
-        raise InputError(f"no example of style can be read from {who[:120]!r}", f"motion files: {' '.join(BODIES)}")
-    raise InputError(f"no style is called {who[:60]!r}", f"{nearest(who, names)}; or an example: {' '.join(BODIES)}")
+        raise InputError(f"no example of style can be read from {who[:120]!r}", f"motion files: {known}")
+    raise InputError(f"no style is called {who[:60]!r}", f"{nearest(who, names)}; or an example: {known}")
 
 
 def _has_body(text: str) -> bool:
-    return text.lower().endswith(BODIES)
+    _, dot, end = text.rpartition(".")
+    entry = FORMATS.get(f".{end.lower()}") if dot else None
+    return entry is not None and reads_body(entry)
 
 
 def _is_file(text: str) -> bool:

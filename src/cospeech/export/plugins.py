@@ -1,0 +1,94 @@
+"""Registries: name → row; our own rows, and those that other installed packages add through entry points.
+
+A package adds a row by a line of its metadata, ``NAME = module:OBJECT``, in the group of the registry: ``cospeech.formats`` or
+``cospeech.models``. Its module is imported when that name is asked for, or when all names are; never for a name of ours.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Generic, TypeVar
+
+from ..errors import CospeechWarning
+
+__all__ = ["Registry"]
+
+Row = TypeVar("Row")
+
+
+class Registry(Mapping[str, Row], Generic[Row]):
+    """Name → row, ours first. A plug-in that cannot be used is told of in one line, and is as if it were not there.
+
+    Args:
+        ours: the rows of this package; they win where a plug-in has the same name.
+        group: of the entry points.
+        kind: what an entry point must lead to.
+        prefix: what stands before the name of an entry point in the registry: the dot of a suffix.
+    """
+
+    def __init__(self, ours: Mapping[str, Row], *, group: str, kind: type[Row], prefix: str = "") -> None:
+        self.ours = dict(ours)
+        self._group, self._kind, self._prefix = group, kind, prefix
+        self._loaded: dict[EntryPoint, Row | None] = {}
+        self._told: set[str] = set()
+
+    def __getitem__(self, name: str) -> Row:
+        if name in self.ours:
+            return self.ours[name]
+        row = next((self._load(entry) for entry in self._entries() if self._prefix + entry.name == name), None)
+        if row is None:
+            raise KeyError(name)
+        return row
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.ours
+        seen = set(self.ours)
+        for entry in self._entries():
+            name = self._prefix + entry.name
+            if name in seen:
+                who = "cospeech has" if name in self.ours else "another package has"
+                self._tell(f"{_shown(entry)} is not used: {who} {name!r} already")
+            elif self._load(entry) is not None:
+                seen.add(name)
+                yield name
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _entries(self) -> tuple[EntryPoint, ...]:
+        return _find_entries(self._group, tuple(sys.path))
+
+    def _load(self, entry: EntryPoint) -> Row | None:
+        if entry not in self._loaded:
+            self._loaded[entry] = None
+            try:
+                row = entry.load()
+            except Exception as error:  # whatever a stranger's module does when it is imported
+                self._tell(f"{_shown(entry)} cannot be used: {type(error).__name__}: {error}")
+            else:
+                if isinstance(row, self._kind):
+                    self._loaded[entry] = row
+                else:
+                    self._tell(f"{_shown(entry)} cannot be used: {entry.value} is no {self._kind.__name__}")
+        return self._loaded[entry]
+
+    def _tell(self, text: str) -> None:
+        """Once per process."""
+        if text not in self._told:
+            self._told.add(text)
+            warnings.warn(text, CospeechWarning, stacklevel=4)
+
+
+def _shown(entry: EntryPoint) -> str:
+    owner = f" of {entry.dist.name}" if entry.dist is not None else ""
+    return f"plug-in {entry.name!r}{owner} ({entry.group})"
+
+
+@lru_cache(maxsize=8)  # ours: two groups, and some changes of the path
+def _find_entries(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """In order of their names, whatever the order of the folders; ``path`` is what they are looked for on."""
+    return tuple(sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)))

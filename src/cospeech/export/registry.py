@@ -1,0 +1,130 @@
+"""The table of formats: one row each with everything that is known of it; what other modules ask is read from the rows.
+
+Nothing heavy is imported here: the command line's help is made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from ..errors import InputError
+from .plugins import Registry
+
+__all__ = ["FORMATS", "Format", "check_parts", "format_of", "reads_body", "suffixes"]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A row of the table of formats."""
+
+    module: str
+    """Has the class ``Writer`` and, where the format can be read, the function ``load``."""
+    what: str
+    """One line of description."""
+    opens: str
+    """Where such a file goes next; printed after each run."""
+    readable: bool = False
+    holds: tuple[str, ...] = ("face", "body", "hands")
+    """Parts of a character."""
+    any_skeleton: bool = False
+    """Whether a file holds any skeleton as it is; the other formats prescribe theirs."""
+    wears_avatar: bool = False
+    """Whether somebody's character can take the place of ours: the Writer has the keyword ``avatar``."""
+    picture: bool = False
+    """Whether it is drawn: the Writer has the keywords of `cospeech.export.pictures.render_motion`."""
+    sound: str = ""
+    """What becomes of the speech: it is "heard" or "drawn"; nothing, else."""
+    words: bool = False
+    """Whether words are drawn: the Writer has the keyword ``words``."""
+    needs: str = ""
+    """A module that an extra installs."""
+
+
+_OURS = {
+    ".bvh": Format(
+        "cospeech.export.bvh", "skeleton animation, centimetres, T-pose rest",
+        "Blender: File > Import > Motion Capture (.bvh), Scale 0.01, tick Update Scene FPS; or MotionBuilder, Maya, iClone",
+        readable=True, holds=("body", "hands"), any_skeleton=True,
+    ),
+    ".glb": Format(
+        "cospeech.export.glb", "skinned character with 52 morph targets, animated",
+        "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
+        readable=True, wears_avatar=True,
+    ),
+    ".vrma": Format(
+        "cospeech.export.vrma", "VRM animation 1.0, for any VRM avatar",
+        "play it on any VRM avatar: three-vrm, UniVRM, VRM add-on for Blender", readable=True,
+    ),
+    ".csv": Format(
+        "cospeech.export.live_link_csv", "Live Link Face recording, 61 channels",
+        "Unreal: plugin Live Link Face Importer, then drop it into the Content Browser; Blender: Faceit",
+        readable=True, holds=("face",),
+    ),
+    ".json": Format(
+        "cospeech.export.arkit_json", "ARKit-52 weights in BEAT's face layout",
+        "52 ARKit weights per frame, for your own program", readable=True, holds=("face",),
+    ),
+    ".npz": Format(
+        "cospeech.export.npz", "SMPL-X poses in BEAT2's layout",
+        "SMPL-X: numpy.load, or the SMPL-X add-on for Blender", readable=True,
+    ),
+    ".mp4": Format(
+        "cospeech.export.mp4", "preview video with the speech", "any video player", picture=True, sound="heard", needs="av"
+    ),
+    ".gif": Format("cospeech.export.gif", "moving preview picture", "any web browser", picture=True),
+    ".png": Format(
+        "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames over the waveform",
+        picture=True, sound="drawn", words=True,
+    ),
+}  # fmt: skip
+FORMATS: Registry[Format] = Registry(_OURS, group="cospeech.formats", kind=Format, prefix=".")
+"""Suffix → row, those of other packages too; `cospeech list formats`, the documentation and the tests iterate over it."""
+
+
+def suffixes(has: Callable[[Format], bool]) -> list[str]:
+    """Those of the formats of which something is true, in the order of the table."""
+    return [suffix for suffix in FORMATS if has(FORMATS[suffix])]
+
+
+def format_of(path: str | PathLike[str]) -> Format:
+    """Look up the format of ``path`` by its suffix.
+
+    Raises:
+        InputError: unknown suffix; the message lists those that are known.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"cannot tell the format of {str(path)!r}", f"known suffixes: {' '.join(FORMATS)}")
+    return FORMATS[suffix]
+
+
+def reads_body(entry: Format) -> bool:
+    """Whether motion of a body can be read from its files."""
+    return entry.readable and "body" in entry.holds
+
+
+def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -> None:
+    """Whether a file can show anything of some parts of a character.
+
+    Args:
+        path: of the file to be.
+        parts: of face, body and hands, what there is to show.
+        whose: the beginning of the message: ``"--parts face makes"``, say.
+
+    Raises:
+        InputError: its format holds none of them; the message names those that do.
+    """
+    holds = format_of(path).holds
+    if not {*parts} & {*holds}:
+        fit = " ".join(suffixes(lambda entry: bool({*parts} & {*entry.holds})))
+        problem = (
+            f"{str(path)!r} would not move: {whose} {_listed(parts)} only, {Path(path).suffix} files hold {_listed(holds)}"
+        )
+        raise InputError(problem, f"for {_listed(parts)}: {fit}")
+
+
+def _listed(parts: Collection[str]) -> str:
+    return " and ".join(parts)

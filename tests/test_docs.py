@@ -16,7 +16,7 @@ import soundfile
 from cospeech.cli.catalogue import catalogue
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import app
-from cospeech.models import BUNDLE, MODELS, NETWORKS, SHIPPED
+from cospeech.models import MODELS, NETWORKS, shipped_bundle
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -107,7 +107,7 @@ def run(line: str, place: Path) -> subprocess.CompletedProcess[str]:
 def needs_weights(text: str) -> None:
     """Skip what plays a trained model whose weights do not ship yet."""
     for name in NETWORKS:
-        if re.search(rf"(--model |load\(\")({name})\b", text) and not (SHIPPED / f"{name}{BUNDLE}").is_file():
+        if re.search(rf"(--model |load\(\")({name})\b", text) and shipped_bundle(name) is None:
             pytest.skip(f"needs the weights of {name}, which do not ship (tools/build_weights.py)")
 
 

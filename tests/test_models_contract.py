@@ -17,7 +17,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 
 from cospeech.audio.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models import MODELS, NETWORKS  # noqa: E402
+from cospeech.models import ENTRIES, NETWORKS  # noqa: E402
 from cospeech.models.chain_of_generation import Chain  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
@@ -73,11 +73,11 @@ TINY = {
 
 
 def network_class(name: str):
-    module, _, attribute = (NETWORKS | MODELS)[name.partition("+")[0]].partition(":")
+    module, _, attribute = ENTRIES[name.partition("+")[0]].where.partition(":")
     return getattr(import_module(module), attribute)
 
 
-REGISTERED = sorted(name for name in NETWORKS | MODELS if hasattr(network_class(name), "objectives"))
+REGISTERED = sorted(name for name in ENTRIES if hasattr(network_class(name), "objectives"))
 NAMES = [*REGISTERED, *(name for name in TINY if "+" in name)]
 
 
@@ -141,7 +141,14 @@ def ready(name: str, **options):
 
 def test_every_registered_network_is_tested():
     assert set(NAMES) <= set(TINY)
-    assert set(NETWORKS) <= set(NAMES)
+    assert set(NETWORKS) == set(REGISTERED)
+
+
+@pytest.mark.parametrize("name", REGISTERED)
+def test_the_registry_says_what_a_network_needs(name):
+    """Beside poses and sound; a variant of the configuration may need less or more."""
+    named = {"text": "words", "face": "face", "emotion": "emotion"}
+    assert {named[array] for array in network(name).arrays if array in named} == set(ENTRIES[name].needs)
 
 
 @pytest.mark.parametrize("name", NAMES)

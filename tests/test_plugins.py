@@ -14,13 +14,21 @@ import numpy as np
 import pytest
 
 import cospeech
+from cospeech.audio.features import AUDIO_NAMES, audio_features
+from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
+from cospeech.corpora.store import Entry
+from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import CospeechWarning
 from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
+from cospeech.models import ENTRIES
+from cospeech.motion.poses import find_pose
+from cospeech.rules import RuleGesturer
 
 ROOT = Path(__file__).resolve().parents[1]
 TOYS = ROOT / "examples" / "plugins"
+FPS = 15.0
 
 
 def install(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
@@ -139,3 +147,71 @@ def test_nothing_is_imported_for_a_name_of_ours(package):
     assert "strange_rows" not in sys.modules
     with pytest.warns(CospeechWarning, match="SystemError: imported"), pytest.raises(KeyError):
         _ = formats[".good"]
+
+
+# models ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Two clips of our rules, as `cospeech prepare` would store them."""
+    speech, pose = Speech.load(EXAMPLE), find_pose("expmap-humanoid")
+    pieces = []
+    for seed, split in enumerate(["train", "validation"]):
+        vectors = pose.encode(RuleGesturer().generate(speech, seed=seed, fps=FPS)).astype(np.float32)
+        values = {"pose": vectors, "audio": audio_features(speech, len(vectors), FPS)}
+        entry = Entry(f"clip{seed}", "ada", split, 0, len(vectors), 0.0, ("pose", "audio"))
+        pieces.append(Piece(entry, (), lambda values=values: dict(values)))
+    folder = tmp_path_factory.mktemp("plugins") / "store"
+    names = {"pose": pose.names, "audio": AUDIO_NAMES}
+    write_store(folder, pieces, corpus="folder", pose=pose.name, fps=FPS, names=names)
+    return folder
+
+
+def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys, tmp_path):
+    rows = json.loads(run(toys, "list", "models", "--json", cwd=tmp_path).stdout)
+    ours = [name for name, entry in ENTRIES.ours.items() if entry.plays]
+    assert [row["name"] for row in rows] == [*ours, "toy-net"]
+    assert rows[-1]["what"].startswith("A toy: two convolutions")
+    assert "no weights ship" in rows[-1]["what"]
+    err = run(toys, "generate", str(EXAMPLE), "-o", "a.bvh", "--model", "toy-net", cwd=tmp_path, code=2).stderr
+    assert err.startswith("error: no weights of 'toy-net' ship")
+    err = run(tmp_path, "generate", str(EXAMPLE), "-o", "a.bvh", "--model", "toy-net", cwd=tmp_path, code=2).stderr
+    assert err.startswith("error: no model is called 'toy-net'")
+
+
+def test_a_model_of_another_package_is_trained_by_its_recipe(toys, store, tmp_path):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    recipe = str(TOYS / "toy_net.toml")
+    done = run(toys, "train", recipe, "--store", str(store), "--out", "run", cwd=tmp_path)
+    assert "20 steps" in done.stdout
+    facts = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert (facts["model"], facts["config"]["channels"], facts["config"]["reach"]) == ("toy-net", 32, 4)
+    losses = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert losses
+    wrong = run(toys, "train", recipe, "--store", str(store), "--set", "model.reach=-1", cwd=tmp_path, code=2).stderr
+    assert wrong.startswith("error: frames, channels, reach of a ToyNet")
+    wrong = run(tmp_path, "train", recipe, "--store", str(store), cwd=tmp_path, code=2).stderr
+    assert wrong.startswith("error: no network is called 'toy-net'")
+
+
+GESTURER = """
+from cospeech.models import ModelEntry
+from cospeech.rules import RuleGesturer
+
+MODEL = ModelEntry(f"{__name__}:Calm", "Our rules at half their size", trains=False)
+
+
+class Calm(RuleGesturer):
+    def session(self, **options):
+        return super().session(**{**options, "intensity": options.get("intensity", 1.0) / 2})
+"""
+
+
+def test_a_model_without_a_network_plays_at_once(tmp_path):
+    (tmp_path / "calm_model.py").write_text(GESTURER)
+    install(tmp_path, "calm", {"cospeech.models": {"calm-rules": "calm_model:MODEL"}})
+    for name, options in {"theirs": ("--model", "calm-rules"), "ours": ("--intensity", "0.5")}.items():
+        run(tmp_path, "generate", str(EXAMPLE), "-o", f"{name}.bvh", *options, cwd=tmp_path)
+    assert (tmp_path / "theirs.bvh").read_bytes() == (tmp_path / "ours.bvh").read_bytes()
+    assert "calm-rules" in run(tmp_path, "list", "models", cwd=tmp_path).stdout

@@ -17,7 +17,7 @@ torch = pytest.importorskip("torch", reason="training needs torch (cospeech[trai
 import tiny_models  # noqa: E402
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import CospeechError, CospeechWarning, InputError  # noqa: E402
-from cospeech.models import NETWORKS  # noqa: E402
+from cospeech.models import ENTRIES  # noqa: E402
 from cospeech.training.batch_loader import POSE_FLOOR, standard_audio, standard_pose  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_facts, read_tensors, write_tensors  # noqa: E402
 from cospeech.training.feature_networks import load_features  # noqa: E402
@@ -34,8 +34,8 @@ TINY = sorted(tiny_models.MODELS)
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch):
-    for name, where in tiny_models.MODELS.items():
-        monkeypatch.setitem(NETWORKS, name, where)
+    for name, entry in tiny_models.MODELS.items():
+        monkeypatch.setitem(ENTRIES.ours, name, entry)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ torch = pytest.importorskip("torch", reason="training needs torch (cospeech[trai
 
 import tiny_models  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models import NETWORKS  # noqa: E402
+from cospeech.models import ENTRIES  # noqa: E402
 from cospeech.models.nn.norm import BatchNorm1d, batch_norm, global_moments  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.processes import Team, average, mean_values  # noqa: E402
@@ -72,8 +72,8 @@ def together(place, store):
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch):
-    for name, where in tiny_models.MODELS.items():
-        monkeypatch.setitem(NETWORKS, name, where)
+    for name, entry in tiny_models.MODELS.items():
+        monkeypatch.setitem(ENTRIES.ours, name, entry)
 
 
 def log(folder):

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from cospeech.models import ModelEntry
 from cospeech.models.nn.flow import Flow, RecurrentNet
 from cospeech.models.nn.norm import BatchNorm1d
 from cospeech.models.nn.objective import Batch, Objective
 
 __all__ = ["MODELS", "TinyCascade", "TinyFlow", "TinyGan", "slowly"]
 
-MODELS = {f"tiny-{kind.lower()}": f"tiny_models:Tiny{kind}" for kind in ("Flow", "Gan", "Cascade")}
+MODELS = {
+    f"tiny-{kind.lower()}": ModelEntry(f"tiny_models:Tiny{kind}", "for tests", plays=False)
+    for kind in ("Flow", "Gan", "Cascade")
+}
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import torch._dynamo  # the optimisers import it: here once, before the jobs for
 from torch import distributed as dist
 
 import tiny_models
-from cospeech.models import NETWORKS
+from cospeech.models import ENTRIES
 from cospeech.training.recipe import read_recipe
 from cospeech.training.train import train
 
@@ -70,7 +70,7 @@ def alone(job: dict) -> int:
 
 def main(work: dict) -> None:
     torch.set_num_threads(1)
-    NETWORKS.update(tiny_models.MODELS)
+    ENTRIES.ours.update(tiny_models.MODELS)
     if "size" not in work:
         sys.stdout.write(json.dumps([alone(job) for job in work["jobs"]]))
         return

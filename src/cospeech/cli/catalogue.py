@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from importlib.util import find_spec
 from inspect import getdoc
 from itertools import groupby
-from pathlib import Path
 
 from ..errors import InputError, nearest
 
@@ -30,22 +27,16 @@ def _registered(registry: Mapping[str, str]) -> list[Row]:
     return rows
 
 
-def _read(where: str) -> str:
-    """The first line of the docstring of ``module:Class``, read and not imported: networks need torch, a list does not."""
-    module, _, name = where.partition(":")
-    spec = find_spec(module)
-    assert spec is not None
-    body = ast.parse(Path(str(spec.origin)).read_text("utf-8")).body
-    found = next(node for node in body if isinstance(node, ast.ClassDef) and node.name == name)
-    return (ast.get_docstring(found) or "").partition("\n")[0].rstrip(".")
-
-
 def _models() -> list[Row]:
-    from ..models import BUNDLE, MODELS, NETWORKS, SHIPPED
+    from ..models import ENTRIES, MODELS, shipped_bundle
 
-    plays = {name: name not in NETWORKS or (SHIPPED / f"{name}{BUNDLE}").is_file() for name in MODELS}
     more = {True: "; ready to use", False: "; no weights ship, train it: docs/training.md"}
-    return [{"name": name, "what": _read(where) + more[plays[name]]} for name, where in MODELS.items()]
+    rows = []
+    for name in MODELS:
+        entry = ENTRIES[name]
+        what = entry.what + more[not entry.trains or shipped_bundle(name) is not None]
+        rows.append({"name": name, "what": what, "paper": entry.paper, "needs": ", ".join(entry.needs)})
+    return rows
 
 
 def _styles() -> list[Row]:

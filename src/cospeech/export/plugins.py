@@ -10,10 +10,12 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from ..errors import CospeechWarning
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 __all__ = ["Registry"]
 
@@ -91,4 +93,6 @@ def _shown(entry: EntryPoint) -> str:
 @lru_cache(maxsize=8)  # ours: two groups, and some changes of the path
 def _find_entries(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """In order of their names, whatever the order of the folders; ``path`` is what they are looked for on."""
+    from importlib.metadata import entry_points  # it takes longer to import than all of `cospeech --help`
+
     return tuple(sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)))

@@ -10,49 +10,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
 from ..files import scratch, workplace
+from .registry import ENTRIES, MODELS, NETWORKS, ModelEntry
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..motion.motion import Motion
 
-__all__ = ["BUNDLE", "DEFAULT", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "Performance", "load", "plays"]
-
-MODELS: dict[str, str] = {
-    "rules": "cospeech.rules:RuleGesturer",
-    "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
-    "moglow": "cospeech.models.moglow:MoGlow",
-    "mix-stage": "cospeech.models.mix_stage:MixStage",
-    "stage": "cospeech.models.stage:Stage",
-    "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
-    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
-    "munit": "cospeech.models.munit:Munit",
-    "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
-    "speech-to-face": "cospeech.models.speech_to_face:SpeechToFace",
-    "camn": "cospeech.models.camn:Camn",
-    "multi-context": "cospeech.models.multi_context:MultiContext",
-}
-"""Name → ``module:Class``; `cospeech list models`, the documentation and the tests iterate over it."""
-
-NETWORKS: dict[str, str] = {
-    "stylised-flow": "cospeech.models.stylised_flow:StylisedFlow",
-    "moglow": "cospeech.models.moglow:MoGlow",
-    "mix-stage": "cospeech.models.mix_stage:MixStage",
-    "stage": "cospeech.models.stage:Stage",
-    "cmix-gan": "cospeech.models.cmix_gan:CMixGan",
-    "speech2gesture": "cospeech.models.speech2gesture:Speech2Gesture",
-    "munit": "cospeech.models.munit:Munit",
-    "speech-to-face": "cospeech.models.speech_to_face:SpeechToFace",
-    "chain-of-generation": "cospeech.models.chain_of_generation:ChainOfGeneration",
-    "chain-of-generation-live": "cospeech.models.chain_live:ChainLive",
-    "speech-classifier": "cospeech.models.speech_classifier:SpeechClassifier",
-    "camn": "cospeech.models.camn:Camn",
-    "multi-context": "cospeech.models.multi_context:MultiContext",
-    "seq2seq": "cospeech.models.seq2seq:Seq2Seq",
-    "gesture-autoencoder": "cospeech.models.gesture_autoencoder:GestureAutoencoder",
-    "fgd-autoencoder": "cospeech.models.gesture_autoencoder:FgdAutoencoder",
-    "speaker-classifier": "cospeech.models.speaker_classifier:SpeakerClassifier",
-}
-"""Name → ``module:Class`` of what recipes train: networks of systems, and those whose features are for losses and metrics."""
+__all__ = [
+    "BUNDLE", "DEFAULT", "ENTRIES", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "ModelEntry", "Performance", "load",
+    "plays", "shipped_bundle",
+]  # fmt: skip
 
 DEFAULT = "rules"
 """The best that ships: what ``generate`` uses when no model is named."""
@@ -162,9 +129,15 @@ class Gesturer(Protocol):
 def plays(name: str | PathLike[str]) -> bool:
     """Whether `load` takes it: a registered name, a bundle by its suffix, or a run folder."""
     try:
-        return str(name) in MODELS or Path(name).suffix == BUNDLE or (Path(name) / "config.json").is_file()
+        return Path(name).suffix == BUNDLE or str(name) in MODELS or (Path(name) / "config.json").is_file()
     except (OSError, ValueError):  # longer than names can be, say
         return False
+
+
+def shipped_bundle(name: str) -> Path | None:
+    """The weights that come with a model of `MODELS`; None where there are none."""
+    path = Path(ENTRIES[name].weights or SHIPPED / f"{name}{BUNDLE}")
+    return path if path.is_file() else None
 
 
 def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
@@ -182,8 +155,13 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
     name = str(name)
     if not plays(name):
         raise InputError(f"no model is called {name[:120]!r}", nearest(name, MODELS))
-    if name in NETWORKS or name not in MODELS:
-        return _open(name)
+    if Path(name).suffix == BUNDLE or name not in MODELS:
+        return _open(Path(name))
+    if ENTRIES[name].trains:
+        path = shipped_bundle(name)
+        if path is None:
+            raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
+        return _open(path)
     from ..runtime.mouth import shipped_mouth
 
     module, _, attribute = MODELS[name].partition(":")
@@ -191,14 +169,10 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
     return model
 
 
-def _open(name: str) -> Any:
-    """A trained system: the bundle that ships, a bundle, or a run, which becomes one first."""
+def _open(path: Path) -> Any:
+    """A trained system: a bundle, or a run, which becomes one first."""
     from ..runtime.model import BundleGesturer
 
-    shipped = SHIPPED / f"{name}{BUNDLE}"
-    if name in MODELS and not shipped.is_file():
-        raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
-    path = shipped if name in MODELS else Path(name)
     if path.suffix == BUNDLE:
         return BundleGesturer.open(path)
     with workplace(scratch()) as folder:

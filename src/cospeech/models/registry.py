@@ -1,0 +1,155 @@
+"""The table of models: one row each with everything that is known of it; what other modules ask is read from the rows.
+
+Nothing heavy is imported here: neither a network nor torch is needed to list models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from ..export.plugins import Registry
+
+__all__ = ["ENTRIES", "MODELS", "NETWORKS", "ModelEntry"]
+
+
+@dataclass(frozen=True)
+class ModelEntry:
+    """A row of the table of models."""
+
+    where: str
+    """``module:Class``."""
+    what: str
+    """One line of description."""
+    paper: str = ""
+    """Whose it is; nothing for our own."""
+    plays: bool = True
+    """Whether it makes motion for speech, under this name: ``--model NAME``, ``cospeech.load(NAME)``."""
+    trains: bool = True
+    """Whether it is a network that a recipe trains; else the class is called with ``mouth=`` and is a `Gesturer` at once."""
+    needs: tuple[str, ...] = ()
+    """What clips must have to train it, beside poses and sound: words, face, emotion."""
+    weights: str = ""
+    """Path of the bundle with its weights, of another package; ours lie in `cospeech.models.SHIPPED`."""
+
+
+_ALL = ("words", "face", "emotion")
+_OURS = {
+    "rules": ModelEntry(
+        "cospeech.rules:RuleGesturer",
+        "The rule-based gesturer: face, body and hands from speech, without training",
+        trains=False,
+    ),
+    "stylised-flow": ModelEntry(
+        "cospeech.models.stylised_flow:StylisedFlow",
+        "The stylised flow (Ye et al. 2022): many motions for one speech, in the manner of an example",
+        "Ye et al. 2022",
+    ),
+    "moglow": ModelEntry(
+        "cospeech.models.moglow:MoGlow",
+        "MoGlow (Henter et al. 2020): many motions for one speech, with controls for height, speed and reach of the hands",
+        "Henter et al. 2020",
+    ),
+    "mix-stage": ModelEntry(
+        "cospeech.models.mix_stage:MixStage",
+        "Mix-StAGE (Ahuja et al. 2020): one motion for one speech, in the style of a speaker or of a mixture of them",
+        "Ahuja et al. 2020",
+    ),
+    "stage": ModelEntry(
+        "cospeech.models.stage:Stage",
+        "StAGE (Ahuja et al. 2020): Mix-StAGE with a single generator; one motion for one speech, in the style of a speaker",
+        "Ahuja et al. 2020",
+    ),
+    "cmix-gan": ModelEntry(
+        "cospeech.models.cmix_gan:CMixGan",
+        "CMix-GAN (Ahuja et al. 2020): one motion for one speech, of one speaker",
+        "Ahuja et al. 2020",
+    ),
+    "speech2gesture": ModelEntry(
+        "cospeech.models.speech2gesture:Speech2Gesture",
+        "Speech2Gesture (Ginosar et al. 2019): one motion for one speech, of one speaker",
+        "Ginosar et al. 2019",
+    ),
+    "munit": ModelEntry(
+        "cospeech.models.munit:Munit",
+        "MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020): style passed on from speaker to speaker",
+        "Huang et al. 2018; Ahuja et al. 2020",
+    ),
+    "chain-of-generation": ModelEntry(
+        "cospeech.models.chain_of_generation:ChainOfGeneration",
+        "Chain of Generation (Xu et al. 2024): speaker and mood heard in the voice, then a face, a body, hands",
+        "Xu et al. 2024", needs=_ALL,
+    ),
+    "speech-to-face": ModelEntry(
+        "cospeech.models.speech_to_face:SpeechToFace",
+        "The face alone, learnt from real speakers: the mouth of all the other models, too",
+    ),
+    "camn": ModelEntry(
+        "cospeech.models.camn:Camn",
+        "CaMN (Liu et al. 2022): body, then hands, from sound, words, emotion and a face that is given",
+        "Liu et al. 2022", needs=_ALL,
+    ),
+    "multi-context": ModelEntry(
+        "cospeech.models.multi_context:MultiContext",
+        "Multi-context (Yoon et al. 2020, in BEAT's form): one motion for one speech, from sound, words and speaker",
+        "Yoon et al. 2020; Liu et al. 2022", needs=("words",),
+    ),
+    "chain-of-generation-live": ModelEntry(
+        "cospeech.models.chain_live:ChainLive",
+        "Chain of Generation, frame by frame: it plays while somebody speaks, as chain-of-generation",
+        "Xu et al. 2024", plays=False, needs=_ALL,
+    ),
+    "speech-classifier": ModelEntry(
+        "cospeech.models.speech_classifier:SpeechClassifier",
+        "Who speaks, and in which of eight moods: the first stage of a chain of generation",
+        "Xu et al. 2024", plays=False, needs=("emotion",),
+    ),
+    "seq2seq": ModelEntry(
+        "cospeech.models.seq2seq:Seq2Seq",
+        "Seq2seq (Yoon et al. 2019): poses from words alone",
+        "Yoon et al. 2019", plays=False, needs=("words",),
+    ),
+    "gesture-autoencoder": ModelEntry(
+        "cospeech.models.gesture_autoencoder:GestureAutoencoder",
+        "The features of the gesture perceptual loss (Ye et al. 2022)",
+        "Ye et al. 2022", plays=False,
+    ),
+    "fgd-autoencoder": ModelEntry(
+        "cospeech.models.gesture_autoencoder:FgdAutoencoder",
+        "The features of the Fréchet gesture distance (Yoon et al. 2020)",
+        "Yoon et al. 2020", plays=False,
+    ),
+    "speaker-classifier": ModelEntry(
+        "cospeech.models.speaker_classifier:SpeakerClassifier",
+        "Whose movement it is: the network of the inception score (Ahuja et al. 2020)",
+        "Ahuja et al. 2020", plays=False,
+    ),
+}  # fmt: skip
+ENTRIES: Registry[ModelEntry] = Registry(_OURS, group="cospeech.models", kind=ModelEntry)
+"""Name → row, those of other packages too."""
+
+
+class _Selection(Mapping[str, str]):
+    """Name → ``module:Class`` of those entries of which something is true."""
+
+    def __init__(self, has: Callable[[ModelEntry], bool]) -> None:
+        self._has = has
+
+    def __getitem__(self, name: str) -> str:
+        entry = ENTRIES[name]
+        if not self._has(entry):
+            raise KeyError(name)
+        return entry.where
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in ENTRIES if self._has(ENTRIES[name]))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+MODELS: Mapping[str, str] = _Selection(lambda entry: entry.plays)
+"""Name → ``module:Class`` of what plays; `cospeech list models`, the documentation and the tests iterate over it."""
+
+NETWORKS: Mapping[str, str] = _Selection(lambda entry: entry.trains)
+"""Name → ``module:Class`` of what recipes train: networks of systems, and those whose features are for losses and metrics."""

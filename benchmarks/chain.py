@@ -32,7 +32,8 @@ from cospeech.cli.demo import EXAMPLE
 from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.joints import hand_columns
 from cospeech.rules import RuleGesturer
-from cospeech.runtime.backends import Terms, players_of
+from cospeech.rules.options import GenerationOptions
+from cospeech.runtime.backends import players_of
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
 from cospeech.runtime.chain_engine import ChainEngine
 from cospeech.runtime.model import BundleGesturer
@@ -115,7 +116,7 @@ def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
     players = players_of(system)
     wish = Wish(players.styles.blend(None), np.zeros(0))
     listener = players.listen(wish.controls)
-    player = players.play(wish.blend, listener.quiet, Terms([0], 1.0, 1.0, inf))
+    player = players.play(wish.blend, listener.quiet, GenerationOptions(look_ahead=inf))
     face = RuleGesturer(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
     shared = SharedProsody()
     for each in (listener, face):

@@ -196,15 +196,18 @@ def test_a_model_of_another_package_is_trained_by_its_recipe(toys, store, tmp_pa
 
 
 GESTURER = """
+from dataclasses import replace
+
 from cospeech.models import ModelEntry
-from cospeech.rules import RuleGesturer
+from cospeech.rules import GenerationOptions, RuleGesturer
 
 MODEL = ModelEntry(f"{__name__}:Calm", "Our rules at half their size", trains=False)
 
 
 class Calm(RuleGesturer):
-    def session(self, **options):
-        return super().session(**{**options, "intensity": options.get("intensity", 1.0) / 2})
+    def session(self, options=None, /, **keywords):
+        options = GenerationOptions.of(options, keywords)
+        return super().session(replace(options, intensity=options.intensity / 2))
 """
 
 

@@ -98,8 +98,8 @@ class Listening:
     def __getattr__(self, name: str):
         return getattr(self._inner, name)
 
-    def session(self, **options):
-        return Hearing(self._inner.session(**options), self.heard)
+    def session(self, options):
+        return Hearing(self._inner.session(options), self.heard)
 
 
 @pytest.mark.parametrize("name", KINDS)

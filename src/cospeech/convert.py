@@ -7,9 +7,10 @@ from pathlib import Path
 
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
-from .export.checks import FPS_RANGE, File, check_avatar, check_files, check_range, check_skeleton
+from .export.checks import File, check_avatar, check_files, check_skeleton
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
+from .rules.options import FPS_RANGE, check_range
 
 __all__ = ["convert_file"]
 

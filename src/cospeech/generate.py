@@ -13,53 +13,32 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from . import __version__
-from .audio.emotions import EmotionTrack, emotion_track, read_emotion_track
+from .audio.emotions import EmotionTrack, read_emotion_track
 from .audio.forced_alignment import align_with_recogniser
 from .audio.speech import Speech, SpeechSource, Word, open_speech
-from .errors import CospeechWarning, InputError, nearest
+from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import FPS_RANGE, File, check_avatar, check_files, check_range, check_skeleton
-from .face.gains import face_gains
+from .export.checks import File, check_avatar, check_files, check_skeleton
 from .files import all_or_none
 from .models import DEFAULT, PARTS, Gesturer, Performance
 from .models import load as load_model
 from .motion.motion import Motion
-from .runtime.model import MotionLike
+from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
 from .runtime.style import example_files
 
-__all__ = ["MOST_TAKES", "check_asked", "generate_files", "speech_chunks", "take_path"]
+__all__ = ["check_asked", "generate_files", "speech_chunks", "take_path"]
 
-FaceGain = float | str | Mapping[str, float]
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
-
-SEED_RANGE = (0, 2**63 - 1)
-MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
-INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
-TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
-
-
-@dataclass(frozen=True)
-class _Options:
-    """What a model is asked for, beside the speech."""
-
-    style: StyleLike
-    emotion: str | EmotionTrack
-    intensity: float
-    temperature: float
-    fps: float
-    parts: tuple[str, ...]
-    face_gain: FaceGain
-    face: MotionLike
-    continue_from: MotionLike
 
 
 def generate_files(
@@ -124,10 +103,11 @@ def generate_files(
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     felt, track = _read_emotion(emotion)
-    options = _Options(
-        style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
-    )
-    _check_options(options, seed, takes, skeleton, avatar, files)
+    options = GenerationOptions(
+        style=style or speaker, emotion=felt, seed=seed, takes=takes, intensity=intensity, temperature=temperature, fps=fps,
+        parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from,
+    )  # fmt: skip
+    _check_files(options, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     read = (transcript, avatar, track, face, continue_from, *example_files(options.style))
     check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
@@ -138,7 +118,7 @@ def generate_files(
         source.words = align_with_recogniser(audio) if transcribe else source.words
         keywords = _writer_keywords(files, audio, avatar, special or {}, source.words)
         counts = set[int]()
-        for group, performance in _passes(gesturer, options, seed, takes):
+        for group, performance in _passes(gesturer, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             moving = _told(_played(performance, source), progress, group.start, takes, source.expected_seconds)
             counts |= _write_all(moving, staged, skeleton, options.fps, keywords)
@@ -162,34 +142,24 @@ def check_asked(
     style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto",
     speaker: str | None = None,
-    seed: int = 0,
-    intensity: float = 1.0,
-    temperature: float = 1.0,
-    fps: float = 30.0,
-    parts: Iterable[str] = PARTS,
-    face_gain: FaceGain = 1.0,
-    face: MotionLike = None,
-    continue_from: MotionLike = None,
+    **options: Any,
 ) -> None:
     """Whether a model can do what `generate_files` will ask it for.
 
     Args:
         gesturer: the model.
-        style, emotion, speaker, seed, intensity, temperature, fps, parts, face_gain, face, continue_from: as there.
+        style, emotion, speaker: as there.
+        options: the others that are fields of `cospeech.rules.options.GenerationOptions`.
 
     Raises:
         InputError: it cannot.
     """
     _check_rivals(style, speaker, None, False)
-    felt, _ = _read_emotion(emotion)
-    options = _Options(
-        style or speaker, felt, intensity, temperature, float(fps), tuple(dict.fromkeys(parts)), face_gain, face, continue_from
-    )
-    _check_options(options, seed, 1, "humanoid", None, [])
-    next(_passes(gesturer, options, seed, 1))
+    asked = GenerationOptions(style=style or speaker, emotion=_read_emotion(emotion)[0], **options)
+    next(_passes(gesturer, replace(asked, takes=1)))
 
 
-def _check_made(gesturer: Gesturer, model: str, options: _Options, files: Sequence[Path]) -> Gesturer:
+def _check_made(gesturer: Gesturer, model: str, options: GenerationOptions, files: Sequence[Path]) -> Gesturer:
     """The model, which moves something in every file.
 
     Raises:
@@ -239,13 +209,12 @@ def _chunk(
     return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
 
 
-def _passes(gesturer: Gesturer, options: _Options, seed: int, takes: int) -> Iterator[tuple[range, Performance]]:
+def _passes(gesturer: Gesturer, options: GenerationOptions) -> Iterator[tuple[range, Performance]]:
     """Which takes are played together, from 0 on, and the session that plays them."""
-    asked = {name: value for name, value in vars(options).items() if value is not None}
-    for first in range(0, takes, gesturer.takes_at_once):
-        group = range(first, min(first + gesturer.takes_at_once, takes))
-        several = {"takes": len(group)} if len(group) > 1 else {}
-        yield group, gesturer.session(seed=seed + first, **several, **gesturer.for_files, **asked)
+    for first in range(0, options.takes, gesturer.takes_at_once):
+        group = range(first, min(first + gesturer.takes_at_once, options.takes))
+        own = replace(options, seed=options.seed + first, takes=len(group), **gesturer.for_files)
+        yield group, gesturer.session(own)
 
 
 def _played(performance: Performance, source: SpeechSource) -> Iterator[list[Motion]]:
@@ -345,19 +314,8 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
         )
 
 
-def _check_options(options: _Options, seed: int, takes: int, skeleton: str, avatar: File | None, files: Sequence[Path]) -> None:
-    emotion_track(options.emotion)  # it checks, and so does the next
-    face_gains(options.face_gain)
-    for part in options.parts:
-        if part not in PARTS:
-            raise InputError(f"no part is called {part!r}", nearest(part, PARTS))
-    if not options.parts:
-        raise InputError("no part to generate", f"known: {', '.join(PARTS)}")
-    check_range("intensity", options.intensity, INTENSITY_RANGE)
-    check_range("temperature", options.temperature, TEMPERATURE_RANGE)
-    check_range("fps", options.fps, FPS_RANGE)
-    check_range("takes", takes, (1, MOST_TAKES))
-    check_range("seed", seed, SEED_RANGE)
+def _check_files(options: GenerationOptions, skeleton: str, avatar: File | None, files: Sequence[Path]) -> None:
+    """What is asked for can be seen in the files."""
     known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
     suffixes = {path.suffix.lower() for path in known}
     for path in known:

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from ..files import atomic, describe_os_error, scratch, workplace
 from ..generate import check_asked, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Gesturer, load
+from ..rules.options import GenerationOptions
 from ..runtime.report import Failure, Report, Reports
 
 __all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
@@ -28,9 +30,7 @@ _BLOCK = 1 << 20  # bytes
 _USUAL = (".bvh", ".glb")  # what is written where no format is named
 _OF_ONE_SPEECH = ("transcript", "face")  # options that cannot be the same for several
 _WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
-_OF_MODELS = frozenset({
-    "style", "emotion", "speaker", "seed", "intensity", "temperature", "fps", "parts", "face_gain", "face", "continue_from",
-})  # fmt: skip
+_OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
 
 Progress = Callable[[float, float | None, str], None]
 

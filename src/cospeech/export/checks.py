@@ -10,11 +10,9 @@ from ..errors import InputError, nearest
 from ..motion.skeletons import SKELETONS
 from .registry import FORMATS, format_of, suffixes
 
-__all__ = ["FPS_RANGE", "File", "check_avatar", "check_files", "check_range", "check_skeleton"]
+__all__ = ["File", "check_avatar", "check_files", "check_skeleton"]
 
 File = str | PathLike[str]
-
-FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
 
 
 def check_skeleton(skeleton: str, written: set[str]) -> None:
@@ -35,12 +33,6 @@ def check_avatar(avatar: File, written: set[str]) -> None:
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
-
-
-def check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
-    if not bounds[0] <= value <= bounds[1]:  # false for NaN, too
-        low, high, shown = (str(n) if isinstance(n, int) else f"{n:g}" for n in (*bounds, value))
-        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}")
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:

@@ -11,6 +11,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
+from ..motion.parts import PARTS
 from .plugins import Registry
 
 __all__ = ["FORMATS", "Format", "check_parts", "format_of", "reads_body", "suffixes"]
@@ -27,7 +28,7 @@ class Format:
     opens: str
     """Where such a file goes next; printed after each run."""
     readable: bool = False
-    holds: tuple[str, ...] = ("face", "body", "hands")
+    holds: tuple[str, ...] = PARTS
     """Parts of a character."""
     any_skeleton: bool = False
     """Whether a file holds any skeleton as it is; the other formats prescribe theirs."""

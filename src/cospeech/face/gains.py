@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import InputError, nearest
+from ..motion.named_numbers import read_named_numbers
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from .expressions import IS_MOUTH
@@ -60,12 +61,12 @@ def _said(gain: object) -> list[tuple[str, object]]:
         return [(str(name), value) for name, value in gain.items()]
     if not isinstance(gain, str):
         return [("", gain)]
-    parts = [part.rpartition(":") for part in gain.split(",")]
-    return [(name.strip(), _number(value)) for name, _, value in parts]
+    parts = read_named_numbers(gain, number="face gain", of="channel", hint=_HINT)
+    return [("", _number(part.text)) if part.number is None else (part.name, part.number) for part in parts]
 
 
 def _number(text: str) -> object:
     try:
         return float(text)
     except ValueError:
-        return repr(text.strip())
+        return repr(text)

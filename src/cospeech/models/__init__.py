@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError, nearest
 from ..files import scratch, workplace
+from ..motion.parts import PARTS
 from .registry import ENTRIES, MODELS, NETWORKS, ModelEntry
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..motion.motion import Motion
+    from ..rules.options import GenerationOptions
 
 __all__ = [
     "BUNDLE", "DEFAULT", "ENTRIES", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "ModelEntry", "Performance", "load",
@@ -27,9 +29,6 @@ DEFAULT = "rules"
 BUNDLE = ".cospeech"
 SHIPPED = Path(__file__).parents[1] / "assets" / "bundles"
 """Where the weights lie that come with the package: ``NAME.cospeech``."""
-
-PARTS = ("face", "body", "hands")
-"""What can be generated alone or together."""
 
 
 class Performance(Protocol):
@@ -78,7 +77,7 @@ class Performance(Protocol):
 
 
 class Gesturer(Protocol):
-    """What every model offers; all with the keywords style, emotion, seed, intensity, temperature, fps, parts, face_gain.
+    """What every model offers; options are the fields of `cospeech.rules.options.GenerationOptions`.
 
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
     """
@@ -121,8 +120,8 @@ class Gesturer(Protocol):
         """The same, in pieces, as the speech comes in."""
         ...
 
-    def session(self, **options: Any) -> Performance:
-        """The same, for those who push."""
+    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> Performance:
+        """The same, for those who push; options come whole, by keywords, or whole with some changed."""
         ...
 
 

@@ -8,22 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
-from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
 
-from ..audio.emotions import EMOTIONS, EmotionTrack, emotion_track
+from ..audio.emotions import EMOTIONS
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError, nearest
 from ..face.gains import face_gains
 from ..face.mouth import Mouth, MouthMaker
 from ..motion.motion import Motion
+from ..motion.named_numbers import read_named_numbers
+from ..motion.parts import PARTS
+from .options import GenerationOptions
 from .plan import Gesture
 from .session import LATENCY, LOOK_AHEAD, Session, check_speech, streamed
 from .styles import STYLES, Style, mix_styles
 
-__all__ = ["EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "Gesture", "Mouth", "MouthMaker", "RuleGesturer", "Session", "Style"]
-
-_PARTS = ("face", "body", "hands")
+__all__ = [
+    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleGesturer",
+    "Session", "Style",
+]  # fmt: skip
 
 
 class RuleGesturer:
@@ -41,70 +46,37 @@ class RuleGesturer:
     look_ahead, latency = LOOK_AHEAD, LATENCY
     default_style = next(iter(STYLES))
     takes_at_once = 1
-    makes = _PARTS
+    makes = PARTS
     for_files: Mapping[str, object] = {}
 
     def __init__(self, mouth: MouthMaker | None = None) -> None:
         self._mouth = mouth
 
-    def session(
-        self,
-        *,
-        style: str | Style | None = None,
-        emotion: str | EmotionTrack = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: Iterable[str] = _PARTS,
-        face_gain: float | str | Mapping[str, float] = 1.0,
-        moving: bool = True,
-        face: object = None,
-        continue_from: object = None,
-    ) -> Session:
+    def session(self, options: GenerationOptions | None = None, /, *, moving: bool = True, **keywords: Any) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
 
-        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``face`` and
-        ``continue_from``, which some trained systems can be given, are refused.
+        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. Options that only some trained
+        systems have (face, continue_from, look_ahead, takes) are refused.
         """
-        for what, given in (("a face", face), ("motion to go on from", continue_from)):
+        options = GenerationOptions.of(options, keywords)
+        for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
             if given is not None:
                 raise InputError(f"the rule-based gesturer cannot be given {what}", "chains can, see docs/runtime.md")
-        parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
-        unknown = [p for p in parts if p not in _PARTS]
-        if unknown or not parts:
-            raise InputError(f"parts {','.join(parts)!r}", f"some of {','.join(_PARTS)}")
-        for name, value, most in (("intensity", intensity, 2.0), ("temperature", temperature, 2.0)):
-            if not (isinstance(value, Real) and isfinite(value) and 0 <= value <= most):
-                raise InputError(f"{name} {value}", f"0 … {most:g}")
-        if not (isinstance(fps, Real) and isfinite(fps) and 1 <= fps <= 240):
-            raise InputError(f"{fps} frames per second", "1 … 240")
-        track = emotion_track(emotion)
-        if not (isinstance(seed, Integral) and 0 <= seed < 2**63):
-            raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 1")
-        gains = face_gains(face_gain)
-        mouth = self._mouth() if self._mouth is not None and moving and "face" in parts else None
+        if options.look_ahead is not None:
+            raise InputError("the rule-based gesturer's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
+        if options.takes > 1:
+            raise InputError(f"{options.takes} takes of the rule-based gesturer at once", "one session for each")
+        mouth = self._mouth() if self._mouth is not None and moving and "face" in options.parts else None
         session = Session(
-            _find_style(style), emotion=track, seed=int(seed), intensity=float(intensity),
-            temperature=float(temperature), fps=float(fps), parts=parts if moving else (), mouth=mouth, gains=gains,
+            _find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
+            temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
+            gains=face_gains(options.face_gain),
         )  # fmt: skip
         if mouth is not None:
             session.share(SharedProsody())
         return session
 
-    def generate(
-        self,
-        speech: Speech,
-        *,
-        style: str | Style | None = None,
-        emotion: str | EmotionTrack = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: Iterable[str] = _PARTS,
-        face_gain: float | str | Mapping[str, float] = 1.0,
-    ) -> Motion:
+    def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
 
         Args:
@@ -125,38 +97,19 @@ class RuleGesturer:
         Raises:
             InputError: an option is out of range or a name unknown.
         """
-        session = self.session(
-            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts,
-            face_gain=face_gain,
-        )  # fmt: skip
+        session = self.session(**options)
         check_speech(speech)
         pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)]
         pieces += session.finish()
         return Motion.concatenate(pieces)
 
-    def stream(
-        self,
-        chunks: Iterable[Speech],
-        *,
-        style: str | Style | None = None,
-        emotion: str | EmotionTrack = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: Iterable[str] = _PARTS,
-        face_gain: float | str | Mapping[str, float] = 1.0,
-    ) -> Iterator[Motion]:
+    def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
         """The same motion in pieces, at most `LATENCY` seconds behind the speech, which may come in pieces of any size.
 
         Raises:
             InputError: at once, for an option; as the pieces are taken, for a piece of speech.
         """
-        session = self.session(
-            style=style, emotion=emotion, seed=seed, intensity=intensity, temperature=temperature, fps=fps, parts=parts,
-            face_gain=face_gain,
-        )  # fmt: skip
-        return streamed(session, chunks)
+        return streamed(self.session(**options), chunks)
 
 
 def _find_style(style: object) -> Style:
@@ -165,18 +118,21 @@ def _find_style(style: object) -> Style:
         return next(iter(STYLES.values()))
     if isinstance(style, Style):
         return style
-    if not isinstance(style, str) or style.lower().endswith((".bvh", ".glb", ".vrma", ".npz")):
+    parts = (
+        []
+        if not isinstance(style, str)
+        else read_named_numbers(
+            style, number="weight", of="style", hint="a number, as in calm:0.7,lively:0.3", is_name=STYLES.__contains__
+        )
+    )
+    if not parts or any(Path(part.name).suffix for part in parts):
         hint = f"trained models can, see `cospeech list models`; of its own it has {', '.join(STYLES)}"
         raise InputError("the rule-based gesturer cannot learn a style from an example", hint)
     weights: dict[str, float] = {}
-    for part in style.split(","):
-        name, _, weight = (piece.strip() for piece in part.partition(":"))
+    for name, weight, _ in parts:
         if name not in STYLES:
             raise InputError(f"no style is called {name!r}", nearest(name, STYLES))
-        try:
-            weights[name] = weights.get(name, 0.0) + (float(weight) if weight else 1.0)
-        except ValueError:
-            raise InputError(f"weight {weight!r} of style {name!r}", "a number, as in calm:0.7,lively:0.3") from None
+        weights[name] = weights.get(name, 0.0) + (1.0 if weight is None else weight)
     if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
         raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
     return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.emotions import EMOTIONS, EmotionTrack, Moods
 from ..audio.prosodic_events import RATE, Accent, Heard
 from ..motion.rotations import Array
 
@@ -62,7 +62,7 @@ class Mood:
         track: the course to keep to, or None to follow the voice.
     """
 
-    def __init__(self, track: EmotionTrack | None = None) -> None:
+    def __init__(self, track: Moods | None = None) -> None:
         self.track = track
         self.probabilities = (track or EmotionTrack.constant("neutral")).at(np.zeros(()))
         self.total = np.zeros(len(EMOTIONS))

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.emotions import EMOTIONS, Moods
 from ..audio.event_detection import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
 from ..audio.features.at_16_khz import At16kHz
 from ..audio.features.mel import RATE as SAMPLE_RATE
@@ -62,7 +62,7 @@ class Session:
         self,
         style: Style,
         *,
-        emotion: EmotionTrack | None,
+        emotion: Moods | None,
         seed: int,
         intensity: float,
         temperature: float,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from math import inf
 from typing import Any, Protocol
 
 import numpy as np
 
-from ..audio.emotions import Moods
 from ..errors import InputError
 from ..motion.poses.controls import QUANTILES
 from ..motion.rotations import Array
+from ..rules.options import GenerationOptions
 from .autoregressive_decoder import FlowPlayer, Source
 from .causal_stream_decoder import LivePlayer, SectionPlayer
 from .chain_bundle import ChainSystem
@@ -31,22 +30,7 @@ from .window_bundle import WindowSystem
 from .window_layout import check_look_ahead
 from .window_style import example_window, mixture, named_window
 
-__all__ = ["Players", "Terms", "players_of"]
-
-
-@dataclass(frozen=True)
-class Terms:
-    """What a performance is asked for beside the style; see `cospeech.runtime.model.BundleGesturer.generate`."""
-
-    seeds: Sequence[int]
-    """Of the takes."""
-    temperature: float
-    intensity: float
-    look_ahead: float | None
-    emotion: Moods | None = None
-    """That is given; None: it is heard."""
-    given: Given = NOTHING
-    """Beside the speech."""
+__all__ = ["Players", "players_of"]
 
 
 class Players(Protocol):
@@ -80,8 +64,9 @@ class Players(Protocol):
         """Who hears the speech, with (C,) style controls to begin with."""
         ...
 
-    def play(self, blend: Blend, quiet: Array, terms: Terms) -> Player:
-        """A player that begins with this style; ``quiet`` (1, A) is the row of silence, which is before the speech."""
+    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> Player:
+        """A player that begins with this style; ``quiet`` (1, A) is the row of silence, which is before the speech;
+        ``given``: what there is beside it."""
         ...
 
 
@@ -108,20 +93,20 @@ class FlowPlayers:
         """See `Players`."""
         return Listener(self._system, controls)
 
-    def play(self, blend: Blend, quiet: Array, terms: Terms) -> FlowPlayer:
+    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> FlowPlayer:
         """See `Players`.
 
         Raises:
             InputError: a look-ahead is given, or a face, or motion to go on from.
         """
-        nothing_given(terms.given)
-        if terms.look_ahead is not None:
+        nothing_given(given)
+        if options.look_ahead is not None:
             raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
 
         def sources(blend: Blend) -> list[Source]:
-            return [self._transfer(self._system, blend, seed=seed, temperature=terms.temperature) for seed in terms.seeds]
+            return [self._transfer(self._system, blend, seed=seed, temperature=options.temperature) for seed in options.seeds]
 
-        return FlowPlayer(self._system, sources, blend, quiet, intensity=terms.intensity)
+        return FlowPlayer(self._system, sources, blend, quiet, intensity=options.intensity)
 
 
 class WindowPlayers:
@@ -146,16 +131,16 @@ class WindowPlayers:
         """See `Players`."""
         return Listener(self._system, controls)
 
-    def play(self, blend: Blend, quiet: Array, terms: Terms) -> WindowPlayer:
+    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> WindowPlayer:
         """See `Players`.
 
         Raises:
             InputError: a face is given, or motion to go on from.
         """
-        nothing_given(terms.given)
-        setting = looking(self._system.engine.sizes, self._system.fps, terms.look_ahead)
+        nothing_given(given)
+        setting = looking(self._system.engine.sizes, self._system.fps, options.look_ahead)
         return WindowPlayer(
-            self._system, setting, blend, terms.seeds, quiet, temperature=terms.temperature, intensity=terms.intensity
+            self._system, setting, blend, options.seeds, quiet, temperature=options.temperature, intensity=options.intensity
         )
 
 
@@ -181,23 +166,23 @@ class ChainPlayers:
         """See `Players`."""
         return Reader(self._system)
 
-    def play(self, blend: Blend, quiet: Array, terms: Terms) -> Player:
+    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> Player:
         """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
 
         Raises:
             InputError: no number of seconds from 0 on; or what is given cannot be.
         """
-        seconds, engine = terms.look_ahead, self._system.engine
+        seconds, engine = options.look_ahead, self._system.engine
         check_look_ahead(seconds)
-        ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], terms.emotion)
+        ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], options.track)
         live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
-        options: dict[str, Any] = {"temperature": terms.temperature, "intensity": terms.intensity}
-        if live and terms.given.anything:
+        scales = {"temperature": options.temperature, "intensity": options.intensity}
+        if live and given.anything:
             raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
         if live:
-            return LivePlayer(self._system, blend, terms.seeds, quiet, ear, **options)
-        face, before = self._given(terms.given)
-        return SectionPlayer(self._system, blend, terms.seeds, quiet, ear, face=face, before=before, **options)
+            return LivePlayer(self._system, blend, options.seeds, quiet, ear, **scales)
+        face, before = self._given(given)
+        return SectionPlayer(self._system, blend, options.seeds, quiet, ear, face=face, before=before, **scales)
 
     def _given(self, given: Given) -> tuple[GivenFace | None, Array | None]:
         """The face, and (seeds, D) standardised poses, that the network was trained to be given."""

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import cached_property
-from math import isfinite
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from ..audio.emotions import EmotionTrack, emotion_track
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, counted_from
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.named_numbers import read_named_numbers
+from ..motion.parts import PARTS
 from ..motion.points import Points
 from ..motion.poses import find_pose
 from ..motion.poses.controls import control_row, read_controls
 from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleGesturer
+from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, streamed
-from .backends import Players, Terms, players_of
+from .backends import Players, players_of
 from .bundle import read_bundle
-from .conditioning import read_given
+from .conditioning import NOTHING, Given, read_given
 from .face_override import WornFace
 from .manifest import System
 from .mouth import POSE, BundleMouth, shipped_mouth
@@ -36,10 +37,6 @@ from .systems import open_system
 from .window_bundle import WindowSystem
 
 __all__ = ["BundleGesturer", "MotionLike"]
-
-MotionLike = str | PathLike[str] | Motion | None
-
-_PARTS = ("face", "body", "hands")
 
 
 class BundleGesturer:
@@ -61,7 +58,7 @@ class BundleGesturer:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles, self.default_style = system.styles, system.style
-        self.makes = ("face",) if system.pose == POSE else _PARTS
+        self.makes = ("face",) if system.pose == POSE else PARTS
         self._players = players_of(system, transfer)
         self.for_files = self._players.for_files
         self._rules = RuleGesturer(mouth)
@@ -89,42 +86,24 @@ class BundleGesturer:
         """Of a session with the usual options; see `Performance.look_ahead`."""
         return self._usual.look_ahead
 
-    def session(
-        self,
-        *,
-        style: object = None,
-        emotion: str | EmotionTrack = "auto",
-        seed: int = 0,
-        intensity: float = 1.0,
-        temperature: float = 1.0,
-        fps: float = 30.0,
-        parts: Iterable[str] = _PARTS,
-        face_gain: float | str | Mapping[str, float] = 1.0,
-        look_ahead: float | None = None,
-        takes: int = 1,
-        face: MotionLike = None,
-        continue_from: MotionLike = None,
-    ) -> Performance:
+    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> Performance:
         """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
-        parts = tuple(parts.split(",") if isinstance(parts, str) else parts)
-        _check(seed, takes, intensity, temperature)
-        options: dict[str, Any] = {"emotion": emotion, "fps": fps, "intensity": intensity, "temperature": temperature}
-        options["face_gain"] = face_gain
-        seeds = [int(seed) + take for take in range(takes)]
-        RuleGesturer().session(seed=seeds[0], parts=parts, **options)  # it checks them all
-        wish = self._understood(style)
-        felt, given = emotion_track(emotion), read_given(face, continue_from)
-        listener, player = self._cast(wish, Terms(seeds, float(temperature), float(intensity), look_ahead, felt, given))
-        options["emotion"] = player.moods or emotion
-        shown = "face" in parts  # without a face, moods alone are listened to
-        rules = self._speaking(style)
-        heads = [rules.session(seed=k, parts=("face",), moving=shown, **options) for k in seeds]
+        options = GenerationOptions.of(options, keywords)
+        if options.takes > _MOST_TAKES:
+            raise InputError(f"{options.takes} takes at once", f"1 … {_MOST_TAKES}")
+        wish, given = self._understood(options.style), read_given(options.face, options.continue_from)
+        listener, player = self._cast(wish, options, given)
+        shown = "face" in options.parts  # without a face, moods alone are listened to
+        rules = self._speaking(options.style)
+        of_face: dict[str, Any] = {"parts": ("face",), "emotion": player.moods or options.emotion, "fps": options.fps}
+        of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
+        heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
         faces = heads if given.face is None else [WornFace(head, given.face) for head in heads]
         shared = SharedProsody()
         for each in (listener, *faces):
             each.share(shared)
         return Performance(
-            self.system, listener, player, faces, fps=float(fps), parts=parts, wish=wish, direct=self._understood,
+            self.system, listener, player, faces, fps=options.fps, parts=options.parts, wish=wish, direct=self._understood,
             before=given.before,
         )  # fmt: skip
 
@@ -135,10 +114,10 @@ class BundleGesturer:
             return self._rules
         return RuleGesturer(lambda: BundleMouth(system, style))
 
-    def _cast(self, wish: Wish, terms: Terms) -> tuple[Listener | Reader, Player]:
+    def _cast(self, wish: Wish, options: GenerationOptions, given: Given = NOTHING) -> tuple[Listener | Reader, Player]:
         """Who hears, and who plays."""
         listener = self._players.listen(wish.controls)
-        return listener, self._players.play(wish.blend, listener.quiet, terms)
+        return listener, self._players.play(wish.blend, listener.quiet, options, given)
 
     def _understood(self, style: object) -> Wish:
         """What a style means."""
@@ -205,9 +184,9 @@ class BundleGesturer:
         pose = find_pose(self.system.pose)
         if pose.source != "points":
             raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
-        self.session(style=style, seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)  # it checks
+        options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
+        listener, player = self._cast(self._understood(style), options)
         check_speech(speech)
-        listener, player = self._cast(self._understood(style), Terms([int(seed)], temperature, intensity, look_ahead))
         made = [player.push(listener.push(chunk)) for chunk in counted_from(speech, speech.start).chunks(PIECE)]
         made += [player.push(listener.finish()), player.finish(listener.quiet)]
         sampled = Sampled(1, player.width, smooth=self.system.smooth, step=1.0)
@@ -239,19 +218,12 @@ _MOST_TAKES = 64  # ours, of one pass
 
 def _wishes(style: object, system: Players) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
-    parts = style.split(",") if isinstance(style, str) and style else []
-    said = [part for part in parts if part.partition(":")[0].strip() in system.controls]
+    parts = (
+        read_named_numbers(style, number="quantile", of="style control", hint="0 … 1", is_name=system.controls.__contains__)
+        if isinstance(style, str) and system.controls
+        else []
+    )
+    said = [part.text for part in parts if part.name in system.controls]
     row = control_row(read_controls(",".join(said)) if said else {}, system.quantiles, system.controls)
-    speakers = ",".join(part for part in parts if part not in said) or None
+    speakers = ",".join(part.text for part in parts if part.name not in system.controls) or None
     return (speakers if said else style), row
-
-
-def _check(seed: object, takes: object, intensity: object, temperature: object) -> None:
-    """What the rule-based gesturer, which sees the options too, does not check."""
-    if not (isinstance(takes, int | np.integer) and 1 <= takes <= _MOST_TAKES):
-        raise InputError(f"{takes!r} takes", f"1 … {_MOST_TAKES}")
-    if not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63 - _MOST_TAKES):
-        raise InputError(f"seed {seed!r}", "a whole number, 0 … 2**63 - 65")
-    for name, value in (("intensity", intensity), ("temperature", temperature)):
-        if not (isinstance(value, int | float | np.number) and isfinite(value)):
-            raise InputError(f"{name} {value!r}", "0 … 2")

@@ -25,6 +25,7 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..export.registry import FORMATS, reads_body, suffixes
 from ..motion.motion import Motion
+from ..motion.named_numbers import read_named_numbers
 from ..motion.rotations import Array
 from .autoregressive_decoder import Source
 from .flow_bundle import FlowSystem
@@ -245,9 +246,8 @@ def example_files(style: object) -> list[Path]:
     text = fspath(style)
     if not isinstance(text, str) or _is_file(text):
         return [Path(text)] if isinstance(text, str) else []
-    named_parts = (part.strip() for part in text.split(","))
-    found = (part if _has_body(part) else part.rpartition(":")[0].strip() for part in named_parts)
-    return [Path(part) for part in found if _has_body(part)]
+    parts = read_named_numbers(text, number="", of="", hint="", is_name=lambda who: False)
+    return [Path(part.name) for part in parts if _has_body(part.name)]
 
 
 _KEPT = 8  # ours: examples remembered
@@ -275,25 +275,13 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
     if _is_file(text):
         return {Path(text): 1.0}
     found = {}
-    for part in text.split(","):
-        who, weight = _weighed(part.strip(), names)
+    for who, weight, _ in read_named_numbers(
+        text, number="weight", of="style", hint="a number, as in ada:0.7,clip.bvh:0.3",
+        is_name=lambda who: who in names or _has_body(who),
+    ):  # fmt: skip
         key = _key(who, names)
-        found[key] = found.get(key, 0.0) + weight
+        found[key] = found.get(key, 0.0) + (1.0 if weight is None else weight)
     return found
-
-
-def _weighed(part: str, names: tuple[str, ...]) -> tuple[str, float]:
-    """``NAME:WEIGHT`` or ``NAME``; colons within a path are its own."""
-    who, colon, weight = part.rpartition(":")
-    who = who.strip()
-    if not colon:
-        return part, 1.0
-    try:
-        return who, float(weight)
-    except ValueError:
-        if who in names or _has_body(who):
-            raise InputError(f"weight {weight!r} of style {who!r}", "a number, as in ada:0.7,clip.bvh:0.3") from None
-        return part, 1.0
 
 
 def _key(who: object, names: tuple[str, ...]) -> object:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import InputError, nearest
 from ..motion import Motion
+from ..named_numbers import read_named_numbers
 from ..points import Points
 from ..rotations import Array
 from ..skeletons import SKELETONS
@@ -95,16 +96,14 @@ def read_controls(text: str) -> dict[str, float]:
         InputError: an unknown control, or no quantile 0 … 1.
     """
     found: dict[str, float] = {}
-    for part in text.split(","):
-        name, colon, number = (piece.strip() for piece in part.partition(":"))
+    hint = "NAME:QUANTILE once, 0 … 1, such as hand_height:0.85"
+    for name, value, part in read_named_numbers(
+        text, number="quantile", of="style control", hint=hint, is_name=CONTROLS.__contains__
+    ):
         if name not in CONTROLS:
             raise InputError(f"no style control is called {name!r}", nearest(name, CONTROLS))
-        try:
-            value = float(number)
-        except ValueError:
-            value = np.nan
-        if not colon or not 0 <= value <= 1 or name in found:
-            raise InputError(f"style control {part.strip()!r}", f"{name}:QUANTILE once, 0 … 1, such as {name}:0.85")
+        if value is None or not 0 <= value <= 1 or name in found:
+            raise InputError(f"style control {part!r}", hint)
         found[name] = value
     return found
 

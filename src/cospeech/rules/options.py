@@ -1,0 +1,119 @@
+"""What a model is asked for beside the speech: one frozen object, checked when it is made, and passed whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any
+
+from ..audio.emotions import Moods, emotion_track
+from ..errors import InputError
+from ..face.gains import face_gains
+from ..motion.motion import Motion
+from ..motion.parts import PARTS
+
+__all__ = ["FPS_RANGE", "MOST_TAKES", "FaceGain", "GenerationOptions", "MotionLike", "check_range"]
+
+FaceGain = float | str | Mapping[str, float]
+MotionLike = str | PathLike[str] | Motion | None
+
+FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond is a slip of the keyboard
+INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
+TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
+MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
+SEEDS = 2**63  # non-negative numbers of 64 bits, which every generator of random numbers takes
+
+
+@dataclass(frozen=True, eq=False)
+class GenerationOptions:
+    """Options of a performance; the keywords of ``session``, ``generate`` and ``stream`` of every model are these.
+
+    Raises:
+        InputError: one is out of range, of the wrong kind, or names what there is not. Styles, and motion that is given, are
+            checked by the model, which alone knows what it can do with them.
+    """
+
+    style: Any = None
+    """A name, a mixture, or for trained models an example; the model's default where None."""
+    emotion: str | Moods = "auto"
+    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice."""
+    seed: int = 0
+    """Of the first take; take k has the seed ``seed + k``."""
+    intensity: float = 1.0
+    """Size of all movement, 0 … 2."""
+    temperature: float = 1.0
+    """How far choices stray from the likeliest, 0 … 2."""
+    fps: float = 30.0
+    """Frames per second, 1 … 240."""
+    parts: tuple[str, ...] = PARTS
+    """Of face, body, hands; text with commas, and any other iterable, become a tuple."""
+    face_gain: FaceGain = 1.0
+    """How strong the mouth is, or single channels are; see `cospeech.face.gains.face_gains`."""
+    look_ahead: float | None = None
+    """Seconds of speech after a frame that a network hears, for those that have a choice."""
+    takes: int = 1
+    """How many are played at once."""
+    face: MotionLike = None
+    """A face that moves body and hands, or a file of one; for chains."""
+    continue_from: MotionLike = None
+    """Motion at whose last poses it begins, or a file of one; for chains."""
+
+    def __post_init__(self) -> None:
+        emotion_track(self.emotion)  # it checks, and so does the next
+        face_gains(self.face_gain)
+        parts = tuple(dict.fromkeys(self.parts.split(",") if isinstance(self.parts, str) else self.parts))
+        for part in parts:
+            if part not in PARTS:
+                raise InputError(f"no part is called {part!r}", f"some of {','.join(PARTS)}")
+        if not parts:
+            raise InputError("no part to generate", f"some of {','.join(PARTS)}")
+        check_range("intensity", self.intensity, INTENSITY_RANGE)
+        check_range("temperature", self.temperature, TEMPERATURE_RANGE)
+        check_range("fps", self.fps, FPS_RANGE, " frames per second")
+        check_range("takes", self.takes, (1, MOST_TAKES))
+        check_range("seed", self.seed, (0, SEEDS - int(self.takes)))
+        for name in ("intensity", "temperature", "fps"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        for name in ("seed", "takes"):
+            object.__setattr__(self, name, int(getattr(self, name)))
+        object.__setattr__(self, "parts", parts)
+
+    @classmethod
+    def of(cls, options: GenerationOptions | None, keywords: Mapping[str, Any]) -> GenerationOptions:
+        """Options as a session is given them: whole, by keywords, or whole with some changed."""
+        if options is None:
+            return cls(**keywords)
+        return replace(options, **keywords) if keywords else options
+
+    @property
+    def track(self) -> Moods | None:
+        """The emotions over time that are given; None: they are heard."""
+        return emotion_track(self.emotion)
+
+    @property
+    def seeds(self) -> list[int]:
+        """Of the takes."""
+        return [self.seed + take for take in range(self.takes)]
+
+
+def check_range(name: str, value: object, bounds: tuple[float, float], unit: str = "") -> None:
+    """A number that a user gave.
+
+    Args:
+        name: of the option.
+        value: what was given.
+        bounds: the least and the largest that it may be; whole numbers where it has to be one.
+        unit: for the hint.
+
+    Raises:
+        InputError: it is no number, or out of range.
+    """
+    whole = isinstance(bounds[0], int)
+    low, high = (str(n) if isinstance(n, int) else f"{n:g}" for n in bounds)
+    if not isinstance(value, Integral if whole else Real):
+        raise InputError(f"{name} {value!r:.60} is no {'whole ' * whole}number", f"{low} … {high}{unit}")
+    if not bounds[0] <= value <= bounds[1]:  # type: ignore[operator]  # false for NaN, too
+        shown = str(value) if isinstance(value, Integral) else f"{value:g}"
+        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}{unit}")

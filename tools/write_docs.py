@@ -60,6 +60,15 @@ def named(what: str) -> Callable[[], str]:
     return lambda: table([what[:-1], ""], [[f"`{row['name']}`", row["what"]] for row in catalogue(what)])
 
 
+def models() -> str:
+    """A table of the models: whose they are, what they do, what training needs, and whether they play at once."""
+    rows = []
+    for row in catalogue("models"):
+        what = row["what"].rpartition("; ")[0]
+        rows.append([f"`{row['name']}`", row["paper"] or "ours", what, row["needs"], row["ready"]])
+    return table(["model", "paper", "what it does", "it is trained on", "ready to use"], rows)
+
+
 def formats() -> str:
     rows = [[f"[`{r['name']}`](#{r['name'][1:]})", r["what"], r["access"], r["opens"]] for r in catalogue("formats")]
     return table(["suffix", "what it holds", "cospeech can", "where it goes"], rows)
@@ -79,7 +88,7 @@ def amount(limit: Limit) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "limits": limits,
-    "models": named("models"),
+    "models": models,
     "styles": named("styles"),
     "emotions": named("emotions"),
     "skeletons": named("skeletons"),

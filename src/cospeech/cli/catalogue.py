@@ -34,8 +34,10 @@ def _models() -> list[Row]:
     rows = []
     for name in MODELS:
         entry = ENTRIES[name]
-        what = entry.what + more[not entry.trains or shipped_bundle(name) is not None]
-        rows.append({"name": name, "what": what, "paper": entry.paper, "needs": ", ".join(entry.needs)})
+        ready = not entry.trains or shipped_bundle(name) is not None
+        needs = ", ".join(["sound", *entry.needs]) if entry.trains else "nothing"
+        row = {"name": name, "what": entry.what + more[ready], "paper": entry.paper, "needs": needs}
+        rows.append(row | {"ready": "yes" if ready else "no"})
     return rows
 
 

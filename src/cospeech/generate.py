@@ -104,9 +104,8 @@ def generate_files(
     files = [Path(path) for path in outputs]
     felt, track = _read_emotion(emotion)
     options = GenerationOptions(
-        style=style or speaker, emotion=felt, seed=seed, takes=takes, intensity=intensity, temperature=temperature, fps=fps,
-        parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from,
-    )  # fmt: skip
+        style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
+        parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     _check_files(options, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     read = (transcript, avatar, track, face, continue_from, *example_files(options.style))

@@ -1,7 +1,7 @@
 """`make docs`: writes what the documentation takes from the code, so that it cannot drift; a test compares.
 
-``docs/cli.md`` is written whole. In other pages (README.md too) the lines between ``<!-- table: NAME -->`` and
-``<!-- end -->`` are.
+``docs/cli.md`` and ``docs/media/architecture.svg`` are written whole. In other pages (README.md too) the lines between
+``<!-- table: NAME -->`` and ``<!-- end -->`` are.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+
+from architecture_picture import PICTURE, architecture_svg
 
 from cospeech.cli.catalogue import catalogue
 from cospeech.export.how_to_open import HOW_TO_OPEN
@@ -92,7 +94,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 def pages() -> dict[Path, str]:
     """Path → text of every page, as it should be."""
-    found = {ROOT / "docs" / "cli.md": cli_page()}
+    found = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg()}
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if path not in found:
             text = path.read_text("utf-8")

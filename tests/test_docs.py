@@ -52,6 +52,16 @@ def test_generated_pages_are_up_to_date():
     assert stale == [], "run `make docs`"
 
 
+def test_how_to_cite():
+    """The version is ours, and the papers have the titles that the pages of their models give."""
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {cospeech.__version__}\n" in text
+    titles = re.findall(r'^    title: "(.*)"$', text, re.M)
+    pages = re.sub(r"\s+", " ", " ".join(path.read_text("utf-8") for path in (ROOT / "docs" / "models").glob("*.md")))
+    assert len(titles) == 3
+    assert [title for title in titles if title not in pages] == []
+
+
 def test_every_command_has_a_page():
     names = {command.name or command.callback.__name__ for command in app.registered_commands}
     page = (ROOT / "docs" / "cli.md").read_text("utf-8")

@@ -55,7 +55,6 @@ def test_recipes_that_come_with_the_program(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("laptop").write_text((SHIPPED / "laptop.toml").read_text("utf-8").replace("batch = 32", "batch = 7"), "utf-8")
     assert load_recipe("laptop").train.batch == 7, "a file of the user's comes first"
-    with pytest.raises(
-        InputError, match=r"cannot read 'latpop': .* \(a TOML file, or one that comes with the program: laptop\)"
-    ):
+    told = rf"cannot read 'latpop': .* \(a TOML file, or one that comes with the program: {', '.join(shipped())}\)"
+    with pytest.raises(InputError, match=told):
         load_recipe("latpop")

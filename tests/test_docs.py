@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import os
 import re
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 import pytest
 import soundfile
 
+import cospeech
 from cospeech.cli.catalogue import catalogue
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import app
@@ -49,11 +52,31 @@ def test_generated_pages_are_up_to_date():
     assert stale == [], "run `make docs`"
 
 
+def test_how_to_cite():
+    """The version is ours, and the papers have the titles that the pages of their models give."""
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {cospeech.__version__}\n" in text
+    titles = re.findall(r'^    title: "(.*)"$', text, re.M)
+    pages = re.sub(r"\s+", " ", " ".join(path.read_text("utf-8") for path in (ROOT / "docs" / "models").glob("*.md")))
+    assert len(titles) == 3
+    assert [title for title in titles if title not in pages] == []
+
+
 def test_every_command_has_a_page():
     names = {command.name or command.callback.__name__ for command in app.registered_commands}
     page = (ROOT / "docs" / "cli.md").read_text("utf-8")
     assert names
     assert all(f"## cospeech {name}\n" in page for name in names)
+
+
+def test_the_reference_has_every_public_name_and_no_ghost():
+    """`::: cospeech.Motion` of docs/api.md is read by mkdocstrings; here it is imported."""
+    paths = re.findall(r"^::: (\S+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.M)
+    assert {f"cospeech.{name}" for name in cospeech.__all__} - set(paths) == {"cospeech.__version__"}
+    for path in paths:
+        module, _, name = path.rpartition(".")
+        if not path.startswith("cospeech.training"):  # needs torch; the tests of training import it
+            assert inspect.getdoc(getattr(importlib.import_module(module), name)), path
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -1,7 +1,7 @@
 """`make docs`: writes what the documentation takes from the code, so that it cannot drift; a test compares.
 
-``docs/cli.md`` is written whole. In other pages (README.md too) the lines between ``<!-- table: NAME -->`` and
-``<!-- end -->`` are, and those after ``<!-- file: PATH -->``, which are the file.
+``docs/cli.md`` and ``docs/media/architecture.svg`` are written whole. In other pages (README.md too) the lines between
+``<!-- table: NAME -->`` and ``<!-- end -->`` are, and those after ``<!-- file: PATH -->``, which are the file.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+
+from architecture_picture import PICTURE, architecture_svg
 
 from cospeech.cli.catalogue import catalogue
 from cospeech.limits import LIMITS, Limit
@@ -74,6 +76,26 @@ def formats() -> str:
     return table(["suffix", "what it holds", "cospeech can", "where it goes"], rows)
 
 
+def overview(place: str) -> Callable[[], str]:
+    """The table of models: name, paper, what it does, whether weights ship, speed; ``place`` is the folder of the pages."""
+
+    def rows() -> str:
+        page = (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
+        found = []
+        for row in catalogue("models"):
+            name = row["name"]
+            first, ready = row["what"].split("; ready to use")[0].split("; no weights")[0], "ready to use" in row["what"]
+            match = re.fullmatch(r"(.*?)(?: \(([^)]*)\))?: (.*)", first)
+            assert match, f"the docstring of {name} begins with 'Name (paper): what it does'"
+            speed = re.search(rf"^\| `{name}` \| ([\d.]+) \|", page, re.M)
+            assert speed or not ready, f"docs/benchmarks.md has no speed of {name}: benchmarks/models.py"
+            link = f"[`{name}`]({place}models/{name.replace('-', '_')}.md)"
+            found.append([link, match[2] or "ours", match[3], "yes" if ready else "no", speed[1] if speed else "–"])
+        return table(["model", "paper", "what it does", "weights ship", "real-time factor"], found)
+
+    return rows
+
+
 def limits() -> str:
     return table(["what", "limit", "why"], [[row.what, amount(row), row.why] for row in LIMITS])
 
@@ -89,6 +111,8 @@ def amount(limit: Limit) -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "limits": limits,
     "models": models,
+    "models_of_the_readme": overview("docs/"),
+    "models_of_the_index": overview(""),
     "styles": named("styles"),
     "emotions": named("emotions"),
     "skeletons": named("skeletons"),
@@ -99,7 +123,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 def pages() -> dict[Path, str]:
     """Path → text of every page, as it should be."""
-    found = {ROOT / "docs" / "cli.md": cli_page()}
+    found = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg()}
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if path not in found:
             text = path.read_text("utf-8")

@@ -17,7 +17,7 @@ from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.report import to_markdown
 
 ROOT = Path(__file__).resolve().parents[1]
-KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "tables.md"
+KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
 BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
 
 

@@ -363,7 +363,7 @@ class Chain(Windowed):
 
 
 class ChainOfGeneration(Chain):
-    """Chain of Generation (Xu et al. 2024): speaker and mood heard in the voice, then a face, a body, hands.
+    """Chain of Generation (Xu et al. 2024): estimates speaker and emotion from the voice, then makes face, body, hands in turn.
 
     The paper's: it sees all of a clip, both ways.
 

@@ -106,7 +106,7 @@ class Block(nn.Module):
 
 
 class SpeechToFace(Windowed):
-    """The face alone, learnt from real speakers: the mouth of all the other models, too.
+    """Speech to face: mouth, jaw and head, learnt from real speakers; the mouth of every other model, too.
 
     In the manner of one of the speakers of the data, or between them.
 

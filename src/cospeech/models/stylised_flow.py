@@ -92,7 +92,7 @@ class FlowConfig:
 
 
 class StylisedFlow(nn.Module):
-    """The stylised flow (Ye et al. 2022): many motions for one speech, in the manner of an example.
+    """The stylised flow (Ye et al. 2022): many motions for one speech, in the style of an example.
 
     Poses and audio are standardised vectors.
 

@@ -31,14 +31,14 @@ from cospeech.audio.speech import RATE, Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.joints import hand_columns
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from cospeech.rules.options import GenerationOptions
-from cospeech.runtime.backends import players_of
+from cospeech.runtime.backends import backend_of
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
 from cospeech.runtime.chain_engine import ChainEngine
-from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import shipped_mouth
-from cospeech.runtime.session import Performance, Wish
+from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.training.checkpoint import network
 from cospeech.training.export.chain_graph import LoweredChain, lower_chain
 from cospeech.training.recipe import SHIPPED, Recipe, build, load_recipe
@@ -112,17 +112,17 @@ class Timed:
 
 
 def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
-    """Seconds of processor time of each part, whole speech, offline: `BundleGesturer.session`, its parts timed."""
-    players = players_of(system)
-    wish = Wish(players.styles.blend(None), np.zeros(0))
+    """Seconds of processor time of each part, whole speech, offline: `TrainedModel.session`, its parts timed."""
+    players = backend_of(system)
+    wish = ResolvedStyle(players.styles.blend(None), np.zeros(0))
     listener = players.listen(wish.controls)
     player = players.play(wish.blend, listener.quiet, GenerationOptions(look_ahead=inf))
-    face = RuleGesturer(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
+    face = RuleBasedModel(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
     shared = SharedProsody()
     for each in (listener, face):
         each.share(shared)
     timed = {"features and words": Timed(listener), "classifier and network": Timed(player), "face": Timed(face)}
-    session: Any = Performance(
+    session: Any = TrainedSession(
         system, *list(timed.values())[:2], [timed["face"]], fps=FPS, parts=PARTS, wish=wish, direct=lambda style: wish
     )  # type: ignore[arg-type]
     begun = time.process_time()
@@ -134,7 +134,7 @@ def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
     return taken | {"smoothing and decoding": whole - sum(taken.values()), "all": whole}
 
 
-def live(gesturer: BundleGesturer, speech: Speech, **options: Any) -> tuple[np.ndarray, np.ndarray, float]:
+def live(gesturer: TrainedModel, speech: Speech, **options: Any) -> tuple[np.ndarray, np.ndarray, float]:
     """Milliseconds of every piece in processor time and on the clock; and the latency that is promised."""
     session = gesturer.session(fps=FPS, **options)
     work, clock = [], []
@@ -161,7 +161,7 @@ def eager(net: Any) -> Callable[[], object]:
     return torch.no_grad()(lambda: net.make(*given))
 
 
-def told_live(gesturer: BundleGesturer, speech: Speech) -> None:
+def told_live(gesturer: TrainedModel, speech: Speech) -> None:
     live(gesturer, speech.window(0, 5))
     for what, parts in (("face, body and hands", PARTS), ("body and hands", ("body", "hands"))):
         runs = [live(gesturer, speech, parts=parts) for _ in range(3)]
@@ -172,7 +172,7 @@ def told_live(gesturer: BundleGesturer, speech: Speech) -> None:
         verdict(f"live, {what}, 99th percentile of a piece", late, 4, " ms")
 
 
-def memory(gesturer: BundleGesturer, minutes: int = 10) -> None:
+def memory(gesturer: TrainedModel, minutes: int = 10) -> None:
     """Of this process, over a long speech that comes in seconds."""
     session, second, seen = gesturer.session(fps=FPS), speech_of(60), []
     for _ in range(minutes):
@@ -193,7 +193,7 @@ def main() -> None:
     teacher = untrained(recipes["chain_of_generation_humanoid"])
     net = untrained(recipes["chain_live_humanoid"], teacher=teacher)
     system = system_of(recipes["chain_live_humanoid"], net)
-    gesturer, speech = BundleGesturer(system), speech_of(SECONDS)
+    gesturer, speech = TrainedModel(system), speech_of(SECONDS)
     played = sum(value.size for value in system.engine.weights.values())
     print(
         f"        {played:,} parameters to play, of both networks and classifier, and {system.statistics.words.size:,} of words"

@@ -26,9 +26,9 @@ import torch
 from flow import medians, processor, verdict
 
 from cospeech.models.mix_stage import MixStage, MixStageConfig
-from cospeech.models.nn.objective import Batch, Chance
-from cospeech.runtime.sliding_window_decoder import WindowPlayer, live
-from cospeech.runtime.style_measures import Manner
+from cospeech.models.nn.objective import Batch, StepRandom
+from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
+from cospeech.runtime.style_measures import StyleEmbedding
 from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
 from cospeech.runtime.window_engine import WindowEngine
 from cospeech.training.export.window_graph import lower
@@ -71,9 +71,9 @@ def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, fl
     window: a loop that sleeps until the next frames of speech are due."""
     system, setting = system_of(engine), live(engine.sizes)
     statistics = system.statistics
-    manner = Manner(statistics.codes[0], statistics.centres[0], np.zeros((0, 0, POSE), np.float32))
+    manner = StyleEmbedding(statistics.codes[0], statistics.centres[0], np.zeros((0, 0, POSE), np.float32))
     quiet = np.zeros((1, AUDIO), np.float32)
-    player = WindowPlayer(system, setting, ((1.0, manner),), [0], quiet)
+    player = SlidingWindowDecoder(system, setting, ((1.0, manner),), [0], quiet)
     rows = np.random.default_rng(0).normal(size=(int(seconds * FPS), AUDIO)).astype(np.float32)
     work, clock, due = [], [], time.perf_counter()
     for first in range(0, len(rows) - setting.hop + 1, setting.hop):
@@ -106,7 +106,7 @@ def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]
         for name, objective in objectives.items():
             movers[name].zero_grad()
             with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
-                terms = objective.loss(Batch(arrays, Chance(0, 0)), 0)
+                terms = objective.loss(Batch(arrays, StepRandom(0, 0)), 0)
                 total = torch.stack(list(terms.values())).sum()
             total.backward()
             movers[name].step()

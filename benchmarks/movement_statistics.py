@@ -24,7 +24,7 @@ from cospeech import Motion, Speech
 from cospeech.metrics import REFERENCE, BeatLift, beat_lift
 from cospeech.metrics.beat_lift import energy_envelope
 from cospeech.metrics.movement import mean_rows, window_statistics
-from cospeech.rules import STYLES, RuleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
 
 SUFFIXES = {".wav", ".flac", ".ogg", ".mp3", ".aiff", ".aif"}
 RATE = 16000
@@ -88,7 +88,7 @@ def measure(
     """Each recording with its motion."""
     for seed in seeds:
         for samples in speech:
-            yield samples, RuleGesturer().generate(Speech(samples, RATE), style=style, emotion=emotion, seed=seed, fps=30)
+            yield samples, RuleBasedModel().generate(Speech(samples, RATE), style=style, emotion=emotion, seed=seed, fps=30)
 
 
 def judge_style(speech: Sequence[np.ndarray], style: str, emotion: str, seed: int) -> dict:

@@ -24,7 +24,7 @@ from cospeech.runtime.bundle import MANIFEST
 from cospeech.runtime.flow_bundle import Statistics, write_flow
 from cospeech.runtime.flow_weights import CODE, FlowSizes
 from cospeech.runtime.manifest import System
-from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.model import TrainedModel
 
 
 def small_sizes(pose: str, audio: str) -> FlowSizes:
@@ -122,7 +122,7 @@ def cut(speech: Speech, edges: Sequence[int]) -> list[Speech]:
     return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
 
 
-def changed(player: BundleGesturer, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options) -> Motion:
+def changed(player: TrainedModel, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options) -> Motion:
     """A performance of speech in these pieces, the style changed after these samples."""
     session, made, at = player.session(**options), [], 0
     for chunk in cut(speech, sorted({*edges, *changes})):

@@ -22,11 +22,11 @@ from cospeech.metrics.movement import Track  # noqa: E402
 from cospeech.models import SHIPPED  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
-from cospeech.rules import RuleGesturer  # noqa: E402
+from cospeech.rules import RuleBasedModel  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
-from cospeech.runtime.model import BundleGesturer  # noqa: E402
+from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.runtime.systems import open_system  # noqa: E402
-from cospeech.training.batch_loader import SPREAD_FLOOR, Feed, clip_moments, standard_audio, standard_pose  # noqa: E402
+from cospeech.training.batch_loader import SPREAD_FLOOR, BatchLoader, clip_moments, standard_audio, standard_pose  # noqa: E402
 from cospeech.training.calibration_clips import STRETCH, STRETCHES, examples_of  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors  # noqa: E402
 from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
@@ -48,7 +48,7 @@ def store(tmp_path_factory):
     speech = Speech.load(example()[0]).window(0, 8)
     pose, pieces = find_pose("expmap-humanoid"), []
     for k, (name, style) in enumerate([("big", "lively"), ("small", "reserved")] * 3):
-        motion = RuleGesturer().generate(speech, style=style, seed=k, fps=FPS, parts=("body", "hands"))
+        motion = RuleBasedModel().generate(speech, style=style, seed=k, fps=FPS, parts=("body", "hands"))
         vectors = pose.encode(motion).astype(np.float32)
         vectors[:, pose.names.index("hips.x")] += 0.1 * (name == "small")
         rows = audio_features(speech, len(vectors), FPS)
@@ -91,8 +91,8 @@ def bundle(run):
 def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     pose = standard_pose(store)
     moments = clip_moments(store, pose)
-    feed = Feed(Windows(store, 90), {"pose": pose}, None, moments)
-    plain = Feed(Windows(store, 90), {"pose": pose}, None)
+    feed = BatchLoader(Windows(store, 90), {"pose": pose}, None, moments)
+    plain = BatchLoader(Windows(store, 90), {"pose": pose}, None)
     for step in range(3):
         fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
         number = fed["clip"][0]
@@ -122,7 +122,7 @@ def test_what_a_run_keeps_of_its_data(store):
 
 
 def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
-    player = BundleGesturer.open(bundle)
+    player = TrainedModel.open(bundle)
     assert player.system.styles == ("big", "small")
     speech = Speech.load(example()[0]).window(0, 6)
     big, small = (player.generate(speech, style=name, seed=2, fps=FPS, parts=("body", "hands")) for name in ("big", "small"))
@@ -135,7 +135,7 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
 
 def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
     """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
-    player = BundleGesturer.open(bundle)
+    player = TrainedModel.open(bundle)
     s = player.system.statistics
     assert (np.abs(s.made_mean) > 0.05).any()
     speech = Speech.load(example()[0]).window(0, 9)
@@ -152,7 +152,7 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
 
 
 def test_no_intensity_is_the_mean_pose_of_the_style(bundle):
-    player = BundleGesturer.open(bundle)
+    player = TrainedModel.open(bundle)
     speech = Speech.load(example()[0]).window(0, 2)
     still = player.generate(speech, style="small", intensity=0, fps=FPS, parts=("body",))
     statistics = player.system.statistics

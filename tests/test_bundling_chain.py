@@ -18,9 +18,9 @@ from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
-from cospeech.rules import RuleGesturer  # noqa: E402
+from cospeech.rules import RuleBasedModel  # noqa: E402
 from cospeech.runtime.chain_bundle import VOICE  # noqa: E402
-from cospeech.runtime.model import BundleGesturer  # noqa: E402
+from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
 from cospeech.training.recipe import read_recipe  # noqa: E402
@@ -46,7 +46,7 @@ def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("store")
     speech, pose, pieces = Speech.load(example()[0]).window(0, 6), find_pose("expmap-humanoid"), []
     for k, (name, style, split) in enumerate([("big", "lively", "train"), ("small", "reserved", "train")] * 2):
-        motion = RuleGesturer().generate(speech, style=style, seed=k, fps=FPS)
+        motion = RuleBasedModel().generate(speech, style=style, seed=k, fps=FPS)
         values = {
             "pose": pose.encode(motion).astype(np.float32), "audio": audio_features(speech, len(motion), FPS),
             "face": motion.face.astype(np.float32), "emotion": np.full(len(motion), k, np.int8),
@@ -94,7 +94,7 @@ def player_of(run_of):
         if name not in made:
             path = run_of(name).parent / f"{name}.cospeech"
             bundle_run(run_of(name), path)
-            made[name] = BundleGesturer.open(path)
+            made[name] = TrainedModel.open(path)
         return made[name]
 
     return player
@@ -123,7 +123,7 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
 def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
     """Exactly, where weights are kept exactly; in half precision nearly, which the manifest tells."""
     bundle_run(run_of(name), tmp_path / "it.cospeech", small=False, style="small")
-    player, net = BundleGesturer.open(tmp_path / "it.cospeech"), load_run(run_of(name))[0]
+    player, net = TrainedModel.open(tmp_path / "it.cospeech"), load_run(run_of(name))[0]
     system, whole = player.system, getattr(net, "teacher", net)
     assert player.default_style == "small"
     examples, _ = read_tensors(run_of(name) / EXAMPLES)

@@ -7,7 +7,7 @@ import pytest
 torch = pytest.importorskip("torch", exc_type=ImportError)
 
 from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
-from cospeech.models.nn.objective import Chance  # noqa: E402
+from cospeech.models.nn.objective import StepRandom  # noqa: E402
 from cospeech.training.export.window import GAINS, _calibrated  # noqa: E402
 from windowed_networks import KINDS, make_network  # noqa: E402
 
@@ -29,7 +29,7 @@ def test_styles_have_their_speakers_mean_and_deviation(name):
     made, gains = _calibrated(net, codes, known, PERSISTENCE)
     assert made.shape == gains.shape == (SPEAKERS, net.pose)
     speech = known["speech"].reshape(-1, 64, net.audio)
-    noise = smooth_gumbel(Chance(0, 0), len(speech), net.modes, 64, PERSISTENCE).mT if net.modes else torch.zeros(24, 64, 0)
+    noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, PERSISTENCE).mT if net.modes else torch.zeros(24, 64, 0)
     for k in range(SPEAKERS):
         with torch.no_grad():
             poses = net.make(speech, codes[k].expand(24, 64, -1), noise)

@@ -25,9 +25,9 @@ from cospeech.audio.speech import Speech, Word
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from cospeech.runtime.chain_bundle import VOICE
-from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.speaker_emotion_tracker import CAUTION
 from cospeech.runtime.style import CodeSource
 from runtime_bundles import changed, cut, same, talk
@@ -38,8 +38,8 @@ WORDS = (Word("yes", 1.0, 1.3), Word("we", 1.4, 1.6), Word("mountains", 1.65, 2.
 
 
 @cache
-def gesturer(**kind) -> BundleGesturer:
-    return BundleGesturer.open(write_small_chain(Path(mkdtemp(prefix="cospeech-test-")) / "chain.cospeech", **kind))
+def gesturer(**kind) -> TrainedModel:
+    return TrainedModel.open(write_small_chain(Path(mkdtemp(prefix="cospeech-test-")) / "chain.cospeech", **kind))
 
 
 def away(a: Motion, b: Motion) -> float:
@@ -222,11 +222,11 @@ def test_wrong_options(options):
 
 
 def test_what_a_chain_cannot_do_is_told():
-    clip = RuleGesturer().generate(talk(3.0), parts=BODY)
+    clip = RuleBasedModel().generate(talk(3.0), parts=BODY)
     with pytest.raises(InputError, match="cannot see a style"):
         gesturer().session(style=clip)
     with pytest.raises(InputError, match="transfer"):
-        BundleGesturer(gesturer().system, CodeSource)
+        TrainedModel(gesturer().system, CodeSource)
 
 
 def test_memory_does_not_grow_with_the_speech():
@@ -267,14 +267,14 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
     for name, motion in {"both": both_ways, "ahead": ahead}.items():
         motion.save(f"{name}.npz")
     assert away(made, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(made, Motion.load("ahead.npz"))
-    assert (gesturer().for_files, RuleGesturer().for_files) == ({"look_ahead": inf}, {})
+    assert (gesturer().for_files, RuleBasedModel().for_files) == ({"look_ahead": inf}, {})
 
 
 def test_no_torch_and_no_onnx(tmp_path):
     path = write_small_chain(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
-        f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

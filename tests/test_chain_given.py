@@ -20,9 +20,9 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.motion.skeletons.arkit import ARKIT
-from cospeech.rules import RuleGesturer
-from cospeech.runtime.conditioning import FADE, GivenFace, poses_before
-from cospeech.runtime.model import BundleGesturer
+from cospeech.rules import RuleBasedModel
+from cospeech.runtime.conditioning import FADE, ConditioningFace, poses_before
+from cospeech.runtime.model import TrainedModel
 from runtime_bundles import cut, same, talk, write_small
 
 BODY, SEEDS, FPS = ("body", "hands"), 4, 15.0
@@ -30,15 +30,15 @@ WHOLE = {"look_ahead": inf, "seed": 3}
 
 
 @cache
-def gesturer(**kind) -> BundleGesturer:
+def gesturer(**kind) -> TrainedModel:
     kind = {"faces": True, "seeds": SEEDS} | kind
-    return BundleGesturer.open(write_small_chain(Path(mkdtemp(prefix="cospeech-test-")) / "chain.cospeech", **kind))
+    return TrainedModel.open(write_small_chain(Path(mkdtemp(prefix="cospeech-test-")) / "chain.cospeech", **kind))
 
 
 @cache
 def recorded(seconds: float = 3.2, fps: float = 25.0, seed: int = 8) -> Motion:
     """Of our rules (synthetic), with a face."""
-    return RuleGesturer().generate(talk(seconds), fps=fps, seed=seed, emotion="happiness")
+    return RuleBasedModel().generate(talk(seconds), fps=fps, seed=seed, emotion="happiness")
 
 
 def away(a: Motion, b: Motion) -> float:
@@ -47,7 +47,7 @@ def away(a: Motion, b: Motion) -> float:
 
 def test_a_face_over_time():
     motion = recorded(2.0)
-    face, times = GivenFace(motion), np.arange(50) / 25
+    face, times = ConditioningFace(motion), np.arange(50) / 25
     weights, share = face.at(times)
     np.testing.assert_allclose(weights, motion.face, atol=1e-6)
     assert (share == 1).all()
@@ -59,7 +59,7 @@ def test_a_face_over_time():
     before, share = face.at(np.array([-3.0]))
     np.testing.assert_allclose(before, motion.face[:1], atol=1e-6)
     assert share == 1
-    alone, _ = GivenFace(motion[:1]).at(np.array([0.0, 1.0]))
+    alone, _ = ConditioningFace(motion[:1]).at(np.array([0.0, 1.0]))
     np.testing.assert_allclose(alone, np.repeat(motion.face[:1], 2, 0), atol=1e-6)
 
 
@@ -67,7 +67,7 @@ def test_a_face_that_is_given_is_shown_and_moves_body_and_hands():
     speech, face = talk(3.2), recorded()
     plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
     times = np.arange(len(made)) / 30
-    np.testing.assert_allclose(made.face, GivenFace(face).at(times)[0], atol=1e-6)
+    np.testing.assert_allclose(made.face, ConditioningFace(face).at(times)[0], atol=1e-6)
     assert away(plain, made) > 1e-3
     other = gesturer().generate(speech, face=recorded(seed=9), **WHOLE)
     assert away(other, made) > 1e-4
@@ -102,7 +102,7 @@ def test_a_face_out_of_a_file(suffix, tmp_path):
 @pytest.mark.parametrize("fps", [15.0, 30.0, 24.0])
 def test_poses_before_lie_a_frame_of_the_model_apart(fps):
     """The next clip's first frame would come one frame after the last."""
-    motion = RuleGesturer().generate(talk(2.0), fps=fps, seed=1, parts=BODY)
+    motion = RuleBasedModel().generate(talk(2.0), fps=fps, seed=1, parts=BODY)
     system, found = gesturer().system, poses_before(gesturer().system, motion, SEEDS)
     rows = find_pose(system.pose).encode(motion)
     at = len(motion) - fps / FPS * np.arange(SEEDS, 0, -1)
@@ -159,7 +159,7 @@ def test_motion_to_go_on_from_moves_the_beginning_and_no_more():
 def test_clips_join(fps, style):
     """The first pose is nearly the last one of what came before, and what is added is gone after half a second."""
     options = WHOLE | {"fps": fps, "parts": BODY, "style": style}
-    first = RuleGesturer().generate(talk(2.0), fps=fps, seed=2, parts=BODY)
+    first = RuleBasedModel().generate(talk(2.0), fps=fps, seed=2, parts=BODY)
     plain, made = (gesturer().generate(talk(4.8), continue_from=m, **options) for m in (None, first))
     pose, s = find_pose(gesturer().system.pose), gesturer().system.statistics
     last = poses_before(gesturer().system, first, SEEDS)[-1] * s.pose_std + s.pose_mean
@@ -197,10 +197,10 @@ def test_old_bundles_and_those_trained_without():
 
 @pytest.mark.parametrize("option", ["face", "continue_from"])
 def test_who_cannot_is_told(option, tmp_path):
-    given, flow = {option: recorded()}, BundleGesturer.open(write_small(tmp_path / "flow.cospeech"))
+    given, flow = {option: recorded()}, TrainedModel.open(write_small(tmp_path / "flow.cospeech"))
     with pytest.raises(InputError, match="look_ahead=inf"):
         gesturer().session(**given)
-    for player in (flow, RuleGesturer()):
+    for player in (flow, RuleBasedModel()):
         with pytest.raises(InputError, match="cannot be given"):
             player.session(**given)
     for wrong in (7, tmp_path / "none.json", tmp_path, replace(recorded(), face=None)[:0]):
@@ -222,12 +222,12 @@ def test_files(tmp_path, monkeypatch):
     made, plain = Motion.load("a.npz"), Motion.load("plain.npz")
     assert away(made, plain) > 1e-3
     times = np.arange(len(made)) / 30
-    np.testing.assert_allclose(made.face, GivenFace(Motion.load("face.json")).at(times)[0], atol=1e-3)
+    np.testing.assert_allclose(made.face, ConditioningFace(Motion.load("face.json")).at(times)[0], atol=1e-3)
     with pytest.raises(InputError, match="overwrite"):
         generating.generate_files("talk.wav", ["face.json"], face="face.json")
     with pytest.raises(InputError, match="overwrite"):
         generating.generate_files("talk.wav", ["before.bvh"], continue_from="before.bvh")
     assert len(ARKIT) == 52
-    monkeypatch.setattr(generating, "load_model", lambda name: RuleGesturer())
+    monkeypatch.setattr(generating, "load_model", lambda name: RuleBasedModel())
     with pytest.raises(InputError, match="cannot be given a face"):
         generating.generate_files("talk.wav", ["b.npz"], face="face.json")

@@ -19,7 +19,7 @@ from cospeech.models.chain_of_generation import INPUTS, ChainConfig, ChainOfGene
 from cospeech.models.nn.channel_attention import ChannelAttention, PastAttention  # noqa: E402
 from cospeech.models.nn.contrast import info_nce  # noqa: E402
 from cospeech.models.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.recurrent import BothWays, Forwards  # noqa: E402
 from cospeech.models.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
 from cospeech.models.nn.words import SubwordTable, word_embedding  # noqa: E402
@@ -66,7 +66,7 @@ def arrays(frames: int = FRAMES, seed: int = 1, rows: int = ROWS) -> dict:
 
 
 def batch(net, seed: int = 1, step: int = 0, **changes) -> Batch:
-    return Batch(arrays(net.window, seed) | changes, Chance(0, step))
+    return Batch(arrays(net.window, seed) | changes, StepRandom(0, step))
 
 
 def reached(net, terms: dict) -> set[str]:
@@ -313,11 +313,11 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
         other = arrays(seed=2)[array] if array != "speaker" else (data["speaker"] + 1) % SPEAKERS
         if array == "emotion":
             other = (data["emotion"] + 1) % 8
-        first, second = (net._turn(Batch(data.arrays | more, Chance(0, 0))).made.pose for more in ({}, {array: other}))
+        first, second = (net._turn(Batch(data.arrays | more, StepRandom(0, 0))).made.pose for more in ({}, {array: other}))
         matters = (value == 0.0) if share in ("wordless", "unseeded") else (value == 1.0)
         assert torch.equal(first, second) is not matters
     half = steady(**{share: 0.5})
-    drawn = [half._turn(Batch(batch(half).arrays, Chance(0, step))).made.pose for step in (0, 0, 1)]
+    drawn = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).made.pose for step in (0, 0, 1)]
     assert torch.equal(drawn[0], drawn[1])
     assert not torch.equal(drawn[0], drawn[2])
 
@@ -343,7 +343,7 @@ def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recor
             told += weight * np.abs(np.diff(made, order, 0).std(0) - np.diff(pose, order, 0).std(0)).mean()
     assert terms["manner"].item() == pytest.approx(2 * told / ROWS / 4, rel=1e-2)
     half = chain(borrowed=0.5).train()
-    assert 0 < half._turn(Batch(arrays(rows=30), Chance(0, 0))).own.sum() < 30
+    assert 0 < half._turn(Batch(arrays(rows=30), StepRandom(0, 0))).own.sum() < 30
     assert half.eval()._turn(data).own.all()
 
 
@@ -352,14 +352,14 @@ def test_unknown_moods_teach_the_classifier_of_speakers_alone():
     net = SpeechClassifier(SpeechClassifierConfig(frames=12, channels=6), audio=AUDIO, speakers=SPEAKERS)
     data = arrays(12)
     data["emotion"][1] = -1
-    terms = net.loss(Batch(data, Chance(0, 0)), 0)
+    terms = net.loss(Batch(data, StepRandom(0, 0)), 0)
     who, how = (x.mean(1).log_softmax(1) for x in net(data["audio"]).split((SPEAKERS, 8), 2))
     known = [0, 2, 3]
     assert terms["emotion"].item() == pytest.approx(-how[known, data["emotion"][known, 0]].sum().item() / ROWS, rel=1e-5)
     assert terms["speaker"].item() == pytest.approx(-who[range(ROWS), data["speaker"]].mean().item(), rel=1e-5)
-    none = net.loss(Batch(data | {"emotion": torch.full((ROWS, 12), -1)}, Chance(0, 0)), 0)
+    none = net.loss(Batch(data | {"emotion": torch.full((ROWS, 12), -1)}, StepRandom(0, 0)), 0)
     assert none["emotion"] == 0
-    figures = net.validate(Batch(data, Chance(0, 0)))
+    figures = net.validate(Batch(data, StepRandom(0, 0)))
     wrong = (how.argmax(1) != data["emotion"][:, 0])[known].float().mean()
     assert figures["wrong_emotion"].item() == pytest.approx(wrong.item())
     weights = net.weights(data["audio"])
@@ -439,8 +439,8 @@ def test_the_student_learns_what_its_teacher_makes_of_the_same():
     own = {id(p) for p in teacher.parameters()}
     assert not own & {id(p) for p in parts["gestures"].parameters}
     assert not teacher.training
-    turn = net._turn(Batch(data.arrays, Chance(0, 0)))
-    terms = net.gesture_loss(Batch(data.arrays, Chance(0, 0)), 0)
+    turn = net._turn(Batch(data.arrays, StepRandom(0, 0)))
+    terms = net.gesture_loss(Batch(data.arrays, StepRandom(0, 0)), 0)
     now = {name: value[:, :FRAMES] for name, value in data.arrays.items() if name != "speaker"}
     rows = torch.cat([now["audio"], net.words(now["text"])], 2)
     with torch.no_grad():
@@ -523,7 +523,7 @@ def test_louder_speech_is_heard_in_training_alone_and_by_all():
         with pytest.raises(InputError, match="louder"):
             chain(**wrong)
     heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain=6.0), audio=AUDIO, speakers=2, louder=steps)
-    clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, Chance(0, 0))
+    clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, StepRandom(0, 0))
     assert heard.train().loss(clip, 0)["emotion"] != heard.eval().loss(clip, 0)["emotion"]
 
 

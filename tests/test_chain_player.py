@@ -14,14 +14,14 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 from chain_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.causal_stream_decoder import ChainPlayer, LivePlayer, SectionPlayer, sections
+from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder, ChainPlayer, OverlapAddDecoder, sections
 from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain
 from cospeech.runtime.chain_style import mixture_chain, named_chain
 from cospeech.runtime.crossfade import FADE
 from cospeech.runtime.mode_noise import SmoothGumbel
-from cospeech.runtime.speaker_emotion_tracker import Ear
+from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
 
-KINDS = [LivePlayer, SectionPlayer]
+KINDS = [CausalStreamDecoder, OverlapAddDecoder]
 
 
 @cache
@@ -47,7 +47,7 @@ def speech(frames: int, seed: int = 0) -> np.ndarray:
 
 def player(kind: type[ChainPlayer], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> ChainPlayer:
     of = of or system()
-    ear = Ear(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
+    ear = SpeakerEmotionTracker(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
     return kind(of, style, seeds, QUIET, ear, **options)
 
 
@@ -63,7 +63,7 @@ def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
 
 def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """(n, S + 8) what the voice says of these frames; silence follows the speech."""
-    ear = Ear(system().engine, FPS, QUIET[0, : SIZES.audio])
+    ear = SpeakerEmotionTracker(system().engine, FPS, QUIET[0, : SIZES.audio])
     ear.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, : SIZES.audio])
     return ear.shares(frames)
 
@@ -71,7 +71,7 @@ def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("frames", [1, 2, LOOK_AHEAD, 40])
 def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
     rows = speech(frames)
-    made = played(player(LivePlayer, VOICED, seeds=(3, 4)), rows)
+    made = played(player(CausalStreamDecoder, VOICED, seeds=(3, 4)), rows)
     style = heard(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
     drawn = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
     noise = system().statistics.strays[1] * drawn
@@ -84,7 +84,7 @@ def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
 
 def test_sections_are_windows_as_in_training():
     rows, setting = speech(61), sections(WINDOW)
-    who = player(SectionPlayer, ADA, emotion=EmotionTrack.constant("anger"), temperature=0.0)
+    who = player(OverlapAddDecoder, ADA, emotion=EmotionTrack.constant("anger"), temperature=0.0)
     made = played(who, rows)[0]
     style = np.zeros((1, WINDOW, SIZES.style), np.float32)
     style[..., [0, SIZES.speakers + EMOTIONS.index("anger")]] = 1
@@ -159,8 +159,8 @@ def test_speakers_emotions_and_words_are_played(kind):
     silent = played(player(kind, ADA, emotion=anger), said)
     assert np.abs(silent - first)[:, 35:].max() > 1e-3
     turning = EmotionTrack([0, 2, 2.2, 9], np.eye(8)[[2, 2, 1, 1]])
-    turned = played(player(LivePlayer, ADA, emotion=turning), rows)
-    angry = played(player(LivePlayer, ADA, emotion=anger), rows)
+    turned = played(player(CausalStreamDecoder, ADA, emotion=turning), rows)
+    angry = played(player(CausalStreamDecoder, ADA, emotion=anger), rows)
     assert np.array_equal(turned[:, : 30 - LOOK_AHEAD], angry[:, : 30 - LOOK_AHEAD])
     assert np.abs(turned - angry)[:, 34:].max() > 1e-3
 
@@ -181,7 +181,7 @@ def test_what_is_not_asked_for_is_the_voice_s():
 
     system().engine.live = Watched
     try:
-        played(player(LivePlayer, half), rows)
+        played(player(CausalStreamDecoder, half), rows)
     finally:
         del system().engine.live
     voice = heard(rows, np.arange(60))
@@ -219,7 +219,7 @@ def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
     played(who, speech(30))
     poses = np.random.default_rng(0).normal(size=(1, 4, SIZES.pose)).astype(np.float32)
     shares = np.array([0.25, 0.75])
-    made, gains = (s.live_made, s.live_gains) if kind is LivePlayer else (s.made, s.gains)
+    made, gains = (s.live_made, s.live_gains) if kind is CausalStreamDecoder else (s.made, s.gains)
     wanted = shares @ s.centres + 0.5 * (shares @ gains) * (poses - shares @ made)
     np.testing.assert_allclose(who.units(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
 
@@ -235,9 +235,9 @@ def test_what_is_kept_does_not_grow(kind):
 
 
 def test_who_knows_no_emotion_says_so():
-    assert player(LivePlayer).moods is not None
+    assert player(CausalStreamDecoder).moods is not None
     plain = system(judges=False)
-    assert player(LivePlayer, of=plain).moods is None
-    assert player(LivePlayer, of=plain).speaker is None
-    assert player(LivePlayer, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None
-    assert set(player(LivePlayer).speaker) == set(NAMES)
+    assert player(CausalStreamDecoder, of=plain).moods is None
+    assert player(CausalStreamDecoder, of=plain).speaker is None
+    assert player(CausalStreamDecoder, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None
+    assert set(player(CausalStreamDecoder).speaker) == set(NAMES)

@@ -19,7 +19,7 @@ from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import main
 from cospeech.export import FORMATS
 from cospeech.models import MODELS
-from cospeech.rules import STYLES, RuleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.bundle import write_bundle
 
 SECONDS, RATE = 1.51, 16_000
@@ -168,7 +168,7 @@ def test_list_tells_what_ships_and_whose_styles(cli, tmp_path, monkeypatch):
 
 
 def test_a_model_may_be_named_as_text_or_path():
-    assert isinstance(cospeech.load(Path("rules")), RuleGesturer)
+    assert isinstance(cospeech.load(Path("rules")), RuleBasedModel)
     for name in ("rulse", "a" * 5000, "a\0b"):
         with pytest.raises(cospeech.InputError, match="no model is called"):
             cospeech.load(name)

@@ -10,7 +10,7 @@ import pytest
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.speaker_emotion_tracker import BLOCK, CAUTION, DOUBT, VOICE, Ear
+from cospeech.runtime.speaker_emotion_tracker import BLOCK, CAUTION, DOUBT, VOICE, SpeakerEmotionTracker
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)
@@ -34,8 +34,8 @@ class Judge:
         return np.sum(around, 0)
 
 
-def ear(given=None, **kind) -> Ear:
-    return Ear(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
+def ear(given=None, **kind) -> SpeakerEmotionTracker:
+    return SpeakerEmotionTracker(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:

@@ -16,7 +16,7 @@ from cospeech.errors import InputError
 from cospeech.generate import generate_files
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from cospeech.rules.emotion_modifiers import MANNERS
 
 HAPPY, ANGRY = EMOTIONS.index("happiness"), EMOTIONS.index("anger")
@@ -188,8 +188,8 @@ TRACK = EmotionTrack([0.0, 4.0, 4.5], [one("happiness"), one("happiness"), one("
 def test_a_face_follows_a_track():
     speech = talk(9)
     options = {"seed": 3, "parts": ("face",)}
-    tracked = RuleGesturer().generate(speech, emotion=TRACK, **options).face
-    happy, angry = (RuleGesturer().generate(speech, emotion=name, **options).face for name in ("happiness", "anger"))
+    tracked = RuleBasedModel().generate(speech, emotion=TRACK, **options).face
+    happy, angry = (RuleBasedModel().generate(speech, emotion=name, **options).face for name in ("happiness", "anger"))
     smile, brow = ARKIT_INDEX["mouthSmileLeft"], ARKIT_INDEX["browDownLeft"]
     assert np.allclose(tracked[:120, [smile, brow]], happy[:120, [smile, brow]], atol=1e-6)
     assert np.allclose(tracked[136:, [smile, brow]], angry[136:, [smile, brow]], atol=1e-6)
@@ -197,7 +197,7 @@ def test_a_face_follows_a_track():
 
 
 def test_a_track_in_pieces_is_the_whole():
-    speech, gesturer = talk(9), RuleGesturer()
+    speech, gesturer = talk(9), RuleBasedModel()
     whole = gesturer.generate(speech, emotion=TRACK, seed=5)
     pieces = Motion.concatenate(list(gesturer.stream(speech.chunks(0.11), emotion=TRACK, seed=5)))
     assert np.allclose(whole.face, pieces.face, atol=1e-6)
@@ -208,7 +208,7 @@ def test_a_name_is_a_track_that_never_changes():
     speech = talk(4)
     for name in ("neutral", "sadness"):
         named, tracked = (
-            RuleGesturer().generate(speech, emotion=e, seed=1) for e in (name, EmotionTrack([0, 9], [one(name)] * 2))
+            RuleBasedModel().generate(speech, emotion=e, seed=1) for e in (name, EmotionTrack([0, 9], [one(name)] * 2))
         )
         assert np.array_equal(named.rotations, tracked.rotations)
         assert np.array_equal(named.face, tracked.face)
@@ -216,7 +216,7 @@ def test_a_name_is_a_track_that_never_changes():
 
 def test_bodies_follow_a_track():
     def speed(emotion):
-        motion = RuleGesturer().generate(talk(24), emotion=emotion, seed=2)
+        motion = RuleBasedModel().generate(talk(24), emotion=emotion, seed=2)
         hands = motion.positions()[:, [motion.skeleton.index[side + "Hand"] for side in ("left", "right")]]
         return np.linalg.norm(np.diff(hands, axis=0), axis=-1).mean(1)
 

@@ -26,7 +26,7 @@ from cospeech.metrics.table import DEFAULT
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_angle
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 
 FPS = 15.0
 
@@ -39,7 +39,7 @@ def clips() -> tuple[Clip, ...]:
     for k, (start, end) in enumerate([(0, 9), (9, 18), (3, 12), (6, 15)]):
         speech = Speech(whole.samples[start * 16000 : end * 16000], 16000)
         style = ("calm", "lively")[k % 2]
-        motion = RuleGesturer().generate(speech, seed=k, fps=FPS, style=style, parts=("body", "hands"))
+        motion = RuleBasedModel().generate(speech, seed=k, fps=FPS, style=style, parts=("body", "hands"))
         made.append(Clip(f"clip{k}", style, "synthetic", speech, motion, semantics=(Semantic(1.0, 3.0, 0.5),)))
     return tuple(made)
 
@@ -57,7 +57,7 @@ def pats() -> tuple[Clip, ...]:
 
 @cache
 def table():
-    again = [RuleGesturer().generate(c.speech, seed=9, fps=FPS, parts=("body", "hands")) for c in clips()]
+    again = [RuleBasedModel().generate(c.speech, seed=9, fps=FPS, parts=("body", "hands")) for c in clips()]
     return evaluate_clips({"again": again}, clips())
 
 
@@ -406,6 +406,6 @@ def test_the_public_call_takes_a_model_and_a_store(corpus):
     by_object = cospeech.evaluate(cospeech.load("rules"), corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
     by_name = cospeech.evaluate("rules", corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
     alone = cospeech.evaluate(None, stored_clips(corpus / "store"), metrics=["w1_speed"])
-    assert by_object.rows[0] == "RuleGesturer"
-    assert by_name.cells["rules"]["w1_speed"].value == by_object.cells["RuleGesturer"]["w1_speed"].value
+    assert by_object.rows[0] == "RuleBasedModel"
+    assert by_name.cells["rules"]["w1_speed"].value == by_object.cells["RuleBasedModel"]["w1_speed"].value
     assert alone.rows == tuple(CONTROLS)

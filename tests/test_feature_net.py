@@ -23,7 +23,7 @@ from cospeech.evaluation import evaluate as cospeech_evaluate  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
 from cospeech.models.feature_net import feature_net, fingerprint, vectors_of  # noqa: E402
 from cospeech.models.gesture_autoencoder import AutoencoderConfig, FgdAutoencoder, FgdConfig, GestureAutoencoder  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.rotations import quat_multiply, rotvec_to_quat  # noqa: E402
@@ -58,7 +58,7 @@ def trained() -> tuple[FgdAutoencoder, np.ndarray, np.ndarray]:
     for step in range(40):
         optimiser.zero_grad()
         windows = torch.stack([rows[k][step % 6 : step % 6 + 34] for k in range(len(rows))])
-        sum(net.loss(Batch({"pose": windows}, Chance(0, step)), step).values()).backward()
+        sum(net.loss(Batch({"pose": windows}, StepRandom(0, step)), step).values()).backward()
         optimiser.step()
     return net, mean, std
 

@@ -16,7 +16,7 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.experiments.figures.scatter import Panel, draw_map  # noqa: E402
 from cospeech.experiments.tables import gesture_space as spaces  # noqa: E402
 from cospeech.experiments.tables import heatmaps  # noqa: E402
-from cospeech.experiments.tables.stages import Player  # noqa: E402
+from cospeech.experiments.tables.stages import PlayableRun  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D, to_points  # noqa: E402
 from test_mixing import swinging  # noqa: E402
@@ -62,14 +62,14 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return Store(folder)
 
 
-def player_of(store: Store, *, hears: bool) -> Player:
+def player_of(store: Store, *, hears: bool) -> PlayableRun:
     mean, std = store.statistics("pose")
     std = np.maximum(std, 1.0)
     stretches = np.stack([(store.clip(f"{name}-train")["pose"][None, :128] - mean) / std for name in WAYS])
     net = Puppet(torch.from_numpy(stretches[:, 0].astype(np.float32)), hears=hears)
     statistics = {"pose_mean": mean, "pose_std": std, "audio_mean": np.zeros(3), "audio_std": np.ones(3)}
     facts = {"recipe": {"data": {}}, "store": {"speakers": list(WAYS)}}
-    return Player(net, facts, statistics, "print", stretches)
+    return PlayableRun(net, facts, statistics, "print", stretches)
 
 
 def test_windows_are_of_the_speakers_test_clips_and_do_not_overlap(store):

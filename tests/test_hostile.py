@@ -43,7 +43,7 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.rules.lexicon import form_for
 from cospeech.runtime.bundle import MANIFEST, Bundle, pack_arrays, read_bundle
 from cospeech.runtime.graph_check import check_onnx
-from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.model import TrainedModel
 from cospeech.training.checkpoint import read_facts, read_tensors
 from cospeech.training.recipe import load_recipe
 from hostile_files import (
@@ -382,7 +382,7 @@ def rewritten(bundle: Path, path: Path, manifest: dict) -> Path:
 def test_a_bundle_of_an_impossible_rate(bundle, tmp_path, fps):
     path = rewritten(bundle, tmp_path / "a.cospeech", {**read_bundle(bundle).manifest, "fps": fps})
     with pytest.raises(InputError):
-        BundleGesturer.open(path)
+        TrainedModel.open(path)
 
 
 def test_the_list_of_arrays_of_a_bundle_has_a_limit():
@@ -607,7 +607,7 @@ def test_hostile_manifests(bundle, tmp_path):
     for _ in range(EACH):
         bent = bent_tree(manifest, chance)
         with bounded_memory():
-            ends.append(answer(lambda tree=bent: BundleGesturer.open(rewritten(bundle, tmp_path / "a.cospeech", dict(tree)))))
+            ends.append(answer(lambda tree=bent: TrainedModel.open(rewritten(bundle, tmp_path / "a.cospeech", dict(tree)))))
     assert min(ends.count("refused"), ends.count("read")) > EACH / 50
 
 

@@ -58,8 +58,8 @@ SESSION = (
     WITHOUT
     + """
 import cospeech
-from cospeech.rules import RuleGesturer
-session = RuleGesturer().session(fps=20)
+from cospeech.rules import RuleBasedModel
+session = RuleBasedModel().session(fps=20)
 speech = cospeech.Speech.load(sys.argv[1])
 frames = sum(len(motion) for chunk in speech.chunks(1.0) for motion in session.push(chunk))
 assert 0 < frames + sum(map(len, session.finish())) == speech.frames(20)

@@ -8,7 +8,7 @@ import torch
 
 from cospeech.models.nn.adversarial_losses import JUDGINGS
 from cospeech.models.nn.gumbel import smooth_gumbel
-from cospeech.models.nn.objective import Chance
+from cospeech.models.nn.objective import StepRandom
 from cospeech.runtime.mode_noise import SECONDS, SmoothGumbel
 
 
@@ -37,7 +37,7 @@ def test_a_perfect_judge_loses_nothing():
 
 def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
     logits = torch.tensor([1.0, 0.0, -1.0])
-    noise = smooth_gumbel(Chance(0, 0), 20_000, 3, 2, 6.0)
+    noise = smooth_gumbel(StepRandom(0, 0), 20_000, 3, 2, 6.0)
     drawn = (logits[:, None] + noise).argmax(1)[:, 0].bincount() / 20_000
     np.testing.assert_allclose(drawn, torch.softmax(logits, 0), atol=0.015)
 
@@ -45,7 +45,7 @@ def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
 def test_training_and_playing_have_the_same_noise():
     """Mean, deviation and correlation over time of both, of numbers that are drawn quite differently."""
     fps, frames = 12.0, 48
-    trained = smooth_gumbel(Chance(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
+    trained = smooth_gumbel(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
     drawn = SmoothGumbel(3000, fps, seed=1).draw(frames).T
     for rows in (trained, drawn):
         assert abs(rows.mean() - np.euler_gamma) < 0.03
@@ -58,4 +58,4 @@ def test_training_and_playing_have_the_same_noise():
 
 def test_noise_is_finite_for_any_persistence():
     for persistence in (0.01, 1.0, 1e4):
-        assert torch.isfinite(smooth_gumbel(Chance(0, 0), 2, 3, 64, persistence)).all()
+        assert torch.isfinite(smooth_gumbel(StepRandom(0, 0), 2, 3, 64, persistence)).all()

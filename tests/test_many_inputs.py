@@ -11,7 +11,7 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.models.nn.modalities import INPUTS, SEEDS, weights_of  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from test_models_contract import ROWS, batch, network, trained_windowed  # noqa: E402
 
 torch.set_num_threads(1)
@@ -212,5 +212,5 @@ def test_diversity_is_worth_no_more_than_it_is_cut_at():
     data = batch(net)
     with torch.no_grad():
         net.out[-1].weight *= 1e6
-    terms = net.generated(Batch(data.arrays, Chance(0, 0)), 0)
+    terms = net.generated(Batch(data.arrays, StepRandom(0, 0)), 0)
     assert terms["diversity"].item() == pytest.approx(-0.01 * 1000)

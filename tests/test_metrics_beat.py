@@ -14,7 +14,7 @@ from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order
 from cospeech.metrics.onsets import backtracked, onset_frames, onset_strength, onset_times, rms
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 
 FORMS = ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat")
 FPS = 15.0  # of TED, PATS and BEAT
@@ -70,7 +70,7 @@ def test_minima_are_found_where_motion_pauses():
 def rows(shared_speech):
     """Samples of the control rows of two minutes of speech with the rule-based gesturer's motion."""
     clips = [
-        Clip(f"clip {k}", "speaker", "synthetic", speech, RuleGesturer().generate(speech, seed=k, fps=FPS))
+        Clip(f"clip {k}", "speaker", "synthetic", speech, RuleBasedModel().generate(speech, seed=k, fps=FPS))
         for k, speech in enumerate(shared_speech)
     ]
     return {name: [sample_of(clip) for clip in made] for name, made in control_rows(clips).items()}

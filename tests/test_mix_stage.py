@@ -16,7 +16,7 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.cmix_gan import CMixGan  # noqa: E402
 from cospeech.models.mix_stage import MixGan, MixGanConfig, MixStage, MixStageConfig  # noqa: E402
 from cospeech.models.nn.mixture import ModeLogits  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.stage import Stage, StageConfig  # noqa: E402
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
@@ -43,7 +43,7 @@ def batch(seed: int = 0, rows: int = ROWS, step: int = 0, modes: int = MODES) ->
         "cluster": torch.randint(modes, (rows, 64), generator=draw),
         "speaker": torch.arange(rows) % SPEAKERS,
     }
-    return Batch(arrays, Chance(seed, step))
+    return Batch(arrays, StepRandom(seed, step))
 
 
 def part_of(name: str) -> str:
@@ -208,7 +208,7 @@ def test_what_the_discriminator_has_seen_made_is_not_made_again(make):
 
 def make_again(net: MixGan, data: Batch) -> float:
     """L_rec of another batch object with the same arrays: nothing that was kept can be taken for it."""
-    return net.generator_loss(Batch(data.arrays, Chance(0, 0)), 0)["rec"].item()
+    return net.generator_loss(Batch(data.arrays, StepRandom(0, 0)), 0)["rec"].item()
 
 
 def test_objectives_share_out_all_parameters():

@@ -12,7 +12,7 @@ from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.corpora.attributes import Attributes
 from cospeech.errors import InputError
-from cospeech.experiments.figures.curves import Curve, draw_curves
+from cospeech.experiments.figures.curves import PlottedCurve, draw_curves
 from cospeech.experiments.style_mixing import MEASURES, Mixing, draw_mixing, fall_back, measure_mixing
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
@@ -123,19 +123,19 @@ def test_pictures_show_curves_and_heat_maps():
 
 def test_ticks_are_round_and_take_all_in():
     for low, high in ((41.7, 45.6), (0.0, 1.0), (-3.0, 1250.0), (0.342, 0.3421)):
-        curve = Curve("a", "b", None, np.arange(3.0), np.array([low, high, low]), np.zeros(3), ("l", "r"))
+        curve = PlottedCurve("a", "b", None, np.arange(3.0), np.array([low, high, low]), np.zeros(3), ("l", "r"))
         ticks = curve.ticks
         assert ticks[0] <= low
         assert ticks[-1] >= high
         assert 2 <= len(ticks) <= 7
         mantissa = (ticks[1] - ticks[0]) / 10 ** np.floor(np.log10(ticks[1] - ticks[0]) + 1e-9)
         assert min(abs(mantissa - k) for k in (1, 2, 5)) < 1e-6
-    wide = Curve("a", "b", None, np.arange(3.0), np.array([0.0, 2, 9]), np.full(3, 1.0), ("l", "r"))
+    wide = PlottedCurve("a", "b", None, np.arange(3.0), np.array([0.0, 2, 9]), np.full(3, 1.0), ("l", "r"))
     assert wide.ticks[0] == 0  # an interval reaches below what can be, the axis does not
     with pytest.raises(InputError):
         draw_curves([], 600)
     with pytest.raises(InputError):
-        Curve("a", "b", None, np.arange(3.0), np.array([1, np.nan, 2]), np.zeros(3), ("l", "r"))
+        PlottedCurve("a", "b", None, np.arange(3.0), np.array([1, np.nan, 2]), np.zeros(3), ("l", "r"))
 
 
 @pytest.mark.parametrize(("pair", "measures"), RULES.items())

@@ -20,7 +20,7 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import ENTRIES, NETWORKS  # noqa: E402
 from cospeech.models.chain_of_generation import Chain  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
@@ -119,12 +119,12 @@ def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
     if "cluster" in arrays:
         arrays["cluster"] = torch.randint(net.config.modes, (rows, net.window), generator=draw)
     arrays["speaker"] = torch.arange(rows) % ROWS
-    return Batch(arrays, Chance(seed, step))
+    return Batch(arrays, StepRandom(seed, step))
 
 
 def part(whole: Batch, row: int, step: int = 0) -> Batch:
     """One row of a batch, as one of so many processes would have it."""
-    return Batch({k: v[row : row + 1] for k, v in whole.arrays.items()}, Chance(0, step, rank=row, parts=len(whole)))
+    return Batch({k: v[row : row + 1] for k, v in whole.arrays.items()}, StepRandom(0, step, rank=row, parts=len(whole)))
 
 
 def total(net, data: Batch, step: int = 0):
@@ -178,7 +178,7 @@ def test_gradient_reaches_every_parameter(name):
 def test_the_same_seed_gives_the_same(name):
     first, again, other = (ready(name, seed=seed) for seed in (0, 0, 1))
     data = batch(first)
-    losses = [total(net, Batch(data.arrays, Chance(0, 0))).item() for net in (first, again, other)]
+    losses = [total(net, Batch(data.arrays, StepRandom(0, 0))).item() for net in (first, again, other)]
     assert losses[0] == losses[1]
     assert losses[0] != losses[2]
 
@@ -206,7 +206,7 @@ def test_saved_and_loaded_it_is_the_same_to_the_bit(name, tmp_path):
     save_file({key: value.contiguous() for key, value in net.state_dict().items()}, tmp_path / "net.safetensors")
     other.load_state_dict(load_file(tmp_path / "net.safetensors"))
     data = batch(net)
-    assert torch.equal(*(total(one, Batch(data.arrays, Chance(0, 0))) for one in (net, other)))
+    assert torch.equal(*(total(one, Batch(data.arrays, StepRandom(0, 0))) for one in (net, other)))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -220,14 +220,14 @@ def test_twenty_steps_lower_the_loss(name):
 
     def now() -> float:
         with torch.no_grad():
-            return total(net.eval(), Batch(data.arrays, Chance(0, 0))).item()
+            return total(net.eval(), Batch(data.arrays, StepRandom(0, 0))).item()
 
     before = now()
     for step in range(20):
         net.train()
         for key, objective in net.objectives().items():
             optimisers[key].zero_grad()
-            sum(objective.loss(Batch(data.arrays, Chance(0, step)), step).values()).backward()
+            sum(objective.loss(Batch(data.arrays, StepRandom(0, step)), step).values()).backward()
             optimisers[key].step()
     assert now() < before - 0.02 * abs(before)
 

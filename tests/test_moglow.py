@@ -17,14 +17,14 @@ from cospeech.corpora.store_files import Entry  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.moglow import MoGlow, MoGlowConfig  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.controls import CONTROLS, control_row, read_controls, style_controls  # noqa: E402
 from cospeech.runtime.flow_engine import FlowEngine  # noqa: E402
 from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights  # noqa: E402
-from cospeech.runtime.model import BundleGesturer  # noqa: E402
+from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402
 from cospeech.training.recipe import read_recipe  # noqa: E402
@@ -119,7 +119,7 @@ def test_a_control_at_a_higher_quantile_lifts_the_hands(run):
     for text in ("hand_height:0.15", "hand_height:0.5", "hand_height:0.85"):
         row = control_row(read_controls(text), known["control_quantiles"])
         control = torch.from_numpy((row - known["control_mean"]) / known["control_std"]).float()
-        z = net.flow.latent.sample(Chance(0, 0).normal, 8, 90)
+        z = net.flow.latent.sample(StepRandom(0, 0).normal, 8, 90)
         history, audio = torch.zeros(8, 4, 27), torch.zeros(8, 96, HEARD)
         made = net.sample(z, history, audio, control.expand(8, 96, 3)).numpy() * known["pose_std"] + known["pose_mean"]
         got = [style_controls(one[30:], find_pose("direction-vectors"), FPS)[:, 0].mean() for one in made]
@@ -131,7 +131,7 @@ def test_a_control_at_a_higher_quantile_lifts_the_hands(run):
 
 def test_and_in_a_bundle_that_speech_is_played_with(run, tmp_path):
     bundle_run(run, tmp_path / "a.cospeech")
-    player = BundleGesturer.open(tmp_path / "a.cospeech")
+    player = TrainedModel.open(tmp_path / "a.cospeech")
     speech = Speech.load(example()[0]).window(0, 6)
     heights = []
     for style in ("hand_height:0.1", None, "hand_height:0.9"):
@@ -155,7 +155,7 @@ def test_likelihood_in_bits_is_that_in_nats_over_ln_2():
     nets = [MoGlow(MoGlowConfig(steps=1, hidden=4, history=2, look_ahead=0, frames=3, nll_unit=unit), pose=4, audio=1).eval()
             for unit in (1.0, np.log(2))]  # fmt: skip
     nets[1].load_state_dict(nets[0].state_dict())
-    data = Batch({"pose": torch.randn(2, 5, 4), "audio": torch.randn(2, 5, 1)}, Chance(0, 0))
+    data = Batch({"pose": torch.randn(2, 5, 4), "audio": torch.randn(2, 5, 1)}, StepRandom(0, 0))
     nats, bits = (net.loss(data, 0)["nll"].item() for net in nets)
     assert bits == pytest.approx(nats / np.log(2), rel=1e-6)
     assert nats == pytest.approx(-nets[0].log_prob(data["pose"], data["audio"]).mean().item())

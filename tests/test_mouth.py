@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cospeech import models
-from cospeech.audio.features.reduce import hear as hear_columns
+from cospeech.audio.features.reduce import open_features as hear_columns
 from cospeech.audio.features.reduce import reduce_audio
 from cospeech.audio.speech import Speech, Word
 from cospeech.cli.demo import EXAMPLE
@@ -19,11 +19,11 @@ from cospeech.face.expressions import IS_MOUTH
 from cospeech.face.gains import face_gains
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
 from cospeech.runtime.mouth import BundleMouth, open_mouth, spoken_setting
-from test_rules_face import EMOTIONS, act, channel, hear, opening, silence, speech
+from test_rules_face import EMOTIONS, act, channel, open_features, opening, silence, speech
 from window_bundles import NAMES, write_small_window
 
 RATE = 16_000
@@ -137,8 +137,8 @@ def test_what_is_no_face_is_refused(tmp_path, bundle, monkeypatch):
         monkeypatch.setattr(mouths, "SHIPPED_FACE", path)
         mouths._shipped.cache_clear()
         with pytest.raises(InputError, match=problem):
-            RuleGesturer(mouths.shipped_mouth).generate(Speech(sound(1.0)))
-    RuleGesturer(mouths.shipped_mouth).generate(Speech(sound(1.0)), parts=("body",))  # which needs no mouth
+            RuleBasedModel(mouths.shipped_mouth).generate(Speech(sound(1.0)))
+    RuleBasedModel(mouths.shipped_mouth).generate(Speech(sound(1.0)), parts=("body",))  # which needs no mouth
     mouths._shipped.cache_clear()
 
 
@@ -193,7 +193,7 @@ def test_it_stays_shut_in_silence_whatever_the_mouth_says():
         assert np.array_equal(weights, act(Face(seed=1), np.arange(300) / 30, silence(10), emotion=emotion))
     loud = np.zeros(600)
     loud[200:400] = 0.9
-    jaw = channel(act(Face(seed=1), np.arange(600) / 100, hear(loud), spoken=np.ones((600, 52))), "jawOpen")
+    jaw = channel(act(Face(seed=1), np.arange(600) / 100, open_features(loud), spoken=np.ones((600, 52))), "jawOpen")
     assert max(jaw[:160].max(), jaw[440:].max()) < 0.03
     assert jaw[195:405].min() > 0.9  # never late for a phrase
 
@@ -202,7 +202,7 @@ def test_it_stays_shut_in_silence_whatever_the_mouth_says():
 def test_words_close_the_lips_of_a_learnt_mouth(emotion):
     words = [Word("papa", 0.5, 0.94), Word("mama", 1.0, 1.44)]
     times, spoken = np.arange(180) / 60, np.tile(row(jawOpen=0.4, mouthLowerDownLeft=0.3, mouthLowerDownRight=0.3), (180, 1))
-    heard = hear(np.full(300, 0.9))
+    heard = open_features(np.full(300, 0.9))
     given = {"emotion": emotion, "spoken": spoken}
     without, closed = (opening(act(Face(seed=2), times, heard, words=w, **given)) for w in ((), words))
     within = (times > 0.45) & (times < 1.44)
@@ -215,7 +215,7 @@ def test_words_close_the_lips_of_a_learnt_mouth(emotion):
 
 
 def test_words_shape_the_lips_of_a_learnt_mouth_but_not_its_jaw():
-    heard, times = hear(np.full(300, 0.85)), np.arange(60, 110) / 100
+    heard, times = open_features(np.full(300, 0.85)), np.arange(60, 110) / 100
     spoken = np.tile(row(jawOpen=0.2, mouthPucker=0.1), (50, 1))
 
     def most(word, name):
@@ -229,12 +229,12 @@ def test_words_shape_the_lips_of_a_learnt_mouth_but_not_its_jaw():
 
 def test_a_performance_with_a_mouth_is_the_same_in_pieces(system):
     talk = Speech(np.resize(Speech.load(EXAMPLE).samples, 8 * RATE))
-    gesturer = RuleGesturer(lambda: BundleMouth(system))
+    gesturer = RuleBasedModel(lambda: BundleMouth(system))
     whole = gesturer.generate(talk, seed=2)
     pieces = Motion.concatenate(list(gesturer.stream(talk.chunks(0.13), seed=2)))
     assert np.allclose(whole.face, pieces.face, atol=1e-6)
     assert np.allclose(whole.rotations, pieces.rotations, atol=1e-6)
-    own = RuleGesturer().generate(talk, seed=2)
+    own = RuleBasedModel().generate(talk, seed=2)
     assert np.array_equal(own.rotations, whole.rotations)  # the body is none of the mouth's business
     assert np.array_equal(own.face[:, ~IS_MOUTH], whole.face[:, ~IS_MOUTH])
     assert np.abs(own.face - whole.face).max() > 0.1
@@ -253,7 +253,7 @@ def test_speech_of_another_rate_reaches_the_mouth_at_16_khz():
             heard.append(len(samples))
 
     talk = Speech(np.resize(Speech.load(EXAMPLE).samples, 3 * 48_000), 48_000)
-    RuleGesturer(lambda: Counting(row())).generate(talk)
+    RuleBasedModel(lambda: Counting(row())).generate(talk)
     assert sum(heard) == 3 * RATE
 
 
@@ -287,7 +287,7 @@ def test_gains_that_are_none(gain, match):
     with pytest.raises(InputError, match=match):
         face_gains(gain)
     with pytest.raises(InputError):
-        RuleGesturer().session(face_gain=gain)
+        RuleBasedModel().session(face_gain=gain)
 
 
 def test_gains_scale_the_final_face():
@@ -295,7 +295,7 @@ def test_gains_scale_the_final_face():
 
     def face(gain=1.0):
         options = {"face_gain": gain, "parts": ("face",), "emotion": "happiness", "seed": 4}
-        return RuleGesturer(lambda: Said(row(jawOpen=0.3, mouthFunnel=0.8, mouthClose=0.1))).generate(talk, **options).face
+        return RuleBasedModel(lambda: Said(row(jawOpen=0.3, mouthFunnel=0.8, mouthClose=0.1))).generate(talk, **options).face
 
     usual, close, jaw = face(), ARKIT_INDEX["mouthClose"], ARKIT_INDEX["jawOpen"]
     others = np.arange(52) != close
@@ -312,7 +312,7 @@ def test_gains_scale_the_final_face():
 def test_every_system_speaks_with_the_mouth_that_ships(monkeypatch):
     speech = Speech(np.resize(Speech.load(EXAMPLE).samples, 3 * RATE))
     ruled = models.load("rules").generate(speech, seed=1, emotion="neutral")
-    assert np.abs(ruled.face - RuleGesturer().generate(speech, seed=1, emotion="neutral").face)[:, IS_MOUTH].max() > 0.05
+    assert np.abs(ruled.face - RuleBasedModel().generate(speech, seed=1, emotion="neutral").face)[:, IS_MOUTH].max() > 0.05
     for name in ("stylised-flow", "mix-stage"):
         made = models.load(name).generate(speech, seed=1, emotion="neutral", fps=30.0)
         assert np.array_equal(made.face, ruled.face)

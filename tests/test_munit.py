@@ -12,10 +12,10 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.munit import Munit, MunitConfig  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance, Objective  # noqa: E402
+from cospeech.models.nn.objective import Batch, Objective, StepRandom  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.dataset import open_set  # noqa: E402
-from cospeech.training.objective_optimiser import Part  # noqa: E402
+from cospeech.training.objective_optimiser import ObjectiveOptimiser  # noqa: E402
 from cospeech.training.recipe import SHIPPED, Optimiser, build, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
@@ -34,7 +34,7 @@ def net():
 def walks(rows=3, frames=64, seed=0):
     draw = torch.Generator().manual_seed(seed)
     pose, audio = (torch.randn(rows, frames, width, generator=draw).cumsum(1) / 5 for width in (POSE, AUDIO))
-    return Batch({"pose": pose, "audio": audio}, Chance(0, 0))
+    return Batch({"pose": pose, "audio": audio}, StepRandom(0, 0))
 
 
 def test_the_losses_are_those_of_the_equation(net):
@@ -43,8 +43,8 @@ def test_the_losses_are_those_of_the_equation(net):
     data = walks()
     y, a = data["pose"].mT, data["audio"].mT
     with torch.no_grad():
-        terms = net.objectives()["generator"].loss(Batch(data.arrays, Chance(0, 0)), 0)
-        chance = Chance(0, 0)
+        terms = net.objectives()["generator"].loss(Batch(data.arrays, StepRandom(0, 0)), 0)
+        chance = StepRandom(0, 0)
         chance.normal(3, 2)
         style = chance.normal(3, 2)
         (content, audio_style), (own, own_style) = net.heard.encode(a), net.moved.encode(y)
@@ -64,9 +64,9 @@ def test_the_losses_are_those_of_the_equation(net):
 def test_no_term_compares_a_speech_with_its_own_poses(net):
     """Poses in another order: all terms but the cycles, whose styles are of the rows, have the same means."""
     data = walks()
-    other = Batch({"pose": data["pose"].flip(0), "audio": data["audio"]}, Chance(0, 0))
+    other = Batch({"pose": data["pose"].flip(0), "audio": data["audio"]}, StepRandom(0, 0))
     with torch.no_grad():
-        first, second = (net.objectives()["generator"].loss(Batch(b.arrays, Chance(0, 0)), 0) for b in (data, other))
+        first, second = (net.objectives()["generator"].loss(Batch(b.arrays, StepRandom(0, 0)), 0) for b in (data, other))
     for term in ("pose_same", "audio_same", "pose_content", "pose_style", "pose_adversarial"):
         assert first[term].item() == pytest.approx(second[term].item(), rel=1e-5)
 
@@ -127,7 +127,7 @@ def test_weight_decay_is_added_to_the_gradient_before_adam_sees_it():
     target = torch.tensor([1.0, -2.0, 0.5])
     for decay in (0.0, 0.3):
         value = torch.nn.Parameter(torch.tensor([2.0, 1.0, -1.0]))
-        part = Part("x", Objective([value], dict), Optimiser(lr=0.1, betas=(0.5, 0.9), weight_decay=decay))
+        part = ObjectiveOptimiser("x", Objective([value], dict), Optimiser(lr=0.1, betas=(0.5, 0.9), weight_decay=decay))
         x, m, v = value.detach().clone(), torch.zeros(3), torch.zeros(3)
         for step in range(1, 4):
             part.gradients((value - target).square().sum())

@@ -11,8 +11,8 @@ from cospeech.errors import InputError
 from cospeech.generate import check_asked
 from cospeech.motion.named_numbers import read_named_numbers
 from cospeech.motion.parts import PARTS
-from cospeech.rules import GenerationOptions, RuleGesturer
-from cospeech.runtime.model import BundleGesturer
+from cospeech.rules import GenerationOptions, RuleBasedModel
+from cospeech.runtime.model import TrainedModel
 from runtime_bundles import write_small
 
 WRONG = [
@@ -34,9 +34,9 @@ WRONG = [
 def test_whoever_is_asked_says_the_same(options, said, tmp_path):
     for ask in (
         lambda: GenerationOptions(**options),
-        lambda: RuleGesturer().session(**options),
-        lambda: BundleGesturer.open(write_small(tmp_path / "a.cospeech")).session(**options),
-        lambda: check_asked(RuleGesturer(), **options),
+        lambda: RuleBasedModel().session(**options),
+        lambda: TrainedModel.open(write_small(tmp_path / "a.cospeech")).session(**options),
+        lambda: check_asked(RuleBasedModel(), **options),
     ):
         with pytest.raises(InputError) as told:
             ask()
@@ -53,7 +53,7 @@ def test_options_become_what_models_work_with():
     with pytest.raises(FrozenInstanceError):
         options.seed = 4
     with pytest.raises(TypeError, match="speed"):
-        RuleGesturer().session(speed=2)
+        RuleBasedModel().session(speed=2)
 
 
 def test_the_last_take_has_a_seed_too():
@@ -67,11 +67,11 @@ def test_the_last_take_has_a_seed_too():
 def test_a_session_takes_them_whole_or_with_changes():
     options = GenerationOptions(fps=20, parts=("body",))
     assert GenerationOptions.of(options, {}) is options
-    changed = RuleGesturer().session(options, seed=7)
+    changed = RuleBasedModel().session(options, seed=7)
     assert (changed.fps, changed.parts, changed.seed) == (20.0, ("body",), 7)
     for more in ({"takes": 2}, {"look_ahead": 1.0}):
         with pytest.raises(InputError, match="rule-based"):
-            RuleGesturer().session(options, **more)
+            RuleBasedModel().session(options, **more)
 
 
 # the grammar ----------------------------------------------------------------------------------------------------------

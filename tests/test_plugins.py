@@ -24,7 +24,7 @@ from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
 from cospeech.models import ENTRIES
 from cospeech.motion.poses import find_pose
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 
 ROOT = Path(__file__).resolve().parents[1]
 TOYS = ROOT / "examples" / "plugins"
@@ -158,7 +158,7 @@ def store(tmp_path_factory):
     speech, pose = Speech.load(EXAMPLE), find_pose("expmap-humanoid")
     pieces = []
     for seed, split in enumerate(["train", "validation"]):
-        vectors = pose.encode(RuleGesturer().generate(speech, seed=seed, fps=FPS)).astype(np.float32)
+        vectors = pose.encode(RuleBasedModel().generate(speech, seed=seed, fps=FPS)).astype(np.float32)
         values = {"pose": vectors, "audio": audio_features(speech, len(vectors), FPS)}
         entry = Entry(f"clip{seed}", "ada", split, 0, len(vectors), 0.0, ("pose", "audio"))
         pieces.append(Piece(entry, (), lambda values=values: dict(values)))
@@ -199,12 +199,12 @@ GESTURER = """
 from dataclasses import replace
 
 from cospeech.models import ModelEntry
-from cospeech.rules import GenerationOptions, RuleGesturer
+from cospeech.rules import GenerationOptions, RuleBasedModel
 
 MODEL = ModelEntry(f"{__name__}:Calm", "Our rules at half their size", trains=False)
 
 
-class Calm(RuleGesturer):
+class Calm(RuleBasedModel):
     def session(self, options=None, /, **keywords):
         options = GenerationOptions.of(options, keywords)
         return super().session(replace(options, intensity=options.intensity / 2))

@@ -12,7 +12,7 @@ from cospeech.motion.kinematics.legs import SEAT, STANCE, plant
 from cospeech.motion.poses.humanoid import HUMANOID, JOINTS, hand_basis
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply
 from cospeech.motion.skeleton import named_skeleton
-from cospeech.rules import STYLES, RuleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
 from rules_laws import babble
 
 HIPS_Y = HUMANOID.names.index("hips.y")
@@ -22,7 +22,7 @@ _FINGER = ("Proximal", "Intermediate", "Distal")
 
 @pytest.fixture(scope="module")
 def made() -> dict[str, Motion]:
-    return {style: RuleGesturer().generate(Speech(babble(2, 6.0), 16000), style=style, seed=5, fps=20) for style in STYLES}
+    return {style: RuleBasedModel().generate(Speech(babble(2, 6.0), 16000), style=style, seed=5, fps=20) for style in STYLES}
 
 
 @pytest.mark.parametrize("style", STYLES)

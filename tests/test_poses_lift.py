@@ -13,7 +13,7 @@ from cospeech.motion.poses import direction_vectors, find_pose, keypoints2d
 from cospeech.motion.poses.lift import lift
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multiply
 from cospeech.motion.skeletons.ted import JOINTS
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from rules_laws import babble
 
 INDEX = humanoid().index
@@ -21,7 +21,7 @@ INDEX = humanoid().index
 
 @pytest.fixture(scope="module", params=["lively", "seated", "southpaw"])
 def made(request) -> Motion:
-    return RuleGesturer().generate(Speech(babble(4, 5.0), 16_000), style=request.param, seed=8, fps=15)
+    return RuleBasedModel().generate(Speech(babble(4, 5.0), 16_000), style=request.param, seed=8, fps=15)
 
 
 def far(a: np.ndarray, b: np.ndarray) -> float:

@@ -17,8 +17,8 @@ from cospeech.export.mannequin import Character, Part
 from cospeech.export.render import raster
 from cospeech.export.render.camera import CAMERAS, Camera, view_named
 from cospeech.export.render.frames import BACKDROP, Film
-from cospeech.export.render.framing import Framing, Pose, Stage, box_of
-from cospeech.export.render.keyframes import Moments
+from cospeech.export.render.framing import FramedPose, Framing, PoseStage, box_of
+from cospeech.export.render.keyframes import Keyframes
 from cospeech.export.render.light import develop, from_srgb
 from cospeech.export.render.scene import Scene
 from cospeech.export.render.worker import Artist, Helper, Look, pack
@@ -266,7 +266,7 @@ def test_film_shows_the_frame_of_its_time(look, monkeypatch):
     )
     motion = gesturing(20, 60)
     frames_of(motion, (), look, 20)
-    world = Stage(humanoid(), 60).place(motion).rotations
+    world = PoseStage(humanoid(), 60).place(motion).rotations
     assert np.allclose(seen, world[::3].reshape(7, -1), atol=1e-6)
 
 
@@ -335,10 +335,10 @@ def walking(frames, fps=30.0):
 
 
 def test_stage_follows_one_who_walks_and_not_one_who_sways():
-    hips = Stage(humanoid(), 30).place(walking(300)).positions[:, 0]
+    hips = PoseStage(humanoid(), 30).place(walking(300)).positions[:, 0]
     assert np.abs(hips[:, [0, 2]]).max() < 0.8
     swaying = gesturing(300)
-    placed = Stage(humanoid(), 30).place(swaying).positions[:, 0]
+    placed = PoseStage(humanoid(), 30).place(swaying).positions[:, 0]
     moved = placed - placed[0] - (swaying.root - swaying.root[0])
     assert np.ptp(placed[:, 0]) > 0.03
     assert np.abs(moved[:, 1]).max() < 1e-9
@@ -350,7 +350,7 @@ def test_stage_turns_the_first_frame_to_the_camera():
     from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 
     turned[:, 0] = quat_multiply(axis_angle_to_quat((0, 1, 0), 2.0), turned[:, 0])
-    placed = Stage(humanoid(), 30).place(Motion(fps=30, rotations=turned, root=motion.root + np.array([5, 0, 3])))
+    placed = PoseStage(humanoid(), 30).place(Motion(fps=30, rotations=turned, root=motion.root + np.array([5, 0, 3])))
     ahead = quat_rotate(placed.rotations[0, 0], np.array([0, 0, 1.0]))
     assert ahead == pytest.approx([0, ahead[1], np.sqrt(1 - ahead[1] ** 2)], abs=1e-9)
     assert placed.positions[0, 0, [0, 2]] == pytest.approx([0, 0], abs=1e-9)
@@ -359,7 +359,9 @@ def test_stage_turns_the_first_frame_to_the_camera():
 @pytest.mark.parametrize(("lift", "stays"), [(0.0, True), (0.2, True), (-0.95, False), (1.4, False)])
 def test_stage_finds_the_floor_of_files_that_have_another(lift, stays):
     motion = gesturing(4)
-    placed = Stage(humanoid(), 30).place(Motion(fps=30, rotations=motion.rotations, root=motion.root + np.array([0, lift, 0])))
+    placed = PoseStage(humanoid(), 30).place(
+        Motion(fps=30, rotations=motion.rotations, root=motion.root + np.array([0, lift, 0]))
+    )
     lowest = placed.positions[0, :, 1].min()
     assert lowest == pytest.approx(humanoid().tpose[:, 1].min() + (lift if stays else 0.0), abs=0.02)
 
@@ -370,11 +372,11 @@ def test_hands_never_leave_the_picture_and_the_camera_moves_smoothly(pieces):
     motion = gesturing(900, fps)
     rotations = motion.rotations.copy()
     rotations[600:, skeleton.index["leftUpperArm"]] = [0, 0, np.sin(0.6), np.cos(0.6)]  # up, all at once
-    stage, framing = Stage(skeleton, fps), Framing(view, skeleton, fps)
+    stage, framing = PoseStage(skeleton, fps), Framing(view, skeleton, fps)
     motion = Motion(fps=fps, rotations=rotations, root=motion.root)
     framed = []
     for k in range(0, 900, 900 // pieces):
-        for pose in map(Pose, *stage.place(motion[k : k + 900 // pieces])):
+        for pose in map(FramedPose, *stage.place(motion[k : k + 900 // pieces])):
             framed += framing.push(pose)
     framed += framing.flush()
     assert len(framed) == 900
@@ -390,7 +392,7 @@ def test_hands_never_leave_the_picture_and_the_camera_moves_smoothly(pieces):
 def test_moments_are_the_telling_ones_in_constant_memory():
     fps = 30.0
     motion = gesturing(3000, fps)  # the right hand is up at 1 s, 3 s, 5 s …
-    stage, moments = Stage(humanoid(), fps), Moments(humanoid(), fps)
+    stage, moments = PoseStage(humanoid(), fps), Keyframes(humanoid(), fps)
     for k in range(0, 3000, 111):
         moments.push(stage.place(motion[k : k + 111]))
     assert len(moments._kept) <= 192
@@ -401,21 +403,21 @@ def test_moments_are_the_telling_ones_in_constant_memory():
     phase = np.array(frames) / fps % 2
     assert np.abs(phase - 1).max() < 0.35
     frame, pose = best[2]
-    assert np.allclose(pose.rotations, Stage(humanoid(), fps).place(motion[: frame + 1]).rotations[frame], atol=1e-9)
+    assert np.allclose(pose.rotations, PoseStage(humanoid(), fps).place(motion[: frame + 1]).rotations[frame], atol=1e-9)
 
 
 @pytest.mark.parametrize("frames", [1, 3, 50])
 def test_moments_of_short_motion(frames):
-    moments = Moments(humanoid(), 30)
-    moments.push(Stage(humanoid(), 30).place(gesturing(frames)))
+    moments = Keyframes(humanoid(), 30)
+    moments.push(PoseStage(humanoid(), 30).place(gesturing(frames)))
     assert [frame for frame, _ in moments.best(7)] == sorted({frame for frame, _ in moments.best(7)})
     assert len(moments.best(7)) == min(7, frames)
 
 
 def test_a_row_says_all_about_a_picture(look):
-    stage = Stage(humanoid(), 30)
+    stage = PoseStage(humanoid(), 30)
     placed = stage.place(gesturing(2))
-    poses = list(map(Pose, *placed))
+    poses = list(map(FramedPose, *placed))
     box = box_of(look.view, humanoid(), placed.positions)
     pictures = Artist(look).draw(np.stack([pack(pose, box) for pose in poses]))
     assert pictures.shape == (2, 40, 48, 3)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from cospeech import InputError, Motion, Speech, Word, humanoid
-from cospeech.audio.event_detection import Listener, listen
+from cospeech.audio.event_detection import EventDetector, listen
 from cospeech.motion.kinematics.arms import arm_lengths, hand_rotations, reach, solve_arm
 from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.body_volume import push_from_head, push_from_torso
 from cospeech.motion.kinematics.hands import HAND_SHAPES
 from cospeech.motion.noise import hashed_normal, hashed_uniform, smooth_noise
 from cospeech.motion.rotations import quat_angle, quat_rotate
-from cospeech.rules import EMOTIONS, LOOK_AHEAD, STYLES, RuleGesturer, Style
+from cospeech.rules import EMOTIONS, LOOK_AHEAD, STYLES, RuleBasedModel, Style
 from cospeech.rules.emotion_modifiers import MANNERS, blend_manners
 from cospeech.rules.lexicon import LEXICON, form_for
 from cospeech.rules.plan import LEAD
@@ -24,7 +24,7 @@ from cospeech.rules.posture import Posture
 from cospeech.rules.repertoire import FORMS, LEXICAL_FORMS
 from cospeech.rules.rests import RESTS
 from cospeech.rules.styles import mix_styles
-from cospeech.rules.track import Track, minimum_jerk
+from cospeech.rules.track import MinimumJerkTrack, minimum_jerk
 from rules_laws import babble
 
 RATE = 16000
@@ -69,7 +69,7 @@ class TestNoise:
 
 class TestTrack:
     def test_a_move_ends_at_its_goal_with_the_minimum_jerk_profile(self):
-        track = Track(np.array([1.0, -2.0]))
+        track = MinimumJerkTrack(np.array([1.0, -2.0]))
         track.move(1.0, 0.5, np.array([3.0]), [0])
         times = np.array([0.0, 1.0, 1.25, 1.5, 9.0])
         assert np.allclose(track.at(times)[:, 0], [1, 1, 2, 3, 3])
@@ -78,14 +78,14 @@ class TestTrack:
         assert abs(speed.max() - 1.875 * 2 / 0.5) < 1e-3  # Flash & Hogan: peak = 15/8 of the mean speed
 
     def test_moves_may_overlap_and_still_reach_the_last_goal(self):
-        track = Track(np.zeros(1), np.array([0.1]))
+        track = MinimumJerkTrack(np.zeros(1), np.array([0.1]))
         track.move(0.0, 1.0, np.array([5.0]))
         track.move(0.5, 1.0, np.array([-1.0]))
         assert track.at(np.array([10.0]))[0, 0] == pytest.approx(-1.0)
         assert track.target[0] == -1.0
 
     def test_forgetting_what_is_over_changes_nothing_later(self):
-        rng, track = np.random.default_rng(0), Track(np.zeros(3), np.array([0, 0.05, 0.1]))
+        rng, track = np.random.default_rng(0), MinimumJerkTrack(np.zeros(3), np.array([0, 0.05, 0.1]))
         for k in range(40):
             track.move(k * 0.3, 0.6, rng.normal(size=3))
         later = np.linspace(7, 14, 50)
@@ -223,7 +223,7 @@ class TestListening:
         assert np.abs(loud.loudness[200:] - soft.loudness[200:]).mean() < 0.06
 
     def test_memory_stays_bounded(self):
-        listener, chunk = Listener(), pulses(4, rhythm(5)).samples
+        listener, chunk = EventDetector(), pulses(4, rhythm(5)).samples
         for _ in range(30):
             listener.push(chunk)
         assert len(listener._loudness._rows) < 1800
@@ -233,7 +233,7 @@ class TestListening:
 
 class TestPerformance:
     def test_strokes_come_before_accents_by_the_measured_lead(self):
-        session = RuleGesturer().session(style="restless", emotion="neutral", seed=3)
+        session = RuleBasedModel().session(style="restless", emotion="neutral", seed=3)
         at = rhythm()
         list(session.push(pulses(17, at)))
         list(session.finish())
@@ -246,7 +246,7 @@ class TestPerformance:
         at = rhythm(12, 1.2)
         words = [Word(w, t - 0.2, t + 0.25) for w, t in zip(["table", "huge", "stone", "tiny"] * 3, at, strict=True)]
         speech = replace(pulses(16, at), words=tuple(words))
-        session = RuleGesturer().session(emotion="neutral", seed=1)
+        session = RuleBasedModel().session(emotion="neutral", seed=1)
         list(session.push(speech))
         list(session.finish())
         acted = {g.word: g for g in session.gestures if g.word}
@@ -258,7 +258,7 @@ class TestPerformance:
 
     def test_hands_rest_in_long_pauses(self):
         speech = pulses(16, [0.5, 0.9, 1.3, 1.7, 2.1])
-        motion = RuleGesturer().generate(speech, emotion="neutral", seed=2)
+        motion = RuleBasedModel().generate(speech, emotion="neutral", seed=2)
         wrist = motion.positions()[:, [humanoid().index["leftHand"], humanoid().index["rightHand"]]]
         speed = np.linalg.norm(np.diff(wrist, axis=0), axis=-1).mean(1) * 30
         assert speed[(9 * 30) :].mean() < 0.06
@@ -266,30 +266,30 @@ class TestPerformance:
         assert (wrist[-1, :, 1] < 0.97).all()
 
     def test_nothing_jumps_at_the_first_frame(self):
-        motion = RuleGesturer().generate(pulses(4, rhythm(5, 0.6, 0.2)), emotion="anger", seed=4)
+        motion = RuleBasedModel().generate(pulses(4, rhythm(5, 0.6, 0.2)), emotion="anger", seed=4)
         step = quat_angle(motion.rotations[0].astype(float), motion.rotations[1].astype(float))
         assert np.degrees(step.max()) < 25
 
     @pytest.mark.parametrize("fps", [12.0, 24.0, 29.97, 60.0])
     def test_the_frame_rate_samples_one_and_the_same_performance(self, fps):
         speech = pulses(5, rhythm(6))
-        reference = RuleGesturer().generate(speech, fps=120.0, seed=5)
-        motion = RuleGesturer().generate(speech, fps=fps, seed=5)
+        reference = RuleBasedModel().generate(speech, fps=120.0, seed=5)
+        motion = RuleBasedModel().generate(speech, fps=fps, seed=5)
         assert len(motion) == speech.frames(fps)
         nearest = np.minimum(np.rint(motion.times * 120).astype(int), len(reference) - 1)
         assert np.abs(motion.positions() - reference.positions()[nearest]).max() < 0.03
 
     def test_long_pieces_and_short_ones_are_the_same_speech(self):
         speech = pulses(31, rhythm(48))
-        whole = Motion.concatenate([m for m in RuleGesturer().stream([speech], seed=1)])
-        parts = Motion.concatenate(list(RuleGesturer().stream(speech.chunks(seconds=0.21), seed=1)))
+        whole = Motion.concatenate([m for m in RuleBasedModel().stream([speech], seed=1)])
+        parts = Motion.concatenate(list(RuleBasedModel().stream(speech.chunks(seconds=0.21), seed=1)))
         assert np.abs(whole.positions() - parts.positions()).max() < 1e-5
         assert np.abs(whole.face - parts.face).max() < 1e-5
 
     def test_a_stream_is_never_more_than_its_look_ahead_behind(self):
         given = 0.0
         got = 0.0
-        session = RuleGesturer().session(seed=0)
+        session = RuleBasedModel().session(seed=0)
         for chunk in pulses(8, rhythm(10)).chunks(seconds=0.1):
             given += chunk.seconds
             got += sum(len(m) for m in session.push(chunk)) / 30
@@ -302,21 +302,21 @@ class TestPerformance:
         import soxr
 
         other = Speech(soxr.resample(speech.samples, RATE, 24000), 24000)
-        a = RuleGesturer().generate(speech, seed=2)
-        b = RuleGesturer().generate(other, seed=2)
+        a = RuleBasedModel().generate(speech, seed=2)
+        b = RuleBasedModel().generate(other, seed=2)
         assert len(a) == len(b)
         assert np.linalg.norm(a.positions() - b.positions(), axis=-1).mean() < 0.02
 
     def test_parts_that_were_not_asked_for_stay_neutral(self):
         speech, s = pulses(3, rhythm(4)), humanoid()
-        face = RuleGesturer().generate(speech, parts=("face",))
+        face = RuleBasedModel().generate(speech, parts=("face",))
         assert face.face is not None
         still = [k for k in range(len(s)) if "Eye" not in s.names[k]]
         assert np.allclose(face.rotations[:, still], [0, 0, 0, 1])
-        body = RuleGesturer().generate(speech, parts=("body",))
+        body = RuleBasedModel().generate(speech, parts=("body",))
         assert body.face is None
         assert np.allclose(body.rotations[:, [*s.left_hand, *s.right_hand]], [0, 0, 0, 1])
-        hands = RuleGesturer().generate(speech, parts=("hands",))
+        hands = RuleBasedModel().generate(speech, parts=("hands",))
         assert not np.allclose(hands.rotations[:, s.left_hand], [0, 0, 0, 1])
 
     def test_intensity_scales_movement_down_to_idling(self):
@@ -324,7 +324,7 @@ class TestPerformance:
         for intensity in (0.0, 0.5, 1.0, 1.5):
             speeds = []
             for seed in range(4):
-                motion = RuleGesturer().generate(speech, intensity=intensity, emotion="neutral", seed=seed, parts=("body",))
+                motion = RuleBasedModel().generate(speech, intensity=intensity, emotion="neutral", seed=seed, parts=("body",))
                 hand = motion.positions()[:, humanoid().index["rightHand"]]
                 speeds.append(np.linalg.norm(np.diff(hand, axis=0), axis=1).mean() * 30)
             wrists.append(np.mean(speeds))
@@ -334,7 +334,7 @@ class TestPerformance:
 
     def test_the_southpaw_uses_the_left_hand_and_the_default_does_not(self):
         def left_share(style: str) -> float:
-            motion = RuleGesturer().generate(pulses(40, rhythm(60)), style=style, emotion="neutral", seed=0)
+            motion = RuleBasedModel().generate(pulses(40, rhythm(60)), style=style, emotion="neutral", seed=0)
             p = motion.positions()
             speed = [
                 np.linalg.norm(np.diff(p[:, humanoid().index[n]], axis=0), axis=1).sum() for n in ("leftHand", "rightHand")
@@ -346,7 +346,7 @@ class TestPerformance:
 
     def test_a_style_of_ones_own(self):
         style = Style("a statue", rate=0.0, torso=0.0, head=0.0, sway=0.0, steps=0.0)
-        motion = RuleGesturer().generate(babble_speech(), style=style)
+        motion = RuleBasedModel().generate(babble_speech(), style=style)
         assert np.isfinite(motion.rotations).all()
 
     @pytest.mark.parametrize(
@@ -377,17 +377,17 @@ class TestPerformance:
     )
     def test_bad_options_are_named(self, options, said):
         with pytest.raises(InputError, match=said):
-            RuleGesturer().generate(babble_speech(), **options)
+            RuleBasedModel().generate(babble_speech(), **options)
 
     def test_what_is_not_speech_is_told(self):
         for wrong in ("talk.wav", None, np.zeros(10)):
             with pytest.raises(InputError, match=r"Speech\.load"):
-                RuleGesturer().generate(wrong)
+                RuleBasedModel().generate(wrong)
             with pytest.raises(InputError, match=r"Speech\.load"):
-                list(RuleGesturer().stream([wrong]))
+                list(RuleBasedModel().stream([wrong]))
 
     def test_one_session_is_one_speech_at_one_rate(self):
-        session = RuleGesturer().session()
+        session = RuleBasedModel().session()
         list(session.push(babble_speech()))
         with pytest.raises(InputError, match="began at 16000 Hz"):
             list(session.push(Speech(np.zeros(100, np.float32), 8000)))
@@ -397,8 +397,8 @@ class TestPerformance:
 
     def test_no_speech_at_all_is_an_error_and_one_sample_is_a_frame(self):
         with pytest.raises(InputError, match="no speech"):
-            list(RuleGesturer().stream([]))
-        assert len(RuleGesturer().generate(Speech(np.zeros(1, np.float32), RATE))) == 1
+            list(RuleBasedModel().stream([]))
+        assert len(RuleBasedModel().generate(Speech(np.zeros(1, np.float32), RATE))) == 1
 
 
 def babble_speech() -> Speech:

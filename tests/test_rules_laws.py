@@ -11,7 +11,7 @@ import pytest
 from cospeech import Speech
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_identity
-from cospeech.rules import EMOTIONS, STYLES, RuleGesturer
+from cospeech.rules import EMOTIONS, STYLES, RuleBasedModel
 from rules_laws import AT, SKELETON, babble, broken_laws, wrist_distance
 
 GROUPS, EACH = 20, 11
@@ -38,7 +38,7 @@ def test_laws_of_the_body(group):
     broken = {}
     for number in range(group * EACH, (group + 1) * EACH):
         speech, options = combination(number)
-        motion = RuleGesturer().generate(speech, **options)
+        motion = RuleBasedModel().generate(speech, **options)
         faults = broken_laws(motion, stand=not STYLES[options["style"]].seated)
         if len(motion) != ceil(speech.duration * int(options["fps"])):
             faults.append(f"{len(motion)} frames")
@@ -51,10 +51,10 @@ def test_laws_of_the_body(group):
 def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
     speech, options = combination(number)
     rng = np.random.default_rng(number)
-    whole = RuleGesturer().generate(speech, **options)
+    whole = RuleBasedModel().generate(speech, **options)
     edges = np.unique(np.concatenate([[0, len(speech.samples)], rng.integers(1, len(speech.samples), rng.integers(1, 40))]))
     pieces = [Speech(speech.samples[a:b], speech.rate, start=a / speech.rate) for a, b in pairwise(edges)]
-    parts = list(RuleGesturer().stream(iter(pieces), **options))
+    parts = list(RuleBasedModel().stream(iter(pieces), **options))
     joined = Motion.concatenate(parts)
     assert len(parts) > 1
     assert len(joined) == len(whole)
@@ -67,10 +67,10 @@ def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
 def test_the_same_seed_gives_the_same_bytes_and_another_one_another_performance(style):
     speech = Speech(babble(400, 8.0), 16000)
     options = {"style": style, "emotion": "neutral", "fps": 30.0}
-    one, again = (RuleGesturer().generate(speech, seed=1, **options) for _ in range(2))
+    one, again = (RuleBasedModel().generate(speech, seed=1, **options) for _ in range(2))
     for name in ("rotations", "root", "face"):
         assert getattr(one, name).tobytes() == getattr(again, name).tobytes()
-    others = [RuleGesturer().generate(speech, seed=seed, **options) for seed in (2, 3, 4)]
+    others = [RuleBasedModel().generate(speech, seed=seed, **options) for seed in (2, 3, 4)]
     assert np.mean([wrist_distance(one, other) for other in others]) > 0.03
 
 

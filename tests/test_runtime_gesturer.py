@@ -16,11 +16,11 @@ from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules import RuleGesturer
-from cospeech.runtime.autoregressive_decoder import FlowPlayer
-from cospeech.runtime.model import BundleGesturer
+from cospeech.rules import RuleBasedModel
+from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
+from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import shipped_mouth
-from cospeech.runtime.pose_resampler import Sampled
+from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from runtime_bundles import changed, cut, same, talk, write_small
 
@@ -30,9 +30,9 @@ BODY = [k for k in range(len(humanoid())) if k not in {*FINGERS, *EYES}]
 
 
 @cache
-def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> BundleGesturer:
+def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> TrainedModel:
     folder = Path(mkdtemp(prefix="cospeech-test-"))
-    return BundleGesturer.open(write_small(folder / "small.cospeech", pose, audio, fps))
+    return TrainedModel.open(write_small(folder / "small.cospeech", pose, audio, fps))
 
 
 def source(style: object, seed: int = 0):
@@ -102,7 +102,7 @@ def test_parts_rest():
     assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
     face = gesturer().generate(speech, parts=("face",))
     assert (face.rotations[:, BODY + FINGERS] == rest).all()
-    ruled = RuleGesturer(shipped_mouth).generate(speech, parts=("face",))
+    ruled = RuleBasedModel(shipped_mouth).generate(speech, parts=("face",))
     assert np.array_equal(face.face, ruled.face)
     assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
 
@@ -134,7 +134,7 @@ def test_styles_are_speakers_and_mixtures():
 
 def test_style_controls(tmp_path):
     path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
-    controlled, speech = BundleGesturer.open(path), talk(1.5)
+    controlled, speech = TrainedModel.open(path), talk(1.5)
     median, high, both = (
         controlled.generate(speech, style=s, parts=("body",)) for s in (None, "hand_height:0.95", "ben, hand_height:0.95")
     )
@@ -166,7 +166,7 @@ def test_temperature_and_emotion():
 @pytest.mark.parametrize("fps", [20.0, 47.0])
 def test_resampling_keeps_poses_and_holds_ends(fps):
     """A straight line stays one; smoothing and the cubic add up to one everywhere."""
-    sampled = Sampled(2, 3, smooth=1, step=20 / fps)
+    sampled = PoseResampler(2, 3, smooth=1, step=20 / fps)
     line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones((2, 1, 3), np.float32)
     count = int(40 * fps / 20)
     made, at = sampled.push(line, count, 39)
@@ -211,14 +211,14 @@ def test_wrong_options(options):
 def test_poses_that_add_up_are_refused(tmp_path):
     path = write_small(tmp_path / "a.cospeech", "expmap-full", "mel27")
     with pytest.raises(InputError, match="expmap-full"):
-        BundleGesturer.open(path)
+        TrainedModel.open(path)
 
 
 def test_no_torch_and_no_onnx(tmp_path):
     path = write_small(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
-        f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)));"
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)));"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
@@ -229,7 +229,7 @@ def test_no_torch_and_no_onnx(tmp_path):
 
 @pytest.mark.parametrize("transfer", [CodeSource, SegmentSource, NormalSource])
 def test_changes_do_not_depend_on_the_pieces(transfer):
-    speech, player = talk(4.0), BundleGesturer(gesturer().system, transfer)
+    speech, player = talk(4.0), TrainedModel(gesturer().system, transfer)
     clip = gesturer().generate(talk(3.0), style="ben", seed=8, parts=("body", "hands"))
     changes = {20_000: "ben", 23_333: {clip: 0.6, "ada": 0.4}, 41_000: "ada:0.5,ben:0.5"}
     made = changed(player, speech, [], changes, seed=2)
@@ -260,7 +260,7 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
         return [CodeSource(system, blend, seed=seed) for seed in seeds]
 
     ada, mixed = (Styles(system).blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
-    player = FlowPlayer(system, casting, ada, quiet, intensity=0.5)
+    player = AutoregressiveDecoder(system, casting, ada, quiet, intensity=0.5)
     made = [player.push(rows[:start])]
     player.restyle(mixed, start)
     made += [player.push(rows[start:40])]
@@ -297,7 +297,7 @@ def test_a_change_brings_the_speaker_s_own_deviation():
         return [CodeSource(system, blend, seed=1)]
 
     ada, ben = (Styles(system).blend(name) for name in ("ada", "ben"))
-    player = FlowPlayer(system, casting, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
+    player = AutoregressiveDecoder(system, casting, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
     found = (player.units(poses, at) - s.pose_mean) / s.pose_std
@@ -309,7 +309,7 @@ def test_a_change_brings_the_speaker_s_own_deviation():
 
 def test_style_controls_change_with_the_style(tmp_path):
     path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
-    player, speech = BundleGesturer.open(path), talk(4.0)
+    player, speech = TrainedModel.open(path), talk(4.0)
     changes = {16_000: "hand_height:0.95", 33_000: "ben"}
     made = changed(player, speech, [], changes, parts=("body",))
     assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)

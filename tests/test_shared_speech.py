@@ -14,7 +14,7 @@ import pytest
 import soundfile
 
 from cospeech import Speech, humanoid
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 
 SUFFIXES = {".flac", ".wav", ".ogg", ".mp3"}
 
@@ -29,7 +29,7 @@ def test_exact_length_and_the_same_seed_gives_the_same_bytes_on_every_recording(
     for path in files:
         info = soundfile.info(path)
         speech = Speech.load(path)
-        first, second = (RuleGesturer().generate(speech, seed=7) for _ in range(2))
+        first, second = (RuleBasedModel().generate(speech, seed=7) for _ in range(2))
         assert len(first) == ceil(info.frames * 30 / info.samplerate), path.name
         assert first.rotations.tobytes() == second.rotations.tobytes(), path.name
         assert first.face.tobytes() == second.face.tobytes(), path.name
@@ -39,15 +39,15 @@ def test_other_seeds_move_visibly_differently(shared):
     hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
     for path in recordings(shared):
         speech = Speech.load(path)
-        a, b = (RuleGesturer().generate(speech, seed=seed).positions()[:, hands] for seed in (0, 1))
+        a, b = (RuleBasedModel().generate(speech, seed=seed).positions()[:, hands] for seed in (0, 1))
         assert np.linalg.norm(a - b, axis=-1).mean() > 0.03, path.name
 
 
 PROGRAM = """
 import sys, hashlib
 from cospeech import Speech
-from cospeech.rules import RuleGesturer
-m = RuleGesturer().generate(Speech.load(sys.argv[1]), seed=3)
+from cospeech.rules import RuleBasedModel
+m = RuleBasedModel().generate(Speech.load(sys.argv[1]), seed=3)
 print(hashlib.sha256(m.rotations.tobytes() + m.root.tobytes() + m.face.tobytes()).hexdigest())
 """
 
@@ -55,7 +55,7 @@ print(hashlib.sha256(m.rotations.tobytes() + m.root.tobytes() + m.face.tobytes()
 @pytest.mark.parametrize("threads", ["1", "2"])
 def test_the_number_of_threads_changes_nothing(shared, threads):
     path = shared / "data" / "speech" / "jfk" / "jfk.flac"
-    here = RuleGesturer().generate(Speech.load(path), seed=3)
+    here = RuleBasedModel().generate(Speech.load(path), seed=3)
     expected = sha256(here.rotations.tobytes() + here.root.tobytes() + here.face.tobytes()).hexdigest()
     environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
     ran = subprocess.run(

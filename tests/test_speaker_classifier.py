@@ -18,7 +18,7 @@ from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.metrics import Sample, Tools, load_metric  # noqa: E402
 from cospeech.models.feature_net import classifier_net  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.speaker_classifier import SpeakerClassifier, SpeakerClassifierConfig  # noqa: E402
 from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS as POSE  # noqa: E402
 from cospeech.training.feature_networks import load_classifier, load_features  # noqa: E402
@@ -62,7 +62,7 @@ def test_of_64_frames_there_is_one_answer_and_of_more_their_mean():
 def test_its_loss_is_the_cross_entropy_and_its_error_a_share():
     torch.manual_seed(0)
     net = SpeakerClassifier(TINY, pose=5, speakers=3).eval()
-    data = Batch({"pose": torch.randn(8, 64, 5), "speaker": torch.arange(8) % 3}, Chance(0, 0))
+    data = Batch({"pose": torch.randn(8, 64, 5), "speaker": torch.arange(8) % 3}, StepRandom(0, 0))
     logits = net(data["pose"])
     expected = -F.log_softmax(logits, 1)[torch.arange(8), data["speaker"]].mean()
     assert net.loss(data, 0)["cross_entropy"].item() == pytest.approx(expected.item(), rel=1e-6)

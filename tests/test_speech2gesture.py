@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.speech2gesture import Speech2Gesture, Speech2GestureConfig  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.dataset import open_set  # noqa: E402
@@ -34,7 +34,7 @@ def net():
 def walks(rows=3, frames=32, seed=0):
     draw = torch.Generator().manual_seed(seed)
     pose, audio = (torch.randn(rows, frames, width, generator=draw).cumsum(1) / 5 for width in (POSE, AUDIO))
-    return Batch({"pose": pose, "audio": audio}, Chance(0, 0))
+    return Batch({"pose": pose, "audio": audio}, StepRandom(0, 0))
 
 
 def test_the_losses_are_those_of_the_equations(net):

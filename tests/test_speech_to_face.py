@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import speech_to_face  # noqa: E402
-from cospeech.models.nn.objective import Batch, Chance  # noqa: E402
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.speech_to_face import CALM, SpeechToFace, SpeechToFaceConfig  # noqa: E402
 from cospeech.motion.poses.face import FACE, MIRROR  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
@@ -43,7 +43,7 @@ def batch(net, seed: int = 0) -> Batch:
         "audio": torch.randn(ROWS, net.window, BANDS, generator=draw),
         "speaker": torch.arange(ROWS) % SPEAKERS,
     }
-    return Batch(arrays, Chance(seed, 0))
+    return Batch(arrays, StepRandom(seed, 0))
 
 
 @pytest.mark.parametrize("config", [{}, {"dilations": (1, 3), "ahead": (0, 4)}, {"kernel": 3, "ahead": (0, 0, 0)}])
@@ -122,7 +122,7 @@ def test_a_number_that_never_moves_stays_what_it_is():
 def changed(net, seed: int = 0):
     data = batch(net, seed)
     face = torch.ones(ROWS, net.window, 55)
-    audio, rested = net._changed(data["audio"], face, Chance(seed, 0))
+    audio, rested = net._changed(data["audio"], face, StepRandom(seed, 0))
     return data["audio"] * net.audio_std + net.audio_mean, audio * net.audio_std + net.audio_mean, rested
 
 

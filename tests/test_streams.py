@@ -18,7 +18,7 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_angle
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules import RuleGesturer
+from cospeech.rules import RuleBasedModel
 from cospeech.rules import session as rule_session
 from cospeech.runtime.seam import Seam
 from runtime_bundles import same
@@ -133,7 +133,7 @@ def test_before_they_are_rounded_faces_and_bodies_of_rules_have_the_same_bits_to
 
     monkeypatch.setattr(rule_session, "realise", realised)
     monkeypatch.setattr(rule_session.Face, "weights", weighed)
-    for player in (model("rules"), RuleGesturer()):  # with the mouth that ships, and with that of rules
+    for player in (model("rules"), RuleBasedModel()):  # with the mouth that ships, and with that of rules
         player.generate(said(), emotion="fear", seed=5)
         whole = dict(seen)
         for sizes in (always(17), always(5000), drawn(7, 6000)):
@@ -366,7 +366,7 @@ def test_a_session_holds_no_more_after_four_minutes_than_after_two(name, monkeyp
 
 
 def test_a_word_that_never_ends_keeps_no_others():
-    session = RuleGesturer().session(parts=("body",))
+    session = RuleBasedModel().session(parts=("body",))
     for k in range(60):
         words = [Word("so", float(k), k + 0.5)] + [Word("er", 0.0, 1e9)] * (k == 0)
         session.push(Speech(np.zeros(16_000, np.float32), words=tuple(sorted(words, key=lambda w: w.start)), start=float(k)))

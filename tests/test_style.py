@@ -21,10 +21,10 @@ from cospeech.models import BUNDLE, SHIPPED
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules import STYLES, RuleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
-from cospeech.runtime.model import BundleGesturer
+from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
 from cospeech.runtime.style_measures import example, latents_of, named
 from runtime_bundles import write_small
@@ -45,8 +45,8 @@ def system(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20
     return open_flow(read_bundle(write_small(Path(mkdtemp(prefix="cospeech-test-")) / "small.cospeech", pose, audio, fps)))
 
 
-def gesturer(way: str = "code") -> BundleGesturer:
-    return BundleGesturer(system(), WAYS[way])
+def gesturer(way: str = "code") -> TrainedModel:
+    return TrainedModel(system(), WAYS[way])
 
 
 def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
@@ -61,7 +61,7 @@ def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
 def acted(hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0) -> Motion:
     """The rule-based gesturer with one hand only, the left one (0) or the right one (1), low or high."""
     one = replace(STYLES["lively"], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low")
-    return RuleGesturer().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
+    return RuleBasedModel().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
 
 
 def same(a: Motion, b: Motion) -> bool:
@@ -258,7 +258,7 @@ def test_the_shortest_example():
     ("pose", "fps", "audio"), [("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")]
 )
 def test_other_poses(pose, fps, audio):
-    other = BundleGesturer(system(pose, fps, audio))
+    other = TrainedModel(system(pose, fps, audio))
     a, b = (other.generate(talk(), style=acted(hand), parts=BODY) for hand in (0.0, 1.0))
     assert np.abs(a.rotations - b.rotations).max() > 0.005
 
@@ -348,11 +348,11 @@ def test_generate_files(tmp_path, monkeypatch):
 
 
 @cache
-def learnt() -> BundleGesturer:
+def learnt() -> TrainedModel:
     path = SHIPPED / f"stylised-flow{BUNDLE}"
     if not path.is_file():
         pytest.skip("needs the weights that ship, and there are none (tools/build_weights.py)")
-    return BundleGesturer.open(path)
+    return TrainedModel.open(path)
 
 
 @cache

@@ -20,12 +20,12 @@ from cospeech.experiments.tables import mix as design
 from cospeech.experiments.tables.controls import spread
 from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.making import part_of
-from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, Cast
-from cospeech.experiments.tables.mix_bench import Kept, Measured, Moved
+from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, SpeakerSet
+from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, StyleTransfer
 from cospeech.experiments.tables.mix_scores import mean_cells, named_cells, score_cells
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
 from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
-from cospeech.experiments.tables.stages import CLASSIFIER, SMALL, Player, of_speakers
+from cospeech.experiments.tables.stages import CLASSIFIER, SMALL, PlayableRun, of_speakers
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
@@ -38,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FPS = 15.0
 NAMES = ("ann", "bob", "cleo|twin")
 TABLE_NAMES = [*MIX]
-CAST = Cast(
+CAST = SpeakerSet(
     NAMES,
     tuple(Attribute(name, ("this", "that"), pair) for name, pair in (
         ("sitting", NAMES[:2]), ("frequency", NAMES[1:]), ("orientation", NAMES[:2]), ("arm", NAMES[1:])
@@ -338,15 +338,15 @@ def test_play_does_not_depend_on_the_batch(monkeypatch):
         playing.play(Echo(), audio * np.nan, each)
 
 
-def echo(store: Path) -> Player:
+def echo(store: Path) -> PlayableRun:
     facts = {"store": {"speakers": [*NAMES]}, "recipe": {"data": {}, "train": {}}, "config": {}}
     still = {"pose_mean": np.zeros(96), "pose_std": np.ones(96), "audio_mean": np.zeros(64), "audio_std": np.ones(64)}
-    return Player(Echo(), facts, still, "echo", np.zeros((3, 2, 128, 96), np.float32))
+    return PlayableRun(Echo(), facts, still, "echo", np.zeros((3, 2, 128, 96), np.float32))
 
 
 def test_styles_are_moved_to_the_speech_of_all_others(store, stages):
     table, part = part_of("mix-2", Store(store))
-    bench = Moved(table, part, stages, None)
+    bench = StyleTransfer(table, part, stages, None)
     made = bench.moved(echo(store), NAMES)
     place = bench.place
     pairs = {(place.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
@@ -358,7 +358,7 @@ def test_styles_are_moved_to_the_speech_of_all_others(store, stages):
 
 def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, stages):
     table, part = part_of("mix-1", Store(store))
-    bench = Kept(table, part, stages, None)
+    bench = StylePreservation(table, part, stages, None)
     controls = bench.controls()
     assert [*controls] == [*CONTROLS]
     for metric in (PCK, "pck_2d", F1, "mode_f1"):

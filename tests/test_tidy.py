@@ -145,3 +145,13 @@ def test_the_lock_names_no_private_index():
 )
 def test_the_test_would_notice(source, fault):
     assert faults(f'"""Doc."""\n{source}') == [fault]
+
+
+def test_a_public_class_name_exists_once():
+    """But for `Writer`, which the registry of formats asks of every module of a format."""
+    homes: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(relative(path))
+    assert {name: places for name, places in homes.items() if len(places) > 1 and name != "Writer"} == {}

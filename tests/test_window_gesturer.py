@@ -18,8 +18,8 @@ from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules import STYLES, RuleGesturer
-from cospeech.runtime.model import BundleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.style import CodeSource
 from cospeech.runtime.style_measures import stretches
@@ -30,13 +30,13 @@ from runtime_bundles import changed, cut, same, talk
 BODY = ("body", "hands")
 
 
-def gesturer(**kind) -> BundleGesturer:
-    return BundleGesturer(whole_system(**kind))
+def gesturer(**kind) -> TrainedModel:
+    return TrainedModel(whole_system(**kind))
 
 
 @cache
 def acted(style: str = "lively", seconds: float = 9.0, fps: float = 30.0) -> Motion:
-    return RuleGesturer().generate(talk(seconds), style=STYLES[style], fps=fps, parts=BODY, emotion="neutral")
+    return RuleBasedModel().generate(talk(seconds), style=STYLES[style], fps=fps, parts=BODY, emotion="neutral")
 
 
 def away(a: Motion, b: Motion) -> float:
@@ -150,7 +150,7 @@ def test_wrong_options(options):
 
 def test_latents_are_of_flows():
     with pytest.raises(InputError, match="transfer"):
-        BundleGesturer(whole_system(), CodeSource)
+        TrainedModel(whole_system(), CodeSource)
 
 
 # styles ------------------------------------------------------------------------------------------------------------------
@@ -387,7 +387,7 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
     generating.generate_files("talk.wav", ["alone.npz"], seed=5, **options)
     assert Path("a.3.npz").read_bytes() == Path("alone.npz").read_bytes()
     assert len({Path(f"a.{take}.npz").read_bytes() for take in range(1, 9)}) == 8
-    player, speech = BundleGesturer.open(model), talk(3.0)
+    player, speech = TrainedModel.open(model), talk(3.0)
     for look_ahead in (None, inf):
         whole = player.generate(speech, style="ben", look_ahead=look_ahead)
         assert same(Motion.concatenate(list(player.stream(cut(speech, CUTS[1]), style="ben", look_ahead=look_ahead))), whole)
@@ -401,8 +401,8 @@ def test_no_torch_and_no_onnx(tmp_path):
 
     path = write_small_window(tmp_path / "a.cospeech")
     code = (
-        "import sys, numpy as np; from cospeech.runtime.model import BundleGesturer; from cospeech.audio.speech import Speech;"
-        f"BundleGesturer.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
         "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

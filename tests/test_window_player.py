@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.crossfade import FADE, Fading
+from cospeech.runtime.crossfade import FADE, Crossfade
 from cospeech.runtime.mode_noise import SmoothGumbel
-from cospeech.runtime.sliding_window_decoder import LIVE, WindowPlayer, live, looking, whole
-from cospeech.runtime.window_layout import Setting
+from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
+from cospeech.runtime.window_layout import WindowLayout
 from cospeech.runtime.window_style import named_window
 from fake_windows import NAMES, fake_sizes, fake_system
 
 SYSTEM = fake_system()
 SIZES = SYSTEM.engine.sizes
 QUIET = np.array([[-0.5, 0.25]], np.float32)
-SMALL = Setting(window=32, hop=4, ahead=8, fade=3)
-SETTINGS = {"live": live(SIZES), "small": SMALL, "whole": whole(SIZES), "abrupt": Setting(16, 4, 0, 0)}
+SMALL = WindowLayout(window=32, hop=4, ahead=8, fade=3)
+SETTINGS = {"live": live(SIZES), "small": SMALL, "whole": whole(SIZES), "abrupt": WindowLayout(16, 4, 0, 0)}
 
 
 def blend(**shares: float):
@@ -34,11 +34,11 @@ def speech(frames: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(frames, SIZES.audio)).astype(np.float32)
 
 
-def player(setting: Setting = SMALL, style=ADA, seeds=(0,), system=SYSTEM, **options) -> WindowPlayer:
-    return WindowPlayer(system, setting, style, seeds, QUIET, **options)
+def player(setting: WindowLayout = SMALL, style=ADA, seeds=(0,), system=SYSTEM, **options) -> SlidingWindowDecoder:
+    return SlidingWindowDecoder(system, setting, style, seeds, QUIET, **options)
 
 
-def played(who: WindowPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
+def played(who: SlidingWindowDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
     """All poses of this speech, pushed in pieces of these sizes, the last one again and again."""
     made, at, sizes = [], 0, list(sizes or [len(rows)])
     while at < len(rows):
@@ -69,7 +69,7 @@ def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int 
     return made[:, around : around + len(rows)]
 
 
-def by_hand(rows: np.ndarray, setting: Setting, track: list[tuple[int, np.ndarray]]) -> np.ndarray:
+def by_hand(rows: np.ndarray, setting: WindowLayout, track: list[tuple[int, np.ndarray]]) -> np.ndarray:
     """The sliding windows again, each cut out of the whole speech by its number."""
     around = 4 * setting.window
     heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around, 0)])
@@ -155,15 +155,15 @@ def test_settings():
     assert live(fake_sizes(window=64)) == LIVE
     assert live(fake_sizes(window=10)) == replace(LIVE, window=LIVE.waits)  # no shorter than what is new and ahead
     assert live(fake_sizes(window=63, multiple=32, reach=40)) == LIVE
-    assert whole(fake_sizes(multiple=32, reach=140)) == Setting(window=160 + 256 + 160, hop=256, ahead=160, fade=0)
+    assert whole(fake_sizes(multiple=32, reach=140)) == WindowLayout(window=160 + 256 + 160, hop=256, ahead=160, fade=0)
     assert whole(fake_sizes(reach=0, multiple=1)).ahead == 0
     sizes = fake_sizes(window=64, multiple=32, reach=140)
     assert looking(sizes, 20) == LIVE
     assert looking(sizes, 20, LIVE.ahead / 20) == LIVE
-    assert looking(sizes, 20, 2.0) == Setting(window=96, hop=4, ahead=40, fade=4)
+    assert looking(sizes, 20, 2.0) == WindowLayout(window=96, hop=4, ahead=40, fade=4)
     assert looking(sizes, 20, 2.0).past >= LIVE.past  # what is heard before does not become less
-    assert looking(sizes, 20, 0.05) == Setting(window=64, hop=4, ahead=1, fade=1)
-    assert looking(sizes, 20, 0) == Setting(window=64, hop=4, ahead=0, fade=0)
+    assert looking(sizes, 20, 0.05) == WindowLayout(window=64, hop=4, ahead=1, fade=1)
+    assert looking(sizes, 20, 0) == WindowLayout(window=64, hop=4, ahead=0, fade=0)
     assert looking(sizes, 20, 7.0) == looking(sizes, 20, inf) == whole(sizes)
     for wrong in (-0.1, np.nan, "long", True, [1.0]):
         with pytest.raises(InputError, match="look_ahead"):
@@ -175,8 +175,8 @@ def test_settings():
 
 def test_a_network_that_normalises_hears_as_much_before_as_after():
     sizes = fake_sizes(window=64, multiple=1, reach=None)
-    assert whole(sizes) == looking(sizes, 20, inf) == Setting(window=64, hop=4, ahead=30, fade=4)
-    assert looking(sizes, 20, 1.0) == Setting(window=64, hop=4, ahead=20, fade=4)  # windows stay as in training
+    assert whole(sizes) == looking(sizes, 20, inf) == WindowLayout(window=64, hop=4, ahead=30, fade=4)
+    assert looking(sizes, 20, 1.0) == WindowLayout(window=64, hop=4, ahead=20, fade=4)  # windows stay as in training
 
 
 # styles ------------------------------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ def test_a_thousand_changes_are_forgotten():
 
 
 def test_fading_takes_over_to_the_bit():
-    track = Fading(np.full((1, 1, 1), 0.1, np.float32), fps=20)
+    track = Crossfade(np.full((1, 1, 1), 0.1, np.float32), fps=20)
     track.change(np.full((1, 1, 1), 0.7, np.float32), 10)
     at = np.arange(0, 25, 0.25)
     mixed = track.mixed(lambda value: value, at)[0, :, 0]
@@ -317,7 +317,7 @@ def test_another_look_ahead_is_the_same_take():
     rows = speech(90)
     made = [
         played(player(setting, seeds=[9], system=system), rows)
-        for setting in (Setting(32, 4, 8, 3), whole(system.engine.sizes))
+        for setting in (WindowLayout(32, 4, 8, 3), whole(system.engine.sizes))
     ]
     np.testing.assert_allclose(made[0], made[1], atol=1e-5)
 
@@ -329,13 +329,13 @@ def test_a_free_code_is_moved_for_good():
     ada = ((1.0, named_window(system, "ada")),)
     codes_played = []
     system.engine.make = lambda rows, style, nudge: codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
-    played(WindowPlayer(system, SMALL, ada, range(500), QUIET), speech(9))
+    played(SlidingWindowDecoder(system, SMALL, ada, range(500), QUIET), speech(9))
     moved = codes_played[0][:, 0] - codes[0]
     assert all((style == codes_played[0]).all() for style in codes_played)
     np.testing.assert_allclose(moved.std(0), codes.std(0), rtol=0.1)
     np.testing.assert_allclose(moved.mean(0), 0, atol=0.3)
     codes_played.clear()
-    played(WindowPlayer(system, SMALL, ada, range(3), QUIET, temperature=0.0), speech(9))
+    played(SlidingWindowDecoder(system, SMALL, ada, range(3), QUIET, temperature=0.0), speech(9))
     assert (codes_played[0] == codes[0]).all()
 
 
@@ -345,7 +345,7 @@ def test_a_free_code_is_one_for_a_window():
     ada, ben = (((1.0, named_window(system, name)),) for name in NAMES[:2])
     codes_played = []
     system.engine.make = lambda rows, style, nudge: codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
-    who = WindowPlayer(system, SMALL, ada, [0], QUIET, temperature=0.0)
+    who = SlidingWindowDecoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
     who.push(speech(20))
     who.restyle(ben, 20)
     played(who, speech(40))
@@ -359,7 +359,7 @@ def test_a_free_code_is_one_for_a_window():
 def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
     system = fake_system(fake_sizes(styles=styles, modes=0), codes=np.eye(3)[:, :styles])
     ada = ((1.0, named_window(system, "ada")),)
-    takes = played(WindowPlayer(system, SMALL, ada, [1, 2], QUIET), speech(50))
+    takes = played(SlidingWindowDecoder(system, SMALL, ada, [1, 2], QUIET), speech(50))
     assert takes[0].tobytes() == takes[1].tobytes()
 
 
@@ -441,7 +441,7 @@ def test_networks_are_played_as_they_are(name):
     for setting in (live(low.sizes), whole(low.sizes)):
 
         def made(*seeds, setting=setting, **options):
-            who = WindowPlayer(system, setting, ben, seeds, quiet, **options)
+            who = SlidingWindowDecoder(system, setting, ben, seeds, quiet, **options)
             return np.concatenate([who.push(rows), who.finish(quiet)], 1)
 
         together = made(*range(8))

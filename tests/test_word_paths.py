@@ -75,7 +75,7 @@ def spoken(words: tuple[Word, ...] | None) -> list[str]:
     return [word.text.lower() for word in words or ()]
 
 
-class Hearing:
+class StreamingFeatures:
     """A performance that keeps what it is given, and plays what another plays."""
 
     def __init__(self, inner, heard: list[Speech]) -> None:
@@ -90,7 +90,7 @@ class Hearing:
 
 
 class Listening:
-    """A gesturer whose sessions are `Hearing`."""
+    """A gesturer whose sessions are `StreamingFeatures`."""
 
     def __init__(self, inner) -> None:
         self._inner, self.heard = inner, []
@@ -99,7 +99,7 @@ class Listening:
         return getattr(self._inner, name)
 
     def session(self, options):
-        return Hearing(self._inner.session(options), self.heard)
+        return StreamingFeatures(self._inner.session(options), self.heard)
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -13,7 +13,7 @@ from hypothesis import strategies as some
 
 from cospeech.audio.features.words import BUCKETS, GRAMS, WordStream, plain_word, subword_rows, subwords, word_ids
 from cospeech.audio.speech import Speech, Word, open_speech
-from cospeech.corpora.lazy_rows import Lookup
+from cospeech.corpora.lazy_rows import LazyRows
 from cospeech.corpora.store import Entry, Store, gather
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
@@ -233,7 +233,7 @@ def test_a_store_without_words(tmp_path):
 def test_a_lookup_reads_like_the_array():
     rng = np.random.default_rng(0)
     table, index = rng.normal(size=(7, 3)), rng.integers(0, 7, 50)
-    lookup, laid_out = Lookup(table, index), table[index]
+    lookup, laid_out = LazyRows(table, index), table[index]
     assert lookup.shape == (50, 3)
     assert len(lookup) == 50
     assert lookup.dtype == np.float64

@@ -217,7 +217,7 @@ class Offline:
     gesturer: Any
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
-        """See `cospeech.models.Gesturer`."""
+        """See `cospeech.models.Model`."""
         motion: Motion = self.gesturer.generate(speech, look_ahead=float("inf"), **options)
         return motion
 

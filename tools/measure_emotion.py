@@ -28,7 +28,7 @@ from cospeech.corpora.store import Store
 from cospeech.metrics.macro_f1 import macro_f1
 from cospeech.metrics.sample import Score
 from cospeech.metrics.wrists import Wrists, against, wrists_of
-from cospeech.rules import EMOTIONS, RuleGesturer
+from cospeech.rules import EMOTIONS, RuleBasedModel
 from cospeech.training.checkpoint import load_run, read_tensors
 from cospeech.training.recipe import load_recipe
 from cospeech.training.train import train
@@ -120,7 +120,7 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
 
 def mood(speech: Speech) -> Array:
     """What the rules hear by themselves, of the whole speech."""
-    session = RuleGesturer().session(emotion="auto", seed=0, fps=15.0)
+    session = RuleBasedModel().session(emotion="auto", seed=0, fps=15.0)
     for chunk in speech.chunks(2.0):
         session.push(chunk)
     session.finish()

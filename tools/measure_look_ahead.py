@@ -16,8 +16,8 @@ import numpy as np
 from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.sliding_window_decoder import Setting, WindowPlayer, live, whole
-from cospeech.runtime.speech_frontend import Listener
+from cospeech.runtime.sliding_window_decoder import Setting, SlidingWindowDecoder, live, whole
+from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.systems import open_system
 from cospeech.runtime.window_bundle import WindowSystem
 from cospeech.runtime.window_style import named_window
@@ -29,7 +29,7 @@ def played(system: WindowSystem, setting: Setting, rows: np.ndarray, quiet: np.n
     """(S, T, D) standardised poses in every speaker's style, and milliseconds of work a frame and style."""
     began, made = time.process_time(), []
     for name in system.styles:
-        player = WindowPlayer(system, setting, ((1.0, named_window(system, name)),), [0], quiet, temperature=0.0)
+        player = SlidingWindowDecoder(system, setting, ((1.0, named_window(system, name)),), [0], quiet, temperature=0.0)
         made += [player.push(rows), player.finish(quiet)]
     pairs = [np.concatenate(pair, 1) for pair in zip(made[::2], made[1::2], strict=True)]
     return np.concatenate(pairs), (time.process_time() - began) / (len(rows) * len(system.styles)) * 1e3
@@ -54,7 +54,7 @@ def main() -> None:
     system = open_system(read_bundle(given.bundle))
     if not isinstance(system, WindowSystem):
         raise SystemExit("no network of windows")
-    listener = Listener(system, np.zeros(0, np.float32))
+    listener = SpeechFrontend(system, np.zeros(0, np.float32))
     quiet = listener.quiet
     rows = np.concatenate([listener.push(Speech.load(given.speech)), listener.finish()])
     wanted, cost = played(system, whole(system.engine.sizes), rows, quiet)

@@ -28,7 +28,7 @@ from cospeech.models import PARTS
 from cospeech.motion.points import Points
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.pats import JOINTS
-from cospeech.rules import STYLES, RuleGesturer
+from cospeech.rules import STYLES, RuleBasedModel
 
 PAGES = Path(__file__).parents[1] / "docs" / "metrics"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
@@ -54,7 +54,7 @@ def speeches(folder: Path, minutes: float) -> list[Speech]:
 
 def recording(speech: Speech, number: int, seed: int) -> Clip:
     style = list(STYLES)[number % 4]
-    session = RuleGesturer().session(style=style, seed=seed, fps=FPS, parts=PARTS)
+    session = RuleBasedModel().session(style=style, seed=seed, fps=FPS, parts=PARTS)
     pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)] + list(session.finish())
     semantics = tuple(Semantic(g.start, g.end, g.score) for g in session.gestures if g.score > 0)
     motion = type(pieces[0]).concatenate(pieces)

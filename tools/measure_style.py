@@ -28,11 +28,11 @@ from cospeech.metrics import Tools, load_metric
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
-from cospeech.runtime.autoregressive_decoder import FlowPlayer, Source
+from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
-from cospeech.runtime.session import PIECE, Performance, Wish
-from cospeech.runtime.speech_frontend import Listener
+from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
+from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
 from cospeech.runtime.style_measures import named
 
@@ -106,11 +106,11 @@ def movement(motion: Motion) -> np.ndarray:
 
 def perform(system: FlowSystem, speech: Speech, sources: Sequence[Source]) -> list[Motion]:
     """A performance of each source in one pass, without faces."""
-    wish = Wish((), np.zeros(len(system.controls), np.float32))
-    listener = Listener(system, wish.controls)
-    player = FlowPlayer(system, lambda blend: sources, wish.blend, listener.quiet)
+    wish = ResolvedStyle((), np.zeros(len(system.controls), np.float32))
+    listener = SpeechFrontend(system, wish.controls)
+    player = AutoregressiveDecoder(system, lambda blend: sources, wish.blend, listener.quiet)
     faces: Any = [Silent() for _ in sources]
-    playing = Performance(system, listener, player, faces, fps=system.fps, parts=PARTS, wish=wish, direct=lambda style: wish)
+    playing = TrainedSession(system, listener, player, faces, fps=system.fps, parts=PARTS, wish=wish, direct=lambda style: wish)
     pieces = [made for chunk in speech.chunks(PIECE) for made in playing.push_takes(chunk)]
     pieces += playing.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]

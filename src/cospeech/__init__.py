@@ -85,7 +85,7 @@ class _Moved(MetaPathFinder, Loader):
         module.__spec__ = self._own  # its own, which the import system has replaced
 
 
-sys.meta_path.append(_Moved())
+sys.meta_path.insert(0, _Moved())  # before the one of files, which would find a part of a package a second time
 
 
 def __getattr__(name: str) -> object:

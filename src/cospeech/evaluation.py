@@ -23,7 +23,7 @@ from .errors import InputError
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
-from .models import MODELS, Gesturer, load, plays
+from .models import MODELS, Model, load, plays
 from .motion.motion import Motion
 from .motion.points import Points
 
@@ -49,7 +49,7 @@ LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": _pats}
 """Layout of key points → how motion of our humanoid is seen in it."""
 
 
-def play(model: str | Gesturer, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
+def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
     """Clip name → what a model makes of its speech, ``takes`` times with seeds from ``seed`` on, in the clip's own form.
 
     Raises:
@@ -103,7 +103,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
 
 
 def evaluate_store(
-    targets: Mapping[str, str | Gesturer],
+    targets: Mapping[str, str | Model],
     store: str | PathLike[str],
     *,
     raw: str | PathLike[str] | None = None,
@@ -147,7 +147,7 @@ def evaluate_store(
 
 
 def evaluate(
-    model: str | PathLike[str] | Gesturer | None,
+    model: str | PathLike[str] | Model | None,
     corpus: str | PathLike[str] | Sequence[Clip],
     *,
     metrics: Sequence[str] = DEFAULT,
@@ -178,7 +178,7 @@ def evaluate(
     return evaluate_clips(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
 
 
-def _name(model: str | Gesturer) -> str:
+def _name(model: str | Model) -> str:
     return model if isinstance(model, str) else type(model).__name__
 
 

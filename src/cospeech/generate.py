@@ -27,7 +27,7 @@ from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
 from .export.checks import File, check_avatar, check_files, check_skeleton
 from .files import all_or_none
-from .models import DEFAULT, PARTS, Gesturer, Performance
+from .models import DEFAULT, PARTS, GenerationSession, Model
 from .models import load as load_model
 from .motion.motion import Motion
 from .rules.options import FaceGain, GenerationOptions, MotionLike
@@ -65,7 +65,7 @@ def generate_files(
     report: File | None = None,
     special: Mapping[str, Mapping[str, object]] | None = None,
     progress: Progress | None = None,
-    loaded: Gesturer | None = None,
+    loaded: Model | None = None,
 ) -> Report:
     """Generate motion for a sound file, and write it.
 
@@ -136,7 +136,7 @@ def generate_files(
 
 
 def check_asked(
-    gesturer: Gesturer,
+    gesturer: Model,
     *,
     style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto",
@@ -158,7 +158,7 @@ def check_asked(
     next(_passes(gesturer, replace(asked, takes=1)))
 
 
-def _check_made(gesturer: Gesturer, model: str, options: GenerationOptions, files: Sequence[Path]) -> Gesturer:
+def _check_made(gesturer: Model, model: str, options: GenerationOptions, files: Sequence[Path]) -> Model:
     """The model, which moves something in every file.
 
     Raises:
@@ -208,7 +208,7 @@ def _chunk(
     return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
 
 
-def _passes(gesturer: Gesturer, options: GenerationOptions) -> Iterator[tuple[range, Performance]]:
+def _passes(gesturer: Model, options: GenerationOptions) -> Iterator[tuple[range, GenerationSession]]:
     """Which takes are played together, from 0 on, and the session that plays them."""
     for first in range(0, options.takes, gesturer.takes_at_once):
         group = range(first, min(first + gesturer.takes_at_once, options.takes))
@@ -216,7 +216,7 @@ def _passes(gesturer: Gesturer, options: GenerationOptions) -> Iterator[tuple[ra
         yield group, gesturer.session(own)
 
 
-def _played(performance: Performance, source: SpeechSource) -> Iterator[list[Motion]]:
+def _played(performance: GenerationSession, source: SpeechSource) -> Iterator[list[Motion]]:
     """The takes of one pass from beginning to end: a piece of each at a time."""
     for chunk in speech_chunks(source):
         yield from performance.push_takes(chunk)

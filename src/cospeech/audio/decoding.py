@@ -28,7 +28,7 @@ from ..limits import (  # fmt: skip
     SOUND_RATES,
 )
 
-__all__ = ["Decoder"]
+__all__ = ["SoundDecoder"]
 
 
 def _command() -> list[str]:
@@ -39,7 +39,7 @@ def _command() -> list[str]:
     return [sys.executable, "-I", "-S", script, paths, str(DECODER_MEMORY), str(DECODER_CPU_SECONDS)]
 
 
-class Decoder:
+class SoundDecoder:
     """One decoder process at work on one file; see `_decode.py` for what it sends."""
 
     def __init__(self, path: Path, name: str) -> None:

@@ -18,7 +18,7 @@ from .features.shared_prosody import Prosody, SharedProsody
 from .prosodic_events import RATE, Accent, Heard, Phrase
 from .speech import Speech
 
-__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "Listener", "listen"]
+__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector", "listen"]
 
 TICK = 0.1  # seconds between two decisions; ours
 _TICK = round(TICK * RATE)
@@ -56,7 +56,7 @@ class _Buffer:
             self.first = index
 
 
-class Listener:
+class EventDetector:
     """Hears speech piece by piece.
 
     Attributes:
@@ -217,7 +217,7 @@ def _quantile(ordered: Array, share: float) -> float:
 
 def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
     """Hear a whole speech at once: for tests, plots and short files (nothing is dropped)."""
-    listener = Listener()
+    listener = EventDetector()
     parts: list[Heard] = []
     accents: dict[float, Accent] = {}
     phrases: dict[float, Phrase] = {}

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
-from .decoding import Decoder
+from .decoding import SoundDecoder
 
 __all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
 
@@ -245,7 +245,7 @@ class SpeechSource:
         self.name = Path(path).name
         self.words: tuple[Word, ...] | None = None
         self.source_frames: int | None = None
-        self._decoder = Decoder(self.path, self.name)
+        self._decoder = SoundDecoder(self.path, self.name)
         self._fresh = True
         try:
             self.source_rate, self.channels, claim = self._decoder.header()
@@ -278,7 +278,7 @@ class SpeechSource:
         """
         if not self._fresh:
             self._decoder.close()
-            self._decoder = Decoder(self.path, self.name)
+            self._decoder = SoundDecoder(self.path, self.name)
             self._decoder.header()
         self._fresh = False
         decoder = self._decoder
@@ -287,7 +287,7 @@ class SpeechSource:
         finally:
             decoder.close()
 
-    def _mono(self, decoder: Decoder) -> Iterator[Samples]:
+    def _mono(self, decoder: SoundDecoder) -> Iterator[Samples]:
         """Checked blocks, channels merged. Sets source_frames at the end."""
         frames, merge = 0, _Merge(self.channels, self.source_rate)
         for raw in decoder.blocks():

@@ -17,7 +17,7 @@ from ..export.checks import check_files
 from ..files import atomic, describe_os_error, scratch, workplace
 from ..generate import check_asked, generate_files, take_path
 from ..limits import PIPED_BYTES
-from ..models import DEFAULT, PARTS, Gesturer, load
+from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions
 from ..runtime.report import Failure, Report, Reports
 
@@ -91,7 +91,7 @@ def generate_speeches(
         return result
 
 
-def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Gesturer, progress: Progress | None) -> Reports:
+def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Model, progress: Progress | None) -> Reports:
     """One speech after the other."""
     made, failed = list[Report](), list[Failure]()
     for number, job in enumerate(jobs, 1):

@@ -81,13 +81,13 @@ def _table(
     changes: list[str], threads: int, about: str, figure: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a table of a paper, its files and its figure."""
-    from ..experiments.tables import Stages, draw_table, make_table, write_table
+    from ..experiments.tables import Runs, draw_table, make_table, write_table
     from ..training.recipe import SHIPPED
 
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
-    stages = Stages(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
+    stages = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
     table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
     for path in write_table(table, runs):
         tell(f"wrote {path}")

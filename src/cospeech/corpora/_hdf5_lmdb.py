@@ -23,7 +23,7 @@ __all__: "list[str]" = []
 PIECE = 1 << 24  # bytes per message; ours
 
 
-class Refused(Exception):
+class RefusedFile(Exception):
     """What to tell the user: problem and hint."""
 
     def __init__(self, problem: str, hint: str = "") -> None:
@@ -79,7 +79,7 @@ def load(data):  # type: ignore[no-untyped-def]
 
     about = {"name": data.name.lstrip("/"), "shape": list(data.shape), "attrs": {k: as_text(v) for k, v in data.attrs.items()}}
     if data.external or data.is_virtual:
-        raise Refused(f"{data.name} lies in another file", "copy it into one")
+        raise RefusedFile(f"{data.name} lies in another file", "copy it into one")
     text = h5py.check_string_dtype(data.dtype)
     whole = data[()] if data.dtype.hasobject else None
     objects = [whole] if data.shape == () else [] if whole is None else whole.reshape(-1)
@@ -90,7 +90,7 @@ def load(data):  # type: ignore[no-untyped-def]
         values = [np.asarray(v).tobytes().decode("latin-1") for v in objects]
         return about | {"pieces": values}, b""
     if data.dtype.hasobject:
-        raise Refused(f"{data.name} holds objects", "plain numbers and text are right")
+        raise RefusedFile(f"{data.name} holds objects", "plain numbers and text are right")
     array = np.ascontiguousarray(data[()])
     return about | {"dtype": described(array.dtype), "bytes": array.nbytes}, array.tobytes()
 
@@ -106,7 +106,7 @@ def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects
 
     def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
         if len(found) + len(groups) > most_objects:
-            raise Refused(f"it holds more than {most_objects} data sets", "is it of this corpus?")
+            raise RefusedFile(f"it holds more than {most_objects} data sets", "is it of this corpus?")
         if not wanted(name):
             return
         if isinstance(item, h5py.Dataset):
@@ -119,7 +119,7 @@ def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects
         file.visititems(visit)
         total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in found)
         if total > most_bytes:
-            raise Refused(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
+            raise RefusedFile(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
         loaded = [load(item) for item in found]
     send_json(b"J", {"datasets": [about for about, _ in loaded], "groups": groups})
     for _, data in loaded:
@@ -140,14 +140,16 @@ def read_lmdb(path: str) -> None:
                 count += 1
                 name = bytes(key)
                 if count > entries or (count > 1 and name <= last):
-                    raise Refused("its keys are out of order: it is damaged", "copy it again from its source")
+                    raise RefusedFile("its keys are out of order: it is damaged", "copy it again from its source")
                 last = name
                 send(b"B", name)
                 send(b"B", value)
             if count != entries:
-                raise Refused(f"it says that it holds {entries} entries, and holds {count}", "copy it again from its source")
+                raise RefusedFile(
+                    f"it says that it holds {entries} entries, and holds {count}", "copy it again from its source"
+                )
     except lmdb.Error as error:
-        raise Refused(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
+        raise RefusedFile(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
 
 
 def serve(most_bytes: int, most_objects: int) -> None:
@@ -159,7 +161,7 @@ def serve(most_bytes: int, most_objects: int) -> None:
             else:
                 read_lmdb(request["path"])
             send_json(b"E", {})
-        except Refused as refused:
+        except RefusedFile as refused:
             send_json(b"X", refused.message)
         except ImportError as error:
             send_json(b"X", {"problem": f"reading it needs {error.name}", "hint": "pip install 'cospeech[corpora]'"})

@@ -10,11 +10,11 @@ from numpy.typing import DTypeLike
 
 from ..motion.rotations import Array
 
-__all__ = ["Lookup"]
+__all__ = ["LazyRows"]
 
 
 @dataclass(frozen=True, eq=False)
-class Lookup:
+class LazyRows:
     """Reads like the array (N, …) whose row n is ``table[index[n]]``.
 
     Args:

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..motion.rotations import Array
 from .clip import SPLITS
-from .lazy_rows import Lookup
+from .lazy_rows import LazyRows
 from .store_files import ARRAYS, NUMBERED, STATISTICS, Entry, open_array, read_entry, read_index
 
 __all__ = ["ARRAYS", "STATISTICS", "Entry", "Store", "gather"]
@@ -154,7 +154,7 @@ def gather(array: Array, starts: Array, frames: int) -> Array:
     """(B, frames, …): a copy of ``array[s : s + frames]`` for each of the starts, which must lie within the array."""
     if not len(starts) or starts.min() < 0 or starts.max() + frames > len(array):
         raise InputError(f"windows of {frames} frames outside an array of {len(array)}")
-    if isinstance(array, Lookup):
+    if isinstance(array, LazyRows):
         return array.table[gather(array.index, starts, frames)]
     array = np.asarray(array)  # a memmap's own indexing is slower
     view = np.lib.stride_tricks.as_strided(

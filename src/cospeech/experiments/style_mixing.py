@@ -17,11 +17,11 @@ from ..audio.speech import Speech
 from ..corpora.attributes import Attributes, attributes_of, body_of
 from ..corpora.pats.points import points_of
 from ..errors import InputError
-from ..models import Gesturer
+from ..models import Model
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..runtime.session import PIECE
-from .figures.curves import Curve, draw_curves
+from .figures.curves import PlottedCurve, draw_curves
 from .figures.heat import FIGURES, Pictures, draw_heat, frame_of
 
 __all__ = ["MEASURES", "TOLERANCE", "WEIGHTS", "Mixing", "draw_mixing", "fall_back", "measure_mixing"]
@@ -103,7 +103,7 @@ class Mixing:
         return tuple([points_of(motion).values for motion in row] for row in self.motions)
 
 
-def _takes(gesturer: Gesturer, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
+def _takes(gesturer: Model, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
     """Performances with the seeds ``seed``, ``seed + 1``, …; in one pass where the system plays several at once."""
     options = {"style": style, "parts": ("body", "hands")}
     if gesturer.takes_at_once == 1:
@@ -115,7 +115,7 @@ def _takes(gesturer: Gesturer, speech: Speech, style: str, takes: int, seed: int
 
 
 def measure_mixing(
-    gesturer: Gesturer,
+    gesturer: Model,
     speeches: Sequence[Speech],
     pair: tuple[str, str],
     *,
@@ -151,7 +151,7 @@ def measure_mixing(
 # pictures -----------------------------------------------------------------------------------------------------------------
 
 
-def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]) -> list[Curve]:
+def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]) -> list[PlottedCurve]:
     curves = []
     for measure, (title, factor) in MEASURES.items():
         means, back = mixing.means(measure), fall_back(mixing.means(measure).tolist())
@@ -164,7 +164,7 @@ def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]
         own = [float(getattr(recorded[name], measure)) * factor for name in mixing.pair if name in recorded]
         spread, places = 1.96 * mixing.errors(measure) * factor, np.array(mixing.weights)
         marks = (own[0], own[1]) if len(own) == 2 else None
-        curves.append(Curve(title, text, good, places, means * factor, spread, mixing.pair, marks))
+        curves.append(PlottedCurve(title, text, good, places, means * factor, spread, mixing.pair, marks))
     return curves
 
 

@@ -21,7 +21,7 @@ from .find_humanoid import read_rig
 from .gltf import GltfFile, checked, read_glb
 from .gltf_build import GltfBuilder
 from .rig import Rig, local_matrices, rotation_of
-from .tracks import Track, clock_of, read_animation
+from .tracks import GltfTrack, clock_of, read_animation
 
 __all__ = ["Avatar", "AvatarStage", "load_avatar"]
 
@@ -110,9 +110,9 @@ class AvatarStage:
         rest = local_matrices(avatar.file)
         for j in self.joints:
             _open_for_animation(nodes[rig.nodes[j]], rest[rig.nodes[j]])
-        self.tracks = [Track((rig.nodes[0],), "translation", 3)]
-        self.tracks += [Track((rig.nodes[j],), "rotation", 4) for j in self.joints]
-        self.tracks += [Track((node,), "weights", len(base)) for node, base in face.base.items()]
+        self.tracks = [GltfTrack((rig.nodes[0],), "translation", 3)]
+        self.tracks += [GltfTrack((rig.nodes[j],), "rotation", 4) for j in self.joints]
+        self.tracks += [GltfTrack((node,), "weights", len(base)) for node, base in face.base.items()]
 
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the tracks' widths) for a piece of motion of any skeleton that is recognised."""

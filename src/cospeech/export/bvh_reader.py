@@ -26,15 +26,7 @@ from ..errors import InputError
 from ..limits import MOTION_RATES
 from ..motion.bone_mapping import recognise
 from ..motion.motion import Motion
-from ..motion.rotations import (
-    Array,
-    axis_angle_to_quat,
-    euler_to_quat,
-    quat_continuous,
-    quat_identity,
-    quat_multiply,
-    quat_rotate,
-)  # fmt: skip
+from ..motion.rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_multiply, quat_rotate
 from ..motion.skeleton import Skeleton, named_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
@@ -149,7 +141,7 @@ def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, A
     for rows in read_rows(file, header):
         frames += len(rows)
         check_frames("it", frames, len(header.names), size)
-        rotations = quat_identity(len(rows), len(header.names))
+        rotations = np.tile((0.0, 0.0, 0.0, 1.0), (len(rows), len(header.names), 1))
         for order, (joints, columns) in turning.items():
             rotations[:, joints] = euler_to_quat(np.radians(rows[:, columns]), order)
         root = np.tile(offsets[0], (len(rows), 1))

@@ -13,12 +13,12 @@ from ..errors import InputError
 from ..files import describe_os_error
 from ..motion.rotations import Array
 
-__all__ = ["Spool"]
+__all__ = ["FrameBuffer"]
 
 _BLOCK = 1024  # frames per block; ours: 64 joints make 1 MiB, and 3 hours make 316 seeks per track
 
 
-class Spool:
+class FrameBuffer:
     """Frames in, tracks out, in constant memory.
 
     Motion arrives frame by frame (all joints), but files want track by track (all frames). Blocks of 1,024 frames are

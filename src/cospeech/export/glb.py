@@ -21,7 +21,7 @@ from . import Writer as BaseWriter
 from .avatar import Avatar, AvatarStage, load_avatar
 from .gltf_build import GltfBuilder
 from .to_humanoid import as_humanoid
-from .tracks import Recorder, Track
+from .tracks import GltfTrack, Recorder
 
 if TYPE_CHECKING:
     from .mannequin import Character, Part
@@ -82,8 +82,8 @@ class CharacterStage:
 
     def __init__(self, character: Character) -> None:
         self.builder, joints, self._faces = character_document(character)
-        self.tracks = [Track((joints[0],), "translation", 3), *(Track((j,), "rotation", 4) for j in joints)]
-        self.tracks += [Track(tuple(self._faces), "weights", len(ARKIT))] if self._faces else []
+        self.tracks = [GltfTrack((joints[0],), "translation", 3), *(GltfTrack((j,), "rotation", 4) for j in joints)]
+        self.tracks += [GltfTrack(tuple(self._faces), "weights", len(ARKIT))] if self._faces else []
 
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the tracks' widths) for a piece of motion of any skeleton that is recognised."""

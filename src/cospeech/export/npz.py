@@ -27,7 +27,7 @@ from ..motion.rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to
 from ..motion.skeleton import named_skeleton
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
-from .frame_buffer import Spool
+from .frame_buffer import FrameBuffer
 from .npz_arrays import Arrays, open_arrays
 from .reading import check_frames, open_file, size_of
 
@@ -43,11 +43,11 @@ _PELVIS = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, 
 class Writer(BaseWriter):
     """Spools the frames and packs them at the end; motion of another skeleton is retargeted to SMPL-X piece by piece."""
 
-    _spool: Spool | None = None
+    _spool: FrameBuffer | None = None
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
-        self._spool = Spool((_JOINTS * 3, 3, len(ARKIT)), temporary.parent)
+        self._spool = FrameBuffer((_JOINTS * 3, 3, len(ARKIT)), temporary.parent)
         self._has_face = True
 
     def _write(self, motion: Motion) -> None:

@@ -15,8 +15,8 @@ from ..motion.skeleton import Skeleton, humanoid
 from . import Writer as BaseWriter
 from .pictures import background_of, no_avatar, size_of
 from .render.camera import view_named
-from .render.framing import Stage, box_of
-from .render.keyframes import Moments
+from .render.framing import PoseStage, box_of
+from .render.keyframes import Keyframes
 from .render.worker import Artist, Look, pack
 from .to_humanoid import as_humanoid
 
@@ -63,7 +63,7 @@ class Writer(BaseWriter):
         if not 1 <= pictures <= 24:
             raise InputError(f"a strip of {pictures} pictures", "1 … 24")
         self._pictures, self._words = pictures, tuple(words)
-        self._stage, self._moments = Stage(humanoid(), self.fps), Moments(humanoid(), self.fps)
+        self._stage, self._moments = PoseStage(humanoid(), self.fps), Keyframes(humanoid(), self.fps)
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
@@ -76,10 +76,10 @@ class Writer(BaseWriter):
     def _finish(self) -> None:
         from PIL import Image
 
-        from .render.strip import Layout, draw_strip
+        from .render.strip import StripLayout, draw_strip
 
         moments = self._moments.best(self._pictures)
-        layout = Layout(*self._size, len(moments), rows=2 if self._words else 0)
+        layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
         box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
         artist = Artist(Look(*layout.cell, self._view, self._background))
         drawn = artist.draw(np.stack([pack(pose, box) for _, pose in moments]))

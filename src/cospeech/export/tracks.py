@@ -14,19 +14,19 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array, quat_continuous, quat_normalize, quat_slerp
-from .frame_buffer import Spool
+from .frame_buffer import FrameBuffer
 from .gltf import GltfFile, checked
 from .gltf_build import GltfBuilder
 from .reading import check_frames
 from .timing import frame_rate
 
-__all__ = ["Curve", "Recorder", "Track", "clock_of", "read_animation"]
+__all__ = ["Curve", "GltfTrack", "Recorder", "clock_of", "read_animation"]
 
 _KINDS = {"rotation": ("VEC4", 4), "translation": ("VEC3", 3), "scale": ("VEC3", 3)}
 _BLOCK = 4096
 
 
-class Track(NamedTuple):
+class GltfTrack(NamedTuple):
     """What one row of numbers drives: nodes, their property, and the number of values per frame."""
 
     nodes: tuple[int, ...]
@@ -43,9 +43,9 @@ class Recorder:
         folder: for the temporary file.
     """
 
-    def __init__(self, tracks: Sequence[Track], fps: float, folder: Path) -> None:
+    def __init__(self, tracks: Sequence[GltfTrack], fps: float, folder: Path) -> None:
         self.tracks, self.fps = tuple(tracks), fps
-        self._spool = Spool([t.width for t in tracks], folder)
+        self._spool = FrameBuffer([t.width for t in tracks], folder)
         starts = np.concatenate([[0], np.cumsum([t.width for t in tracks])])
         self._rotations = np.array([int(s) for s, t in zip(starts, tracks, strict=False) if t.path == "rotation"], int)
         self._last = np.empty((0, len(self._rotations), 4), np.float32)  # the frame before, once there is one

@@ -24,7 +24,7 @@ from .find_humanoid import read_rig
 from .gltf import GltfFile, checked, read_glb
 from .gltf_build import GltfBuilder
 from .to_humanoid import as_humanoid
-from .tracks import Curve, Recorder, Track, clock_of, read_animation
+from .tracks import Curve, GltfTrack, Recorder, clock_of, read_animation
 from .visemes import arkit_from_presets, vrm_presets
 
 __all__ = ["PRESETS", "Writer", "load"]
@@ -71,8 +71,11 @@ class Writer(BaseWriter):
         } | ({"expressions": expressions} if expressions else {})
         self._builder.json |= {"extensionsUsed": ["VRMC_vrm_animation"], "extensions": {"VRMC_vrm_animation": animation}}
         turned = [node for name, node in joints.items() if name not in _EYES]
-        tracks = [Track((joints["hips"],), "translation", 3), *(Track((node,), "rotation", 4) for node in [*turned, look])]
-        tracks += [Track((node,), "translation", 3) for node in [*preset.values(), *custom.values()]]
+        tracks = [
+            GltfTrack((joints["hips"],), "translation", 3),
+            *(GltfTrack((node,), "rotation", 4) for node in [*turned, look]),
+        ]
+        tracks += [GltfTrack((node,), "translation", 3) for node in [*preset.values(), *custom.values()]]
         self._joints = [k for k, name in enumerate(humanoid().names) if name not in _EYES]
         self._recorder = Recorder(tracks, self.fps, temporary.parent)
 

@@ -16,7 +16,7 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from ..motion.weighted_sum import weighted_sum
 from .blinks import eyelids
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
-from .lips import Voice, voice_to_mouth
+from .lips import MouthEstimate, voice_to_mouth
 from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
 
 __all__ = ["Face"]
@@ -52,7 +52,10 @@ _LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
 _CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
-_TALKS = (0.05, 0.40)  # `Voice.active` at which a learnt mouth starts to open, and does as it says: soft speech counts (ours)
+_TALKS = (
+    0.05,
+    0.40,
+)  # `MouthEstimate.active` at which a learnt mouth starts to open, and does as it says: soft speech counts (ours)
 _MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
 _FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
 _SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
@@ -133,7 +136,7 @@ class Face:
         self._eyes(out, times, heard, np.asarray(gaze, float), head_speed, shifts)
         return self._scaled(np.clip(out, 0.0, 1.0))
 
-    def _speech(self, times: Array, heard: Heard, voice: Voice, words: Sequence) -> tuple[Array, Array]:
+    def _speech(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
         phones = phones_of(words, times[0], times[-1])
         if not len(phones.centre):
@@ -144,7 +147,7 @@ class Face:
         shape = claim[:, None] * mouth.shape + (1 - claim)[:, None] * voice.shape
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
 
-    def _learnt(self, times: Array, heard: Heard, voice: Voice, words: Sequence, spoken: Array) -> tuple[Array, Array]:
+    def _learnt(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array) -> tuple[Array, Array]:
         """(T, 52) and (T,): as a mouth says while somebody talks, and how far words close the lips.
 
         Words have a say where sound tells little: the lips of m, b, p, of f and w, the tongue of th; never the jaw.

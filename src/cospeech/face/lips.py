@@ -14,7 +14,7 @@ from ..audio.prosodic_events import RATE, Heard
 from ..motion.rotations import Array
 from .visemes import MOUTH
 
-__all__ = ["Voice", "voice_to_mouth"]
+__all__ = ["MouthEstimate", "voice_to_mouth"]
 
 # Loudness (dB between floor and loud syllables, 0 … 1) at which the jaw starts to open, and at which it is as wide as
 # the vowel wants. Ours, fitted by hand to 180 clips of GRID and 8 minutes of FACEGOOD, as are all amounts below.
@@ -35,7 +35,7 @@ _SPEAK = _SPEAK[::-1] / _SPEAK.sum()
 _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether somebody is talking here
 
 
-class Voice(NamedTuple):
+class MouthEstimate(NamedTuple):
     """What the sound says about the mouth, at T times."""
 
     shape: Array
@@ -98,7 +98,7 @@ def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
     return _ramp(around - level, 0.45, 0.75) * (1 - burst), active
 
 
-def voice_to_mouth(times: Array, heard: Heard) -> Voice:
+def voice_to_mouth(times: Array, heard: Heard) -> MouthEstimate:
     """The mouth at ``times`` (T,) in seconds; beyond the window there is silence."""
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
     rows[_PAD:-_PAD] = _rows(heard)
@@ -108,7 +108,7 @@ def voice_to_mouth(times: Array, heard: Heard) -> Voice:
     talking = _filtered(rows[:, 8:9], at, _SLOW, start + len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))
     shape[:, :7] = now[:, :7]
-    return Voice(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)
+    return MouthEstimate(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)
 
 
 def _filtered(rows: Array, at: Array, kernel: Array, back: int) -> Array:

@@ -1,4 +1,4 @@
-"""Mouth shapes of phones, and how neighbouring phones share the mouth (coarticulation by dominance functions)."""
+"""MouthShape shapes of phones, and how neighbouring phones share the mouth (coarticulation by dominance functions)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..motion.rotations import Array
 from ..motion.weighted_sum import weighted_sum
 from .graphemes import graphemes_to_phones
 
-__all__ = ["MOUTH", "Mouth", "Phones", "phones_of", "phones_to_mouth", "snapped"]
+__all__ = ["MOUTH", "MouthShape", "Phones", "phones_of", "phones_to_mouth", "snapped"]
 
 MOUTH = (
     "jawOpen", "mouthFunnel", "mouthPucker", "mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp",
     "mouthRollLower", "mouthShrugLower", "tongueOut",
 )  # fmt: skip
-"""Columns of `Mouth.shape`: ARKit names without side."""
+"""Columns of `MouthShape.shape`: ARKit names without side."""
 
 # The 15 visemes of the Oculus lip-sync set (without silence) → weights of MOUTH, then the share of the mouth that each
 # claims for jaw and for lips, and how much it closes the lips. Jaw openings: ours, a least-squares fit to 300 clips of the
@@ -84,7 +84,7 @@ class Phones(NamedTuple):
     """0 … 1: how far its shape is reached."""
 
 
-class Mouth(NamedTuple):
+class MouthShape(NamedTuple):
     """A mouth in time."""
 
     shape: Array
@@ -125,14 +125,14 @@ def snapped(phones: Phones, heard: Heard) -> Phones:
     return phones._replace(centre=phones.centre + (weight * _SNAP_REACH).sum(1) / weight.sum(1))
 
 
-def phones_to_mouth(times: Array, phones: Phones) -> Mouth:
+def phones_to_mouth(times: Array, phones: Phones) -> MouthShape:
     """Blend the phones' shapes by their dominance (M. Cohen and D. Massaro, "Modeling coarticulation", 1993).
 
     Each phone claims the jaw and the lips by a bell in time, of its own strength; a shape is the mean of the shapes
     weighted by the claims. The bells are Gaussian (exponent c = 2), so that velocities are continuous.
     """
     if not len(phones.centre):
-        return Mouth(np.zeros((len(times), len(MOUTH))), np.zeros(len(times)), np.zeros(len(times)))
+        return MouthShape(np.zeros((len(times), len(MOUTH))), np.zeros(len(times)), np.zeros(len(times)))
     away = times[:, None] - phones.centre
     spread = 0.6 * np.minimum(phones.half, 0.12) + _SLACK
     scaled = np.where(away < 0, away / (_AHEAD * spread), away / spread)
@@ -145,4 +145,4 @@ def phones_to_mouth(times: Array, phones: Phones) -> Mouth:
     flat = np.abs(away) / (np.minimum(phones.half, 0.06) + 0.02)
     closed = (np.exp(-(flat**4)) * _CLOSED[phones.viseme]).max(1)
     claim = weighted_sum(dominance)[:, 0]
-    return Mouth(shape, closed, claim / (claim + 0.1))
+    return MouthShape(shape, closed, claim / (claim + 0.1))

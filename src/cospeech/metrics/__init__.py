@@ -16,12 +16,12 @@ speech, corrected for chance; `controls` builds the rows that every table needs.
 from .beat_lift import BeatLift, beat_lift
 from .metric import Metric
 from .movement import Track, movement_statistics
-from .movement_reference import REFERENCE, Row
+from .movement_reference import REFERENCE, ReferenceRow
 from .sample import FeatureNet, Sample, Score, Tools
 
 __all__ = [
-    "METRICS", "REFERENCE", "BeatLift", "FeatureNet", "Metric", "Row", "Sample", "Score", "Tools", "Track", "beat_lift",
-    "load_metric", "movement_statistics",
+    "METRICS", "REFERENCE", "BeatLift", "FeatureNet", "Metric", "ReferenceRow", "Sample", "Score", "Tools", "Track",
+    "beat_lift", "load_metric", "movement_statistics",
 ]  # fmt: skip
 
 _ROWS = {

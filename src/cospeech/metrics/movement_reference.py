@@ -7,10 +7,10 @@ people, not of mankind.
 
 from typing import NamedTuple
 
-__all__ = ["REFERENCE", "Row"]
+__all__ = ["REFERENCE", "ReferenceRow"]
 
 
-class Row(NamedTuple):
+class ReferenceRow(NamedTuple):
     """Mean and range (lowest and highest of 13 windows of 30 s) of one statistic."""
 
     mean: float
@@ -20,14 +20,14 @@ class Row(NamedTuple):
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies in the range, bounds included; NaN does not.
 
-        >>> Row(0.29, 0.043, 0.48).holds(0.3)
+        >>> ReferenceRow(0.29, 0.043, 0.48).holds(0.3)
         True
         """
         return self.low <= value <= self.high
 
 
-REFERENCE: dict[str, Row] = {
-    name: Row(*numbers)
+REFERENCE: dict[str, ReferenceRow] = {
+    name: ReferenceRow(*numbers)
     for name, *numbers in [
         ("wrist speed 10 %, m/s", 0.059, 0.0053, 0.14),
         ("wrist speed 25 %, m/s", 0.12, 0.011, 0.26),

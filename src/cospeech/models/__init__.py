@@ -19,8 +19,19 @@ if TYPE_CHECKING:
     from ..rules.options import GenerationOptions
 
 __all__ = [
-    "BUNDLE", "DEFAULT", "ENTRIES", "MODELS", "NETWORKS", "PARTS", "SHIPPED", "Gesturer", "ModelEntry", "Performance", "load",
-    "plays", "shipped_bundle",
+    "BUNDLE",
+    "DEFAULT",
+    "ENTRIES",
+    "MODELS",
+    "NETWORKS",
+    "PARTS",
+    "SHIPPED",
+    "GenerationSession",
+    "Model",
+    "ModelEntry",
+    "load",
+    "plays",
+    "shipped_bundle",
 ]  # fmt: skip
 
 DEFAULT = "rules"
@@ -31,7 +42,7 @@ SHIPPED = Path(__file__).parents[1] / "assets" / "bundles"
 """Where the weights lie that come with the package: ``NAME.cospeech``."""
 
 
-class Performance(Protocol):
+class GenerationSession(Protocol):
     """One take under way, or several: speech goes in, piece by piece; motion comes out."""
 
     @property
@@ -76,7 +87,7 @@ class Performance(Protocol):
         ...
 
 
-class Gesturer(Protocol):
+class Model(Protocol):
     """What every model offers; options are the fields of `cospeech.rules.options.GenerationOptions`.
 
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
@@ -104,12 +115,12 @@ class Gesturer(Protocol):
 
     @property
     def latency(self) -> float:
-        """Of a session with the usual options; see `Performance`."""
+        """Of a session with the usual options; see `GenerationSession`."""
         ...
 
     @property
     def look_ahead(self) -> float:
-        """Of a session with the usual options; see `Performance`."""
+        """Of a session with the usual options; see `GenerationSession`."""
         ...
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
@@ -120,7 +131,7 @@ class Gesturer(Protocol):
         """The same, in pieces, as the speech comes in."""
         ...
 
-    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> Performance:
+    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> GenerationSession:
         """The same, for those who push; options come whole, by keywords, or whole with some changed."""
         ...
 
@@ -139,11 +150,11 @@ def shipped_bundle(name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
+def load(name: str | PathLike[str] = DEFAULT) -> Model:
     """A model that is ready to perform.
 
     >>> type(load("rules")).__name__
-    'RuleGesturer'
+    'RuleBasedModel'
 
     Args:
         name: in `MODELS`; or a bundle, ``mine.cospeech``; or the folder of a run (which needs the extra ``train``).
@@ -164,16 +175,16 @@ def load(name: str | PathLike[str] = DEFAULT) -> Gesturer:
     from ..runtime.mouth import shipped_mouth
 
     module, _, attribute = MODELS[name].partition(":")
-    model: Gesturer = getattr(import_module(module), attribute)(mouth=shipped_mouth)
+    model: Model = getattr(import_module(module), attribute)(mouth=shipped_mouth)
     return model
 
 
 def _open(path: Path) -> Any:
     """A trained system: a bundle, or a run, which becomes one first."""
-    from ..runtime.model import BundleGesturer
+    from ..runtime.model import TrainedModel
 
     if path.suffix == BUNDLE:
-        return BundleGesturer.open(path)
+        return TrainedModel.open(path)
     with workplace(scratch()) as folder:
         try:
             from ..training.export.bundles import bundle_run
@@ -183,4 +194,4 @@ def _open(path: Path) -> Any:
             if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
                 raise
             raise InputError(f"a run needs {error.name} to become a bundle", "pip install 'cospeech[train]'") from None
-        return BundleGesturer.open(folder / f"run{BUNDLE}")
+        return TrainedModel.open(folder / f"run{BUNDLE}")

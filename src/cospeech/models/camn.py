@@ -30,7 +30,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
-from .nn.modalities import SEEDS, Given, ManyInputs
+from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
@@ -203,7 +203,7 @@ class Camn(ManyInputs):
         """Frames of a training window."""
         return self.config.frames
 
-    def forward(self, given: Given, noise: Tensor | None = None) -> Tensor:
+    def forward(self, given: ModalityInputs, noise: Tensor | None = None) -> Tensor:
         """Body and hands: inputs of T frames → (B, T, D). There is no noise."""
         speaker, emotion = self.speaker(given.speaker), self.emotion(given.emotion)
         text = self.text(given.words.mT, Memory())

@@ -34,10 +34,10 @@ from torch.nn import functional as F
 from ..errors import InputError, nearest
 from .chain_config import ChainConfig
 from .nn.adversarial_losses import JUDGINGS
-from .nn.cascade import EMOTIONS, Cascade, Layers, Made, Signals, Through, Widths
+from .nn.cascade import EMOTIONS, Cascade, CascadeOutput, Layers, Signals, Through, Widths
 from .nn.channel_attention import ChannelAttention
 from .nn.contrast import RhythmIdentity
-from .nn.gain_augmentation import Gain
+from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
 from .nn.modalities import INPUTS
 from .nn.motion_statistics_loss import manner
@@ -57,7 +57,7 @@ __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
 class Turn(NamedTuple):
     """Of a batch in a step: what is made of it, and for whom it is judged."""
 
-    made: Made
+    made: CascadeOutput
     """Of the clip's own frames."""
     heard: Tensor
     """Â of all that was heard."""
@@ -128,7 +128,7 @@ class Chain(Windowed):
             SpeechClassifierConfig(config.frames, config.classifier_channels, config.classifier_kernel),
             audio=self.ear.inputs, speakers=speakers,
         )  # fmt: skip
-        self.gain = Gain(config.gain, self.ear.inputs, louder)
+        self.gain = GainAugmentation(config.gain, self.ear.inputs, louder)
         extra = (pose + 1) * (config.seeds > 0) + config.noise
         widths = Widths(self.word.width, config.text_channels, config.latent, speakers, extra)
         self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)
@@ -165,7 +165,7 @@ class Chain(Windowed):
     def run(
         self, heard: Tensor, words: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, memory: Memory,
         face: Tensor | None = None,
-    ) -> tuple[Made, Tensor]:  # fmt: skip
+    ) -> tuple[CascadeOutput, Tensor]:  # fmt: skip
         """All frames of a piece, or of a clip with its delay: what the cascade makes, and Â.
 
         Args:
@@ -189,9 +189,9 @@ class Chain(Windowed):
         both = torch.where(first, torch.cat([pose, torch.ones_like(pose[:, :1])], 1), 0.0)
         return F.pad(both, (self.delay, 0))[..., : pose.shape[-1]]
 
-    def _cut(self, made: Made) -> Made:
+    def _cut(self, made: CascadeOutput) -> CascadeOutput:
         """Of the frames that all of their speech was heard of."""
-        return Made(*(x[..., self.delay :] for x in made))
+        return CascadeOutput(*(x[..., self.delay :] for x in made))
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -290,7 +290,7 @@ class Chain(Windowed):
 
     # generation -----------------------------------------------------------------------------------------------------
 
-    def _whole(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> Made:
+    def _whole(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> CascadeOutput:
         """(B, ·, T) of all frames; what follows the last is as it is."""
         given = [torch.cat([x, x[..., -1:].expand(-1, -1, self.delay)], -1) for x in (rows, style, noise)]
         heard, words = given[0].split((self.ear.inputs, self.word.width), 1)

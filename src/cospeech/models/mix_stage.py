@@ -52,7 +52,7 @@ from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
 from .nn.patch import PatchDiscriminator, velocity
 from .nn.pose_discriminator import PoseJudge
-from .nn.style import NoStyle, Seen, SpeakerStyle
+from .nn.style import NoStyle, SpeakerStyle, StyleReading
 from .nn.unet1d import UNet1d
 from .nn.windowed import Windowed
 
@@ -116,7 +116,7 @@ class _Decoded(NamedTuple):
 
     key: tuple[Batch, int, bool, bool]
     """Batch, step, whether in training, whether with gradients."""
-    own: Seen
+    own: StyleReading
     seen: Tensor | None
     """Content of poses that is decoded too, for L_joint."""
     logits: Tensor

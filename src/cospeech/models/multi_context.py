@@ -25,7 +25,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
-from .nn.modalities import SEEDS, Given, ManyInputs, weights_of
+from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWaysGru
@@ -186,11 +186,11 @@ class MultiContext(ManyInputs):
         """Frames of a training window."""
         return self.config.frames
 
-    def forward(self, given: Given, noise: Tensor) -> Tensor:
+    def forward(self, given: ModalityInputs, noise: Tensor) -> Tensor:
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""
         return self._made(given, noise).pose
 
-    def _made(self, given: Given, noise: Tensor) -> _Made:
+    def _made(self, given: ModalityInputs, noise: Tensor) -> _Made:
         """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
         mean, variance = self.speaker(given.speaker)
         z = mean + torch.exp(variance / 2) * noise.mT
@@ -199,7 +199,7 @@ class MultiContext(ManyInputs):
         parts += [] if self.face is None else [self.face(given.face.mT)]
         return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
-    def _trained(self, batch: Batch, given: Given) -> _Made:
+    def _trained(self, batch: Batch, given: ModalityInputs) -> _Made:
         """With ε drawn, one for a window."""
         return self._made(given, batch.chance.normal(len(batch), 1, self.config.speaker))
 
@@ -236,7 +236,7 @@ class MultiContext(ManyInputs):
             terms["divergence"] = self.config.divergence * spread.mean() / 2
         return terms
 
-    def _diversity(self, batch: Batch, given: Given, made: _Made) -> Tensor:
+    def _diversity(self, batch: Batch, given: ModalityInputs, made: _Made) -> Tensor:
         """How differently another speaker, drawn of all, would move, for so much difference of z."""
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)

@@ -26,7 +26,7 @@ class ModelEntry:
     plays: bool = True
     """Whether it makes motion for speech, under this name: ``--model NAME``, ``cospeech.load(NAME)``."""
     trains: bool = True
-    """Whether it is a network that a recipe trains; else the class is called with ``mouth=`` and is a `Gesturer` at once."""
+    """Whether it is a network that a recipe trains; else the class is called with ``mouth=`` and is a `Model` at once."""
     needs: tuple[str, ...] = ()
     """What clips must have to train it, beside poses and sound: words, face, emotion."""
     weights: str = ""
@@ -36,7 +36,7 @@ class ModelEntry:
 _ALL = ("words", "face", "emotion")
 _OURS = {
     "rules": ModelEntry(
-        "cospeech.rules:RuleGesturer",
+        "cospeech.rules:RuleBasedModel",
         "The rule-based gesturer: face, body and hands from speech, without training",
         trains=False,
     ),

@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.cascade import EMOTIONS
-from .nn.gain_augmentation import Gain
+from .nn.gain_augmentation import GainAugmentation
 from .nn.objective import Batch, Objective
 from .nn.temporal import SLOPE, Memory, SameConv
 
@@ -70,7 +70,7 @@ class SpeechClassifier(nn.Module):
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
         self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))
-        self.gain = Gain(config.gain, audio, louder)
+        self.gain = GainAugmentation(config.gain, audio, louder)
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 

@@ -28,7 +28,7 @@ from ..audio.features.mel import FLOOR
 from ..errors import InputError
 from ..motion.poses.face import FACE, MIRROR
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
-from .nn.objective import Batch, Chance, Objective
+from .nn.objective import Batch, Objective, StepRandom
 from .nn.windowed import Windowed
 
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
@@ -212,7 +212,7 @@ class SpeechToFace(Windowed):
 
     # how speech is changed ------------------------------------------------------------------------------------------
 
-    def _changed(self, audio: Tensor, face: Tensor, chance: Chance) -> tuple[Tensor, Tensor]:
+    def _changed(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor]:
         """Another voice in another place, (B, T, A) standardised; and the face, which rests in the pauses that are put in."""
         rows, bands = len(audio), self.audio
         axis = torch.linspace(-1, 1, bands, device=audio.device)
@@ -230,7 +230,7 @@ class SpeechToFace(Windowed):
         return (mel - self.audio_mean) / self.audio_std, face * (1 - rest)
 
 
-def _even(chance: Chance, rows: int) -> Tensor:
+def _even(chance: StepRandom, rows: int) -> Tensor:
     """(rows, 1) of −1 … 1."""
     return 2 * chance.uniform(rows, 1) - 1
 
@@ -245,7 +245,7 @@ def _stretched(mel: Tensor, factors: Tensor) -> Tensor:
     return a + (at - low)[:, None] * (b - a)
 
 
-def _pauses(chance: Chance, rows: int, frames: int, share: float) -> Tensor:
+def _pauses(chance: StepRandom, rows: int, frames: int, share: float) -> Tensor:
     """(rows, frames) 1 where a pause is put in, else 0."""
     which, length, start = (chance.uniform(rows, 1) for _ in range(3))
     size = frames * (0.2 + 0.5 * length)

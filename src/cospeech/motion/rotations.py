@@ -11,9 +11,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "QuatStream", "axis_angle_to_quat", "cross", "euler_to_quat", "matrix_to_quat", "matrix_to_rot6d", "quat_between",
-    "quat_conjugate", "quat_continuous", "quat_angle", "quat_identity", "quat_multiply", "quat_normalize", "quat_rotate",
-    "quat_slerp", "quat_to_euler", "quat_to_matrix", "quat_to_rot6d", "quat_to_rotvec", "quat_twist", "rot6d_to_matrix",
+    "QuatStream",
+    "axis_angle_to_quat",
+    "cross",
+    "euler_to_quat",
+    "matrix_to_quat",
+    "matrix_to_rot6d",
+    "quat_angle",
+    "quat_between",
+    "quat_conjugate",
+    "quat_continuous",
+    "quat_identity",
+    "quat_multiply",
+    "quat_normalize",
+    "quat_rotate",
+    "quat_slerp",
+    "quat_to_euler",
+    "quat_to_matrix",
+    "quat_to_rot6d",
+    "quat_to_rotvec",
+    "quat_twist",
+    "rot6d_to_matrix",
     "rotvec_to_quat",
 ]  # fmt: skip
 

@@ -26,16 +26,16 @@ from .session import LATENCY, LOOK_AHEAD, Session, check_speech, streamed
 from .styles import STYLES, Style, mix_styles
 
 __all__ = [
-    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleGesturer",
-    "Session", "Style",
+    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleBasedModel",
+    "RuleGesturer", "Session", "Style",
 ]  # fmt: skip
 
 
-class RuleGesturer:
+class RuleBasedModel:
     """The rule-based gesturer: face, body and hands from speech, without training.
 
     >>> import numpy as np
-    >>> motion = RuleGesturer().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)
+    >>> motion = RuleBasedModel().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)
     >>> len(motion), motion.face.shape
     (30, (30, 52))
 
@@ -136,3 +136,6 @@ def _find_style(style: object) -> Style:
     if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
         raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
     return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)
+
+
+RuleGesturer = RuleBasedModel  # as the first documentation called it

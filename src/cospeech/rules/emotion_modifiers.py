@@ -10,11 +10,11 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MANNERS", "Manner", "blend_manners"]
+__all__ = ["MANNERS", "EmotionModifier", "blend_manners"]
 
 
 @dataclass(frozen=True)
-class Manner:
+class EmotionModifier:
     """What an emotion does to movement: factors (1 = unchanged) and offsets (0 = unchanged).
 
     After the third paper's observations (Xu et al. 2024, section 4): happiness and surprise expand outward and quicken;
@@ -49,12 +49,14 @@ class Manner:
     head: float = 1.0
 
 
-MANNERS: Mapping[str, Manner] = MappingProxyType(
+MANNERS: Mapping[str, EmotionModifier] = MappingProxyType(
     {
-        "neutral": Manner(),
-        "happiness": Manner(1.22, 1.2, 1.12, breadth=0.07, height=0.05, chin=3, bow=-2, torso=1.25, head=1.15),
-        "anger": Manner(1.28, 1.3, 1.32, breadth=0.0, height=0.05, abrupt=0.9, tension=0.5, bow=4, chin=-3, shrug=3, torso=1.2),
-        "sadness": Manner(
+        "neutral": EmotionModifier(),
+        "happiness": EmotionModifier(1.22, 1.2, 1.12, breadth=0.07, height=0.05, chin=3, bow=-2, torso=1.25, head=1.15),
+        "anger": EmotionModifier(
+            1.28, 1.3, 1.32, breadth=0.0, height=0.05, abrupt=0.9, tension=0.5, bow=4, chin=-3, shrug=3, torso=1.2
+        ),
+        "sadness": EmotionModifier(
             0.62,
             0.6,
             0.74,
@@ -68,7 +70,7 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
             torso=0.65,
             head=0.75,
         ),
-        "contempt": Manner(
+        "contempt": EmotionModifier(
             0.72,
             0.65,
             0.9,
@@ -83,10 +85,10 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
             torso=0.8,
             head=0.9,
         ),
-        "surprise": Manner(
+        "surprise": EmotionModifier(
             1.25, 1.15, 1.2, breadth=0.08, height=0.09, abrupt=0.35, tension=0.2, bow=-4, chin=4, shrug=5, torso=1.2
         ),
-        "fear": Manner(
+        "fear": EmotionModifier(
             0.68,
             0.8,
             0.92,
@@ -101,7 +103,7 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
             torso=0.75,
             head=1.0,
         ),
-        "disgust": Manner(
+        "disgust": EmotionModifier(
             0.72,
             0.68,
             0.92,
@@ -119,10 +121,10 @@ MANNERS: Mapping[str, Manner] = MappingProxyType(
         ),
     }
 )
-_MANNER_FIELDS = tuple(f.name for f in fields(Manner))
+_MANNER_FIELDS = tuple(f.name for f in fields(EmotionModifier))
 _MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
 
 
-def blend_manners(probabilities: Array) -> Manner:
+def blend_manners(probabilities: Array) -> EmotionModifier:
     """The mixture of all manners under ``probabilities (8,)``."""
-    return Manner(*(float(v) for v in np.asarray(probabilities) @ _MANNER_TABLE))
+    return EmotionModifier(*(float(v) for v in np.asarray(probabilities) @ _MANNER_TABLE))

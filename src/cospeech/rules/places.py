@@ -8,7 +8,7 @@ import numpy as np
 
 from ..motion.kinematics.arms import arm_lengths
 from ..motion.rotations import Array
-from .emotion_modifiers import Manner
+from .emotion_modifiers import EmotionModifier
 from .repertoire import FORMS, Form
 from .rests import RESTS
 from .styles import Style
@@ -34,7 +34,7 @@ class Places:
     def __init__(self, style: Style, random: Random, intensity: float, temperature: float) -> None:
         self.style, self._random, self.intensity, self.temperature = style, random, intensity, temperature
 
-    def of(self, form: Form, effort: float, manner: Manner) -> list[Array]:
+    def of(self, form: Form, effort: float, manner: EmotionModifier) -> list[Array]:
         """Poses of a form where this speaker, in this mood, would put them this time."""
         style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
         table = [p.values() for p in form.poses]
@@ -61,7 +61,7 @@ class Places:
             out.append(pose)
         return out
 
-    def _shaped(self, table: Array, turn: float, effort: float, manner: Manner, free: float) -> Array:
+    def _shaped(self, table: Array, turn: float, effort: float, manner: EmotionModifier, free: float) -> Array:
         """A pose where the table has it, turned and shaped by this speaker's hand."""
         tension = float(np.clip(self.style.tension + manner.tension, 0, 1))
         pose = table.copy()
@@ -90,7 +90,7 @@ class Places:
         return out
 
 
-def stroke_time(a: Array, b: Array, tempo: float, manner: Manner) -> float:
+def stroke_time(a: Array, b: Array, tempo: float, manner: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * manner.abrupt))

@@ -19,14 +19,14 @@ from ..audio.prosodic_events import Accent, Phrase
 from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
-from .emotion_modifiers import Manner
+from .emotion_modifiers import EmotionModifier
 from .lexicon import form_for
 from .places import Places, reach_time, stroke_time
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form
 from .rests import RESTS
 from .styles import Style
-from .track import Track
+from .track import MinimumJerkTrack
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 
@@ -52,7 +52,7 @@ class Gesture(NamedTuple):
 
 @dataclass
 class _HandState:
-    track: Track
+    track: MinimumJerkTrack
     home: Array
     """Where it rests."""
     busy: float = -9.0
@@ -81,7 +81,7 @@ class Planner:
         self._random = Random(f"{seed}/plan")
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
-        self.hands = [_HandState(Track(place, LAGS), place) for place in places]
+        self.hands = [_HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._places = Places(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
@@ -91,8 +91,8 @@ class Planner:
         self._forms = {name: form.weight * style.repertoire.get(name, 1.0) for name, form in FORMS.items()}
 
     @property
-    def body(self) -> Track:
-        """Track of hips, torso, head, gaze and feet."""
+    def body(self) -> MinimumJerkTrack:
+        """MinimumJerkTrack of hips, torso, head, gaze and feet."""
         return self.posture.track
 
     def decide(
@@ -102,7 +102,7 @@ class Planner:
         accents: Sequence[Accent],
         phrases: Sequence[Phrase],
         words: Sequence[Word],
-        manner: Manner,
+        manner: EmotionModifier,
     ) -> list[Gesture]:
         """One tick: take up what has become visible, let go what has run its course. Returns the strokes it planned."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
@@ -121,7 +121,7 @@ class Planner:
 
     # ------------------------------------------------------------------------------------------------ strokes
 
-    def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], manner: Manner) -> None:
+    def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], manner: EmotionModifier) -> None:
         if self.intensity <= 0:
             return
         near = [w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)]
@@ -160,7 +160,7 @@ class Planner:
                 return True
         return False
 
-    def _silent_words(self, now: float, words: Sequence[Word], manner: Manner) -> None:
+    def _silent_words(self, now: float, words: Sequence[Word], manner: EmotionModifier) -> None:
         """Words with a strong gesture of their own get it even without an accent."""
         for word in words:
             middle = word.start + 0.4 * (word.end - word.start)
@@ -173,7 +173,7 @@ class Planner:
             if self._random.random() < found[1] * 0.6:
                 self._perform(now, middle, 0.5, found[0], manner, word)
 
-    def _choose_form(self, manner: Manner) -> str:
+    def _choose_form(self, manner: EmotionModifier) -> str:
         names = list(self._forms)
         sharp = 1.0 / max(manner.variety * max(self.temperature, 0.05), 0.05) ** 0.5
         weights = [self._forms[n] ** sharp * (0.3 if n in self._recent else 1.0) for n in names]
@@ -187,7 +187,7 @@ class Planner:
         both = form.hands == "both" or (form.hands == "any" and self._random.random() < self.style.both)
         return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
 
-    def _perform(self, now: float, at: float, strength: float, name: str, manner: Manner, word: Word | None) -> bool:
+    def _perform(self, now: float, at: float, strength: float, name: str, manner: EmotionModifier, word: Word | None) -> bool:
         """Plan preparation and stroke(s) of a form whose first stroke peaks at the accent; False where there is no time."""
         form = FORMS.get(name) or LEXICAL_FORMS[name]
         hands, label = self._which_hands(form)
@@ -241,7 +241,7 @@ class Planner:
         onset: float,
         stroke: float,
         tempo: float,
-        manner: Manner,
+        manner: EmotionModifier,
     ) -> float:
         """Moves of one hand through all poses; returns the end of the last stroke."""
         state.track.move(start, prepare * (1 + _BLEND), poses[0])
@@ -263,12 +263,12 @@ class Planner:
         state.pose = poses[-1]
         return end
 
-    def _mark(self, state: _HandState, name: str, peak: float, end: float, manner: Manner) -> None:
+    def _mark(self, state: _HandState, name: str, peak: float, end: float, manner: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
         state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / manner.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * _effort(state.track.target))
 
-    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: Manner, scale: float) -> None:
+    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: EmotionModifier, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
         tempo = self.style.tempo * manner.tempo
         size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
@@ -321,7 +321,7 @@ class Planner:
         undo[:7] = (goal - state.track.target)[:7] * 0.85
         state.track.add(onset + stroke + self._random.uniform(0.15, 0.5), self._random.uniform(0.7, 1.2), undo)
 
-    def _let_go(self, now: float, phrases: Sequence[Phrase], manner: Manner) -> None:
+    def _let_go(self, now: float, phrases: Sequence[Phrase], manner: EmotionModifier) -> None:
         """Retract hands that have nothing to hold; drop them for good in long pauses."""
         quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
@@ -337,7 +337,7 @@ class Planner:
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", manner)
 
-    def _retract(self, now: float, hand: int, state: _HandState, place: str, manner: Manner) -> None:
+    def _retract(self, now: float, hand: int, state: _HandState, place: str, manner: EmotionModifier) -> None:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0

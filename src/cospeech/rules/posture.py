@@ -12,9 +12,9 @@ from ..audio.prosodic_events import Accent, Phrase
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.kinematics.legs import STANCE, TOE_OUT
 from ..motion.rotations import Array
-from .emotion_modifiers import Manner
+from .emotion_modifiers import EmotionModifier
 from .styles import Style
-from .track import Track
+from .track import MinimumJerkTrack
 
 __all__ = ["Posture"]
 
@@ -30,7 +30,7 @@ class Posture:
         base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT)
         base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT)
         base[Body.PITCH] = style.lean
-        self.track = Track(base)
+        self.track = MinimumJerkTrack(base)
         self._next = {
             "shift": random.uniform(0.5, 3),
             "lean": random.uniform(0.2, 1.0),
@@ -43,9 +43,9 @@ class Posture:
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._side = random.choice((-1, 1))
-        self._manner: Manner | None = None
+        self._manner: EmotionModifier | None = None
 
-    def decide(self, now: float, *, phrases: Sequence[Phrase], manner: Manner, speaking: bool) -> None:
+    def decide(self, now: float, *, phrases: Sequence[Phrase], manner: EmotionModifier, speaking: bool) -> None:
         """One tick."""
         if self._manner is None:
             self._settle(-5.0, 1.0, manner)  # where it stands before the first frame
@@ -69,7 +69,7 @@ class Posture:
     def _gauss(self, size: float) -> float:
         return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
 
-    def _settle(self, now: float, length: float, manner: Manner) -> None:
+    def _settle(self, now: float, length: float, manner: EmotionModifier) -> None:
         """A new place for the torso around the speaker's usual one."""
         torso = self.style.torso * manner.torso * self.size
         goal = (
@@ -80,12 +80,12 @@ class Posture:
         self.track.move(now + 0.02, length, np.array(goal), [Body.PITCH, Body.ROLL, Body.YAW])
         self.track.move(now + 0.05, length * 1.1, np.array([self._gauss(2.0 * torso)]), [Body.HIPS_YAW])
 
-    def _on_phrase(self, now: float, manner: Manner) -> None:
+    def _on_phrase(self, now: float, manner: EmotionModifier) -> None:
         self._next["lean"] = min(self._next["lean"], now + self._random.uniform(0, 0.3))
         if self._random.random() < 0.55:
             self._next["head"] = now
 
-    def _turn_head(self, now: float, manner: Manner, speaking: bool) -> None:
+    def _turn_head(self, now: float, manner: EmotionModifier, speaking: bool) -> None:
         head = self.style.head * manner.head * self.size
         goal = (
             -manner.chin + self._gauss(4.3 * head),
@@ -99,7 +99,7 @@ class Posture:
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, manner: Manner, speaking: bool) -> None:
+    def _look(self, now: float, manner: EmotionModifier, speaking: bool) -> None:
         """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
         away = self._random.random() < min(0.85, self.style.averted + manner.averted)
         if away:
@@ -163,7 +163,7 @@ class Posture:
         goal = self.track.target[foot][0] * 0.36 + self.track.target[Body.HIPS_X] * 0.64
         self.track.move(now + 0.02, 0.5, np.array([goal]), [Body.HIPS_X])
 
-    def on_accent(self, now: float, accent: Accent, manner: Manner) -> None:
+    def on_accent(self, now: float, accent: Accent, manner: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
         if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
             return
@@ -177,7 +177,7 @@ class Posture:
         self.track.add(onset + down * 0.8, up, -nod)
 
     def on_stroke(
-        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: Manner
+        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: EmotionModifier
     ) -> None:
         """The torso goes along with the hands: towards what one hand does, forward or up with both."""
         way = poses[1][:3] - poses[0][:3]

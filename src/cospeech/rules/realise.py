@@ -29,7 +29,7 @@ from ..motion.rotations import (
 )
 from ..motion.skeleton import humanoid
 from .styles import Style
-from .track import Track
+from .track import MinimumJerkTrack
 
 __all__ = ["Pieces", "realise"]
 
@@ -58,7 +58,14 @@ def _offsets() -> dict[str, Array]:
 
 
 def realise(
-    times: Array, body: Track, hands: list[Track] | None, style: Style, *, seed: int, size: float, tremor: Array
+    times: Array,
+    body: MinimumJerkTrack,
+    hands: list[MinimumJerkTrack] | None,
+    style: Style,
+    *,
+    seed: int,
+    size: float,
+    tremor: Array,
 ) -> Pieces:
     """Pose the whole body.
 
@@ -191,7 +198,7 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
 
 def _arms(
     times: Array,
-    hands: list[Track],
+    hands: list[MinimumJerkTrack],
     places: dict[str, tuple[Array, Array]],
     neck: Array,
     b: Array,

@@ -14,10 +14,10 @@ import numpy as np
 from ..motion.kinematics.hands import HAND_SHAPES
 from ..motion.rotations import Array
 
-__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "Pose"]
+__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "HandPose"]
 
 
-class Pose(NamedTuple):
+class HandPose(NamedTuple):
     """One hand: wrist place (arm lengths), pronation, flexion, deviation (degrees), hand shape, elbow swivel, shrug."""
 
     out: float
@@ -40,7 +40,7 @@ class Form(NamedTuple):
     """A gesture form."""
 
     what: str
-    poses: tuple[Pose, ...]
+    poses: tuple[HandPose, ...]
     """Preparation first, then one pose per stroke."""
     weight: float = 1.0
     """In everybody's repertoire; a style's own weights multiply it."""
@@ -54,7 +54,7 @@ class Form(NamedTuple):
     """At the own body: the same place whatever the style and the effort."""
 
 
-P = Pose
+P = HandPose
 FORMS: dict[str, Form] = {
     "beat": Form("a small downward beat", (P(0.10, -0.50, 0.42, 22, -12, -6), P(0.13, -0.66, 0.48, 30, 6, 6)), 1.5),
     "offer": Form(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .repertoire import Pose as P
+from .repertoire import HandPose as P
 
 __all__ = ["RESTS"]
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, Moods
-from ..audio.event_detection import LEVEL_DELAY, PEAK_DELAY, TICK, Listener
+from ..audio.event_detection import LEVEL_DELAY, PEAK_DELAY, TICK, EventDetector
 from ..audio.features.at_16_khz import At16kHz
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.prosody import DELAY
@@ -50,7 +50,7 @@ class Session:
         style: the speaker.
         emotion: what is felt over time, or None to follow the voice.
         seed: of this take.
-        intensity, temperature: see `RuleGesturer.generate`.
+        intensity, temperature: see `RuleBasedModel.generate`.
         fps: of the motion.
         parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose. Of none: the
             session listens to the mood alone.
@@ -73,7 +73,7 @@ class Session:
     ) -> None:
         self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
         self.intensity = intensity
-        self.listener = Listener()
+        self.listener = EventDetector()
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.face = Face(

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["Track", "minimum_jerk"]
+__all__ = ["MinimumJerkTrack", "minimum_jerk"]
 
 
 def minimum_jerk(u: Array) -> Array:
@@ -21,7 +21,7 @@ def minimum_jerk(u: Array) -> Array:
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
-class Track:
+class MinimumJerkTrack:
     """C channels as a function of time.
 
     Args:

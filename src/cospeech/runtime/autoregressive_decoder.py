@@ -8,12 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from ..motion.rotations import Array
-from .crossfade import Fading
+from .crossfade import Crossfade
 from .flow_bundle import FlowSystem
 from .pose_resampler import MOST_LAG
-from .style_measures import Blend
+from .style_measures import StyleMixture
 
-__all__ = ["Casting", "FlowPlayer", "Source"]
+__all__ = ["AutoregressiveDecoder", "Casting", "Source"]
 
 SKIPPED = 1024  # ours: latents that are drawn and thrown away at once
 
@@ -52,12 +52,12 @@ class Source(Protocol):
         ...
 
 
-Casting = Callable[[Blend], Sequence[Source]]
+Casting = Callable[[StyleMixture], Sequence[Source]]
 """A style → the sources of the takes, one for each seed."""
 
 
-class FlowPlayer:
-    """Takes of one speech on a flow; see `cospeech.runtime.session.Player`.
+class AutoregressiveDecoder:
+    """Takes of one speech on a flow; see `cospeech.runtime.session.Decoder`.
 
     A style that is changed is a second cast of sources, which play as if they had played from the beginning; latents, codes,
     mean poses and deviations are faded from the one to the other.
@@ -75,10 +75,12 @@ class FlowPlayer:
     emotion = None
     """It hears none of them."""
 
-    def __init__(self, system: FlowSystem, casting: Casting, blend: Blend, quiet: Array, *, intensity: float = 1.0) -> None:
+    def __init__(
+        self, system: FlowSystem, casting: Casting, blend: StyleMixture, quiet: Array, *, intensity: float = 1.0
+    ) -> None:
         self._system, self._casting, self._intensity = system, casting, np.float32(intensity)
         sources = casting(blend)
-        self._sources = Fading(sources, system.fps)
+        self._sources = Crossfade(sources, system.fps)
         self._takes = system.engine.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
         self._rows = np.repeat(quiet, system.engine.sizes.history, 0)
         self._made = 0
@@ -116,7 +118,7 @@ class FlowPlayer:
         s, centres = self._system.statistics, self._mixed("centre", at)
         return (centres + self._intensity * self._strayed(poses, centres, at)) * s.pose_std + s.pose_mean
 
-    def restyle(self, blend: Blend, frame: int) -> None:
+    def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Player`."""
         sources = self._casting(blend)
         for source in sources:

@@ -12,28 +12,28 @@ from ..errors import InputError
 from ..motion.poses.controls import QUANTILES
 from ..motion.rotations import Array
 from ..rules.options import GenerationOptions
-from .autoregressive_decoder import FlowPlayer, Source
-from .causal_stream_decoder import LivePlayer, SectionPlayer
+from .autoregressive_decoder import AutoregressiveDecoder, Source
+from .causal_stream_decoder import CausalStreamDecoder, OverlapAddDecoder
 from .chain_bundle import ChainSystem
 from .chain_style import example_chain, mixture_chain, named_chain
-from .conditioning import NOTHING, OFFLINE, Given, GivenFace, nothing_given, poses_before
+from .conditioning import NOTHING, OFFLINE, Conditioning, ConditioningFace, nothing_given, poses_before
 from .flow_bundle import FlowSystem
 from .manifest import System
-from .session import Player
-from .sliding_window_decoder import WindowPlayer, looking
-from .speaker_emotion_tracker import Ear
-from .speech_frontend import Listener
-from .speech_text_frontend import Reader
+from .session import Decoder
+from .sliding_window_decoder import SlidingWindowDecoder, looking
+from .speaker_emotion_tracker import SpeakerEmotionTracker
+from .speech_frontend import SpeechFrontend
+from .speech_text_frontend import SpeechTextFrontend
 from .style import Styles, Transfer, best_transfer
-from .style_measures import Blend
+from .style_measures import StyleMixture
 from .window_bundle import WindowSystem
 from .window_layout import check_look_ahead
 from .window_style import example_window, mixture, named_window
 
-__all__ = ["Players", "players_of"]
+__all__ = ["Backend", "backend_of"]
 
 
-class Players(Protocol):
+class Backend(Protocol):
     """What a gesturer asks of a kind of system."""
 
     @property
@@ -53,24 +53,24 @@ class Players(Protocol):
 
     @property
     def for_files(self) -> Mapping[str, Any]:
-        """See `cospeech.models.Gesturer`."""
+        """See `cospeech.models.Model`."""
         ...
 
-    def mixture(self, blend: Blend) -> dict[str, float] | None:
-        """See `cospeech.runtime.session.Performance.style_mixture`."""
+    def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
+        """See `cospeech.runtime.session.TrainedSession.style_mixture`."""
         ...
 
-    def listen(self, controls: Array) -> Listener | Reader:
+    def listen(self, controls: Array) -> SpeechFrontend | SpeechTextFrontend:
         """Who hears the speech, with (C,) style controls to begin with."""
         ...
 
-    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> Player:
+    def play(self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING) -> Decoder:
         """A player that begins with this style; ``quiet`` (1, A) is the row of silence, which is before the speech;
         ``given``: what there is beside it."""
         ...
 
 
-class FlowPlayers:
+class FlowBackend:
     """Of flows.
 
     Args:
@@ -85,16 +85,18 @@ class FlowPlayers:
         self.styles = Styles(system)
         self.controls, self.quantiles = system.controls, system.statistics.controls
 
-    def mixture(self, blend: Blend) -> dict[str, float] | None:
+    def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
         """None: a flow mixes no speakers."""
         return None
 
-    def listen(self, controls: Array) -> Listener:
-        """See `Players`."""
-        return Listener(self._system, controls)
+    def listen(self, controls: Array) -> SpeechFrontend:
+        """See `Backend`."""
+        return SpeechFrontend(self._system, controls)
 
-    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> FlowPlayer:
-        """See `Players`.
+    def play(
+        self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING
+    ) -> AutoregressiveDecoder:
+        """See `Backend`.
 
         Raises:
             InputError: a look-ahead is given, or a face, or motion to go on from.
@@ -103,13 +105,13 @@ class FlowPlayers:
         if options.look_ahead is not None:
             raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
 
-        def sources(blend: Blend) -> list[Source]:
+        def sources(blend: StyleMixture) -> list[Source]:
             return [self._transfer(self._system, blend, seed=seed, temperature=options.temperature) for seed in options.seeds]
 
-        return FlowPlayer(self._system, sources, blend, quiet, intensity=options.intensity)
+        return AutoregressiveDecoder(self._system, sources, blend, quiet, intensity=options.intensity)
 
 
-class WindowPlayers:
+class WindowBackend:
     """Of networks that are played in windows.
 
     Args:
@@ -123,28 +125,30 @@ class WindowPlayers:
         self.styles = Styles(system, named_window, example_window)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 
-    def mixture(self, blend: Blend) -> dict[str, float] | None:
+    def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
         """Of the speakers' weights, where the network knows styles by them."""
         return mixture(self._system, blend)
 
-    def listen(self, controls: Array) -> Listener:
-        """See `Players`."""
-        return Listener(self._system, controls)
+    def listen(self, controls: Array) -> SpeechFrontend:
+        """See `Backend`."""
+        return SpeechFrontend(self._system, controls)
 
-    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> WindowPlayer:
-        """See `Players`.
+    def play(
+        self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING
+    ) -> SlidingWindowDecoder:
+        """See `Backend`.
 
         Raises:
             InputError: a face is given, or motion to go on from.
         """
         nothing_given(given)
         setting = looking(self._system.engine.sizes, self._system.fps, options.look_ahead)
-        return WindowPlayer(
+        return SlidingWindowDecoder(
             self._system, setting, blend, options.seeds, quiet, temperature=options.temperature, intensity=options.intensity
         )
 
 
-class ChainPlayers:
+class ChainBackend:
     """Of chains.
 
     Args:
@@ -158,15 +162,15 @@ class ChainPlayers:
         self.styles = Styles(system, named_chain, example_chain)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 
-    def mixture(self, blend: Blend) -> dict[str, float] | None:
+    def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
         """See `cospeech.runtime.chain_style.mixture_chain`."""
         return mixture_chain(self._system, blend)
 
-    def listen(self, controls: Array) -> Reader:
-        """See `Players`."""
-        return Reader(self._system)
+    def listen(self, controls: Array) -> SpeechTextFrontend:
+        """See `Backend`."""
+        return SpeechTextFrontend(self._system)
 
-    def play(self, blend: Blend, quiet: Array, options: GenerationOptions, given: Given = NOTHING) -> Player:
+    def play(self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING) -> Decoder:
         """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
 
         Raises:
@@ -174,17 +178,17 @@ class ChainPlayers:
         """
         seconds, engine = options.look_ahead, self._system.engine
         check_look_ahead(seconds)
-        ear = Ear(engine, self._system.fps, quiet[0, : engine.sizes.audio], options.track)
+        ear = SpeakerEmotionTracker(engine, self._system.fps, quiet[0, : engine.sizes.audio], options.track)
         live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
         scales = {"temperature": options.temperature, "intensity": options.intensity}
         if live and given.anything:
             raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
         if live:
-            return LivePlayer(self._system, blend, options.seeds, quiet, ear, **scales)
+            return CausalStreamDecoder(self._system, blend, options.seeds, quiet, ear, **scales)
         face, before = self._given(given)
-        return SectionPlayer(self._system, blend, options.seeds, quiet, ear, face=face, before=before, **scales)
+        return OverlapAddDecoder(self._system, blend, options.seeds, quiet, ear, face=face, before=before, **scales)
 
-    def _given(self, given: Given) -> tuple[GivenFace | None, Array | None]:
+    def _given(self, given: Conditioning) -> tuple[ConditioningFace | None, Array | None]:
         """The face, and (seeds, D) standardised poses, that the network was trained to be given."""
         sizes = self._system.engine.sizes
         hint = "train one with model.faced and model.unseeded (docs/models/chain_of_generation.md)"
@@ -197,17 +201,17 @@ class ChainPlayers:
         return given.face, poses_before(self._system, given.before, sizes.seeds)
 
 
-_WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Players]] = {WindowSystem: WindowPlayers, ChainSystem: ChainPlayers}
+_WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Backend]] = {WindowSystem: WindowBackend, ChainSystem: ChainBackend}
 
 
-def players_of(system: System, transfer: Transfer | None = None) -> Players:
+def backend_of(system: System, transfer: Transfer | None = None) -> Backend:
     """Of this kind of system.
 
     Raises:
         InputError: a way of transfer for a system that plays no latents.
     """
     if isinstance(system, FlowSystem):
-        return FlowPlayers(system, transfer)
+        return FlowBackend(system, transfer)
     if transfer is not None:
         raise InputError("a way of transfer for a system without latents", "leave it out")
     return _WITHOUT_LATENTS[type(system)](system)

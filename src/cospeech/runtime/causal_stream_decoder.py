@@ -15,27 +15,27 @@ from ..audio.emotions import EMOTIONS, Moods
 from ..errors import InputError
 from ..motion.rotations import Array
 from .chain_bundle import ChainSystem
-from .conditioning import GivenFace
-from .crossfade import Fading
+from .conditioning import ConditioningFace
+from .crossfade import Crossfade
 from .mode_noise import SmoothGumbel
 from .pose_resampler import MOST_LAG
-from .speaker_emotion_tracker import Ear
-from .style_measures import Blend, weighted
-from .window_layout import Setting, Sliding
+from .speaker_emotion_tracker import SpeakerEmotionTracker
+from .style_measures import StyleMixture, weighted
+from .window_layout import Sliding, WindowLayout
 
-__all__ = ["ChainPlayer", "LivePlayer", "SectionPlayer", "sections"]
+__all__ = ["CausalStreamDecoder", "ChainPlayer", "OverlapAddDecoder", "sections"]
 
 KEPT = 10.0  # s; ours: of the voice's course, more than the face lags behind
 
 
-def sections(window: int) -> Setting:
+def sections(window: int) -> WindowLayout:
     """Windows as in training, half of each new, a quarter heard before and a quarter after; ours."""
     ahead = max(1, window // 4)
-    return Setting(window=window, hop=max(1, window // 2), ahead=ahead, fade=min(ahead, max(1, window // 2)) // 2)
+    return WindowLayout(window=window, hop=max(1, window // 2), ahead=ahead, fade=min(ahead, max(1, window // 2)) // 2)
 
 
 class ChainPlayer:
-    """What both ways of playing have in common; see `cospeech.runtime.session.Player`.
+    """What both ways of playing have in common; see `cospeech.runtime.session.Decoder`.
 
     A take's seed draws smooth noise, where the network was trained with noise; takes of another one are alike.
 
@@ -52,10 +52,10 @@ class ChainPlayer:
     def __init__(
         self,
         system: ChainSystem,
-        blend: Blend,
+        blend: StyleMixture,
         seeds: Sequence[int],
         quiet: Array,
-        ear: Ear,
+        ear: SpeakerEmotionTracker,
         *,
         temperature: float = 1.0,
         intensity: float = 1.0,
@@ -65,7 +65,7 @@ class ChainPlayer:
         self._system, self._ear, self._quiet = system, ear, quiet
         self._temperature, self._intensity = np.float32(temperature), np.float32(intensity)
         self._noise = [SmoothGumbel(sizes.noise, system.fps, seed=seed) for seed in seeds]
-        self._asked = Fading(_speakers(blend), system.fps)
+        self._asked = Crossfade(_speakers(blend), system.fps)
         self._made = 0
 
     @property
@@ -87,7 +87,7 @@ class ChainPlayer:
             return None
         return {name: float(p) for name, p in zip(self._system.speakers, self._ear.speaker, strict=True)}
 
-    def restyle(self, blend: Blend, frame: int) -> None:
+    def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Player`."""
         self._asked.change(_speakers(blend), frame)
 
@@ -125,7 +125,7 @@ class ChainPlayer:
         self._ear.forget(self._made - back - round(KEPT * self._system.fps))
 
 
-class LivePlayer(ChainPlayer):
+class CausalStreamDecoder(ChainPlayer):
     """Frame by frame: every row of speech makes the pose of the frame that lies ``look_ahead`` before it certain."""
 
     def __init__(self, *given: Any, **options: Any) -> None:
@@ -162,7 +162,7 @@ class LivePlayer(ChainPlayer):
         return self.push(np.repeat(quiet, self._system.engine.sizes.look_ahead if self._heard else 0, 0))
 
 
-class SectionPlayer(ChainPlayer):
+class OverlapAddDecoder(ChainPlayer):
     """In windows (`sections`), each of which hears both ways, faded from one to the next.
 
     Args:
@@ -174,7 +174,7 @@ class SectionPlayer(ChainPlayer):
         InputError: windows too short for these.
     """
 
-    def __init__(self, *given: Any, face: GivenFace | None = None, before: Array | None = None, **options: Any) -> None:
+    def __init__(self, *given: Any, face: ConditioningFace | None = None, before: Array | None = None, **options: Any) -> None:
         super().__init__(*given, **options)
         self.setting, self._face, self._before = sections(self._system.engine.sizes.window), face, before
         self._gap: Array | None = None
@@ -249,6 +249,6 @@ _JOIN = 0.5  # s; ours: as styles are faded
 _LEAST_GAIN = np.float32(1e-3)  # ours: below, nothing moves that could be gone on from
 
 
-def _speakers(blend: Blend) -> Array:
+def _speakers(blend: StyleMixture) -> Array:
     """(1, 1, S) shares of the speakers that were asked for."""
     return weighted((share, manner.code) for share, manner in blend)[None, None]

@@ -16,7 +16,7 @@ from .bundle import Bundle
 from .chain_engine import ChainEngine, ChainSizes
 from .manifest import (
     WEIGHTS,
-    Scales,
+    Normalisation,
     System,
     check_kind,
     check_numbers,
@@ -38,8 +38,8 @@ _BY_SPEAKER = ("centres", "made", "gains", "live_made", "live_gains")
 
 
 @dataclass(frozen=True)
-class ChainStatistics(Scales):
-    """Scales, what stands for each speaker, and what stands for words."""
+class ChainStatistics(Normalisation):
+    """Normalisation, what stands for each speaker, and what stands for words."""
 
     centres: Array
     """(S, D) standardised mean pose of each speaker."""

@@ -13,14 +13,14 @@ from ..motion.rotations import Array
 from .manifest import System
 from .style_measures import encoded
 
-__all__ = ["NOTHING", "OFFLINE", "Given", "GivenFace", "nothing_given", "poses_before", "read_given"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "nothing_given", "poses_before", "read_given"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
 """What is to be done where speech is not heard as a whole."""
 
 
-class GivenFace:
+class ConditioningFace:
     """Weights of a face over time; after its end it fades out within half a second.
 
     Args:
@@ -48,10 +48,10 @@ class GivenFace:
 
 
 @dataclass(frozen=True)
-class Given:
+class Conditioning:
     """What is given; None: nothing."""
 
-    face: GivenFace | None = None
+    face: ConditioningFace | None = None
     before: Motion | None = None
     """At the end of which poses begin."""
 
@@ -61,10 +61,10 @@ class Given:
         return self.face is not None or self.before is not None
 
 
-NOTHING = Given()
+NOTHING = Conditioning()
 
 
-def read_given(face: object, before: object) -> Given:
+def read_given(face: object, before: object) -> Conditioning:
     """Motions, or files of them.
 
     Raises:
@@ -73,7 +73,7 @@ def read_given(face: object, before: object) -> Given:
     shown, past = _motion(face, "a face"), _motion(before, "motion to go on from")
     if past is not None and not len(past):
         raise InputError("motion to go on from has no frames", "name another")
-    return Given(None if shown is None else GivenFace(shown), past)
+    return Conditioning(None if shown is None else ConditioningFace(shown), past)
 
 
 def _motion(given: object, what: str) -> Motion | None:
@@ -84,7 +84,7 @@ def _motion(given: object, what: str) -> Motion | None:
     return Motion.load(given)
 
 
-def nothing_given(given: Given) -> None:
+def nothing_given(given: Conditioning) -> None:
     """Raises:
     InputError: something is, and this system knows of no such thing.
     """

@@ -9,20 +9,20 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["FADE", "Fading"]
+__all__ = ["FADE", "Crossfade"]
 
 FADE = 0.5  # s; ours: about a stroke, so that a hand on its way does not jump, and whoever turns a knob sees that it turned
 T = TypeVar("T")
 
 
-class Fading(Generic[T]):
+class Crossfade(Generic[T]):
     """Values that hold from a frame on, each faded in over what was before; a frame's mixture follows from its index alone.
 
     Args:
         first: holds from the beginning.
         fps: frames per second.
 
-    >>> track = Fading(np.zeros((1, 1)), fps=4)
+    >>> track = Crossfade(np.zeros((1, 1)), fps=4)
     >>> track.change(np.ones((1, 1)), 2)
     >>> track.mixed(lambda value: value, np.arange(6)).ravel().tolist()
     [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]

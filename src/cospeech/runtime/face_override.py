@@ -11,12 +11,12 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..motion.motion import Motion
 from ..rules import Session
-from .conditioning import GivenFace
+from .conditioning import ConditioningFace
 
-__all__ = ["WornFace"]
+__all__ = ["FaceOverride"]
 
 
-class WornFace:
+class FaceOverride:
     """As the rule-based session whose gaze and moods it has; its weights are those given, as far as they are.
 
     Args:
@@ -24,7 +24,7 @@ class WornFace:
         face: that which is given.
     """
 
-    def __init__(self, session: Session, face: GivenFace) -> None:
+    def __init__(self, session: Session, face: ConditioningFace) -> None:
         self._session, self._face, self._frame = session, face, 0
 
     @property

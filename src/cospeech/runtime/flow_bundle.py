@@ -18,7 +18,7 @@ from .flow_graph import build_graphs
 from .flow_weights import FlowSizes, check_weights, pack_weights
 from .manifest import (
     WEIGHTS,
-    Scales,
+    Normalisation,
     System,
     check_kind,
     check_numbers,
@@ -36,8 +36,8 @@ KIND = "flow"
 
 
 @dataclass(frozen=True)
-class Statistics(Scales):
-    """Scales, and what stands for each speaker."""
+class Statistics(Normalisation):
+    """Normalisation, and what stands for each speaker."""
 
     histories: Array
     """(P · M, τ, D) standardised stretches of the training data, with which performances begin: M of each speaker."""

@@ -1,7 +1,7 @@
 """What the bundles of every kind of system have in common: facts, sizes, statistics of the training data, members.
 
-A kind is a module with its ``KIND``, its `System` and its `Scales`, a function that checks and writes (`write_system`) and
-one that opens; `cospeech.runtime.systems` and `cospeech.runtime.backends` list the kinds.
+A kind is a module with its ``KIND``, its `System` and its `Normalisation`, a function that checks and writes (`write_system`)
+and one that opens; `cospeech.runtime.systems` and `cospeech.runtime.backends` list the kinds.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from ..motion.rotations import Array
 from .bundle import Bundle, pack_arrays, write_bundle
 
 __all__ = [
-    "MARGIN", "STATISTICS", "WEIGHTS", "Facts", "Scales", "System", "check_kind", "check_numbers", "pose_bounds", "read_facts",
-    "read_sizes", "read_statistics", "write_system",
+    "MARGIN", "STATISTICS", "WEIGHTS", "Facts", "Normalisation", "System", "check_kind", "check_numbers", "pose_bounds",
+    "read_facts", "read_sizes", "read_statistics", "write_system",
 ]  # fmt: skip
 
 MARGIN = 0.25  # ours: of the range of a number in the training data, beyond either end, that a pose may reach
@@ -53,7 +53,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Scales:
+class Normalisation:
     """What stands between vectors of a pose or of audio and what a network sees; ranges are standardised."""
 
     pose_mean: Array
@@ -75,7 +75,7 @@ class System(Facts):
 
     engine: Any
     statistics: Any
-    """`Scales`, and more."""
+    """`Normalisation`, and more."""
 
 
 def check_kind(bundle: Bundle, kind: str, what: str) -> None:
@@ -138,18 +138,18 @@ def read_statistics(bundle: Bundle, kind: type[T]) -> T:
     return kind(**arrays)
 
 
-def check_numbers(statistics: Scales, pose: int, audio: int, more: Mapping[str, tuple[int, ...]]) -> None:
+def check_numbers(statistics: Normalisation, pose: int, audio: int, more: Mapping[str, tuple[int, ...]]) -> None:
     """Types, shapes and values of arrays.
 
     Args:
         statistics: all of them.
         pose, audio: D and A.
-        more: shapes of those that are not in `Scales`.
+        more: shapes of those that are not in `Normalisation`.
 
     Raises:
         InputError: they cannot be used.
     """
-    every = {f.name: (audio if f.name.startswith("audio") else pose,) for f in fields(Scales)} | dict(more)
+    every = {f.name: (audio if f.name.startswith("audio") else pose,) for f in fields(Normalisation)} | dict(more)
     for name, shape in every.items():
         value = getattr(statistics, name)
         if value.shape != shape or value.dtype != np.float32:
@@ -162,7 +162,7 @@ def check_numbers(statistics: Scales, pose: int, audio: int, more: Mapping[str, 
         raise InputError("statistics with a range whose ends are exchanged")
 
 
-def pose_bounds(statistics: Scales) -> tuple[Array, Array]:
+def pose_bounds(statistics: Normalisation) -> tuple[Array, Array]:
     """(D,) least and greatest numbers of a pose that is made: those of the training data and some more."""
     margin = MARGIN * (statistics.pose_high - statistics.pose_low) + 1e-3
     return statistics.pose_low - margin, statistics.pose_high + margin
@@ -174,7 +174,7 @@ def write_system(
     sizes: Any,
     weights: Mapping[str, Array],
     graphs: Mapping[str, bytes],
-    statistics: Scales,
+    statistics: Normalisation,
     facts: Mapping[str, Any],
     card: str,
 ) -> None:

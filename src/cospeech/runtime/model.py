@@ -1,4 +1,4 @@
-"""A bundle on stage: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleGesturer`."""
+"""A bundle on stage: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleBasedModel`."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from ..motion.points import Points
 from ..motion.poses import find_pose
 from ..motion.poses.controls import control_row, read_controls
 from ..motion.rotations import Array
-from ..rules import MouthMaker, RuleGesturer
+from ..rules import MouthMaker, RuleBasedModel
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, streamed
-from .backends import Players, players_of
+from .backends import Backend, backend_of
 from .bundle import read_bundle
-from .conditioning import NOTHING, Given, read_given
-from .face_override import WornFace
+from .conditioning import NOTHING, Conditioning, read_given
+from .face_override import FaceOverride
 from .manifest import System
 from .mouth import POSE, BundleMouth, shipped_mouth
-from .pose_resampler import Sampled
-from .session import PIECE, Performance, Player, Wish
-from .speech_frontend import Listener
-from .speech_text_frontend import Reader
+from .pose_resampler import PoseResampler
+from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
+from .speech_frontend import SpeechFrontend
+from .speech_text_frontend import SpeechTextFrontend
 from .style import Transfer
 from .systems import open_system
 from .window_bundle import WindowSystem
 
-__all__ = ["BundleGesturer", "MotionLike"]
+__all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
 
 
-class BundleGesturer:
+class TrainedModel:
     """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer with a learnt mouth.
 
     Args:
-        system: an opened bundle; `BundleGesturer.open` takes a path.
+        system: an opened bundle; `TrainedModel.open` takes a path.
         transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
         mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
@@ -59,12 +59,12 @@ class BundleGesturer:
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
-        self._players = players_of(system, transfer)
+        self._players = backend_of(system, transfer)
         self.for_files = self._players.for_files
-        self._rules = RuleGesturer(mouth)
+        self._rules = RuleBasedModel(mouth)
 
     @classmethod
-    def open(cls, path: str | PathLike[str]) -> BundleGesturer:
+    def open(cls, path: str | PathLike[str]) -> TrainedModel:
         """A bundle's file on stage.
 
         Raises:
@@ -73,20 +73,20 @@ class BundleGesturer:
         return cls(open_system(read_bundle(path)))
 
     @cached_property
-    def _usual(self) -> Performance:
+    def _usual(self) -> TrainedSession:
         return self.session()
 
     @property
     def latency(self) -> float:
-        """Of a session with the usual options; see `Performance.latency`."""
+        """Of a session with the usual options; see `TrainedSession.latency`."""
         return self._usual.latency
 
     @property
     def look_ahead(self) -> float:
-        """Of a session with the usual options; see `Performance.look_ahead`."""
+        """Of a session with the usual options; see `TrainedSession.look_ahead`."""
         return self._usual.look_ahead
 
-    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> Performance:
+    def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> TrainedSession:
         """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
         if options.takes > _MOST_TAKES:
@@ -98,32 +98,34 @@ class BundleGesturer:
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": player.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
         heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
-        faces = heads if given.face is None else [WornFace(head, given.face) for head in heads]
+        faces = heads if given.face is None else [FaceOverride(head, given.face) for head in heads]
         shared = SharedProsody()
         for each in (listener, *faces):
             each.share(shared)
-        return Performance(
+        return TrainedSession(
             self.system, listener, player, faces, fps=options.fps, parts=options.parts, wish=wish, direct=self._understood,
             before=given.before,
         )  # fmt: skip
 
-    def _speaking(self, style: object) -> RuleGesturer:
+    def _speaking(self, style: object) -> RuleBasedModel:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""
         system = self.system
         if system.pose != POSE or not isinstance(system, WindowSystem):
             return self._rules
-        return RuleGesturer(lambda: BundleMouth(system, style))
+        return RuleBasedModel(lambda: BundleMouth(system, style))
 
-    def _cast(self, wish: Wish, options: GenerationOptions, given: Given = NOTHING) -> tuple[Listener | Reader, Player]:
+    def _cast(
+        self, wish: ResolvedStyle, options: GenerationOptions, given: Conditioning = NOTHING
+    ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
         """Who hears, and who plays."""
         listener = self._players.listen(wish.controls)
         return listener, self._players.play(wish.blend, listener.quiet, options, given)
 
-    def _understood(self, style: object) -> Wish:
+    def _understood(self, style: object) -> ResolvedStyle:
         """What a style means."""
         wishes, controls = _wishes(style, self._players)
         blend = self._players.styles.blend(wishes)
-        return Wish(blend, controls, self._players.mixture(blend))
+        return ResolvedStyle(blend, controls, self._players.mixture(blend))
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
@@ -141,7 +143,7 @@ class BundleGesturer:
                 among its modes, 0 (the network's own motion) … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
-            face_gain: see `cospeech.rules.RuleGesturer.generate`.
+            face_gain: see `cospeech.rules.RuleBasedModel.generate`.
             look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
                 the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
             face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
@@ -189,7 +191,7 @@ class BundleGesturer:
         check_speech(speech)
         made = [player.push(listener.push(chunk)) for chunk in counted_from(speech, speech.start).chunks(PIECE)]
         made += [player.push(listener.finish()), player.finish(listener.quiet)]
-        sampled = Sampled(1, player.width, smooth=self.system.smooth, step=1.0)
+        sampled = PoseResampler(1, player.width, smooth=self.system.smooth, step=1.0)
         poses, at = sampled.push(np.concatenate(made, 1), listener.frames, listener.frames - 1)
         found: Points = pose.decode(player.units(poses, at)[0], self.system.fps)
         return found
@@ -216,7 +218,7 @@ _WHOLE = frozenset({"expmap-full"})
 _MOST_TAKES = 64  # ours, of one pass
 
 
-def _wishes(style: object, system: Players) -> tuple[object, Array]:
+def _wishes(style: object, system: Backend) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
     parts = (
         read_named_numbers(style, number="quantile", of="style control", hint="0 … 1", is_name=system.controls.__contains__)
@@ -227,3 +229,6 @@ def _wishes(style: object, system: Players) -> tuple[object, Array]:
     row = control_row(read_controls(",".join(said)) if said else {}, system.quantiles, system.controls)
     speakers = ",".join(part.text for part in parts if part.name not in system.controls) or None
     return (speakers if said else style), row
+
+
+BundleGesturer = TrainedModel  # as the first documentation called it

@@ -1,7 +1,8 @@
 """The mouth of a network that was trained on faces (`speech-to-face`), played for a speech that comes in pieces.
 
-speech → rows of features (`Listener`) → windows of the network (`WindowPlayer`) → smoothed (`Sampled`) → read off at any time,
-linearly between the network's frames. Every number follows from its frame's index alone: a stream has the bits of the whole.
+speech → rows of features (`SpeechFrontend`) → windows of the network (`SlidingWindowDecoder`) → smoothed (`PoseResampler`) →
+read off at any time, linearly between the network's frames. Every number follows from its frame's index alone: a stream has the
+bits of the whole.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.session import MOUTH_WAITS
 from .bundle import read_bundle
-from .pose_resampler import Sampled
-from .sliding_window_decoder import WindowPlayer
-from .speech_frontend import Listener
+from .pose_resampler import PoseResampler
+from .sliding_window_decoder import SlidingWindowDecoder
+from .speech_frontend import SpeechFrontend
 from .style import Styles
 from .systems import open_system
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
-from .window_layout import Setting
+from .window_layout import WindowLayout
 from .window_style import example_window, named_window
 
 __all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "open_mouth", "shipped_mouth", "spoken_setting"]
@@ -38,15 +39,15 @@ _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the fa
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
 
-def spoken_setting(sizes: WindowSizes, fps: float) -> Setting:
+def spoken_setting(sizes: WindowSizes, fps: float) -> WindowLayout:
     """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
     hop = max(sizes.multiple, round(_HOP * fps) // sizes.multiple * sizes.multiple)
     far = round(_HOP * fps)
     if sizes.reach is not None and sizes.reach <= far:  # exact: what one pass over the whole speech would make
         around = -(-sizes.reach // sizes.multiple) * sizes.multiple
-        return Setting(2 * around + hop, hop, around, 0)
+        return WindowLayout(2 * around + hop, hop, around, 0)
     window = -(-max(sizes.window, hop + far) // sizes.multiple) * sizes.multiple
-    return Setting(window, hop, far, min(round(_FADE * fps), far, hop))
+    return WindowLayout(window, hop, far, min(round(_FADE * fps), far, hop))
 
 
 class BundleMouth:
@@ -64,11 +65,11 @@ class BundleMouth:
         if system.pose != POSE:
             raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
         self._fps = system.fps
-        self._listener = Listener(system, np.zeros(0, np.float32))
+        self._listener = SpeechFrontend(system, np.zeros(0, np.float32))
         setting = spoken_setting(system.engine.sizes, system.fps)
         blend = Styles(system, named_window, example_window).blend(style)
-        self._player = WindowPlayer(system, setting, blend, [0], self._listener.quiet, temperature=0.0)
-        self._sampled = Sampled(1, self._player.width, smooth=system.smooth, step=1.0)
+        self._player = SlidingWindowDecoder(system, setting, blend, [0], self._listener.quiet, temperature=0.0)
+        self._sampled = PoseResampler(1, self._player.width, smooth=system.smooth, step=1.0)
         self.latency = self._player.latency + self._listener.delay + (system.smooth + 2) / system.fps
         """Seconds of speech after a time that have been heard, at most, when it is known."""
         if not self.latency <= MOUTH_WAITS:

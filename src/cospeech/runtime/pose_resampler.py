@@ -8,12 +8,12 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MOST_LAG", "Sampled"]
+__all__ = ["MOST_LAG", "PoseResampler"]
 
 MOST_LAG = 16.0  # ours: frames of the model that a pose of the motion is behind at most: 2 of the cubic and 8 of the smoothing
 
 
-class Sampled:
+class PoseResampler:
     """Binomial smoothing, and cubics (Catmull-Rom) through what is left; every number follows from its frame's index alone.
 
     Args:

@@ -1,8 +1,8 @@
 """One speech under way on a trained system: features, poses of one or several takes, faces from the rules.
 
-speech → standardised rows of features (`Listener`) → standardised poses (`Player`) → smoothed and brought to the asked rate
-(`Sampled`), in the space of poses → decoded. Every number of a frame follows from its own index, so that a stream has
-the bits of the whole.
+speech → standardised rows of features (`SpeechFrontend`) → standardised poses (`Decoder`) → smoothed and brought to the asked
+rate (`PoseResampler`), in the space of poses → decoded. Every number of a frame follows from its own index, so that a stream
+has the bits of the whole.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
-from .face_override import WornFace
+from .face_override import FaceOverride
 from .manifest import System
-from .pose_resampler import Sampled
+from .pose_resampler import PoseResampler
 from .seam import Seam
-from .speech_frontend import Listener
-from .speech_text_frontend import Reader
-from .style_measures import Blend
+from .speech_frontend import SpeechFrontend
+from .speech_text_frontend import SpeechTextFrontend
+from .style_measures import StyleMixture
 
-__all__ = ["PIECE", "Performance", "Player", "Wish"]
+__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
 
 _EYES = ("leftEye", "rightEye")
 PIECE = 2.0  # seconds of speech worked off at once
 
 
-class Player(Protocol):
+class Decoder(Protocol):
     """A network of any kind under way: rows of speech in, poses of N takes out."""
 
     @property
@@ -66,12 +66,12 @@ class Player(Protocol):
 
     @property
     def speaker(self) -> dict[str, float] | None:
-        """See `Performance.speaker`."""
+        """See `TrainedSession.speaker`."""
         ...
 
     @property
     def emotion(self) -> dict[str, float] | None:
-        """See `Performance.emotion`; None where the network hears none."""
+        """See `TrainedSession.emotion`; None where the network hears none."""
         ...
 
     def push(self, rows: Array) -> Array:
@@ -90,23 +90,23 @@ class Player(Protocol):
         """
         ...
 
-    def restyle(self, blend: Blend, frame: int) -> None:
+    def restyle(self, blend: StyleMixture, frame: int) -> None:
         """Another style, faded in from this frame of the model on; no row beyond it has been pushed yet."""
         ...
 
 
 @dataclass(frozen=True)
-class Wish:
+class ResolvedStyle:
     """A style, understood."""
 
-    blend: Blend
+    blend: StyleMixture
     controls: Array
     """(C,) standardised style controls."""
     mixture: Mapping[str, float] | None = None
     """Of which speakers the network plays a mixture, where it plays one."""
 
 
-class Performance:
+class TrainedSession:
     """One take, or several of one speech: pushed into like `cospeech.rules.Session`.
 
     Args:
@@ -117,26 +117,26 @@ class Performance:
         fps: of the motion.
         parts: what is generated.
         wish: the style that the player begins with.
-        direct: understands a style, as `BundleGesturer.generate` describes them.
+        direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
     """
 
     def __init__(
         self,
         system: System,
-        listener: Listener | Reader,
-        player: Player,
-        faces: Sequence[RuleSession | WornFace],
+        listener: SpeechFrontend | SpeechTextFrontend,
+        player: Decoder,
+        faces: Sequence[RuleSession | FaceOverride],
         *,
         fps: float,
         parts: tuple[str, ...],
-        wish: Wish,
-        direct: Callable[[object], Wish],
+        wish: ResolvedStyle,
+        direct: Callable[[object], ResolvedStyle],
         before: Motion | None = None,
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
         self._listener, self._player = listener, player
-        self._sampled = Sampled(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
+        self._sampled = PoseResampler(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._wish, self._direct = wish, direct
         behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic

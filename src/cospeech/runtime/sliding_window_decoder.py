@@ -9,31 +9,31 @@ from math import ceil
 import numpy as np
 
 from ..motion.rotations import Array
-from .crossfade import Fading
+from .crossfade import Crossfade
 from .mode_noise import SmoothGumbel
 from .pose_resampler import MOST_LAG
-from .style_measures import Blend, weighted
+from .style_measures import StyleMixture, weighted
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
-from .window_layout import Setting, Sliding, check_look_ahead
+from .window_layout import Sliding, WindowLayout, check_look_ahead
 from .window_style import plays_mixtures
 
-__all__ = ["LIVE", "WindowPlayer", "live", "looking", "whole"]
+__all__ = ["LIVE", "SlidingWindowDecoder", "live", "looking", "whole"]
 
 BLOCK = 256  # ours: frames that are made at once where nobody waits
 
 
-LIVE = Setting(window=64, hop=4, ahead=8, fade=4)
+LIVE = WindowLayout(window=64, hop=4, ahead=8, fade=4)
 """Ours: half a second of foresight at 15 frames a second, about the preparation of a stroke; windows as in training (64 frames,
 Ahuja et al. 2020, section 5)."""
 
 
-def live(sizes: WindowSizes) -> Setting:
+def live(sizes: WindowSizes) -> WindowLayout:
     """`LIVE`, in windows as the network was trained on."""
     return replace(LIVE, window=_up(max(sizes.window, LIVE.waits), sizes.multiple))
 
 
-def whole(sizes: WindowSizes) -> Setting:
+def whole(sizes: WindowSizes) -> WindowLayout:
     """Exact: what one pass over the whole speech makes, with silence around it.
 
     Windows begin where the network's own steps in time do, and every new frame has all around it that matters to it. There is
@@ -43,10 +43,10 @@ def whole(sizes: WindowSizes) -> Setting:
         usual = live(sizes)
         return replace(usual, ahead=max(usual.ahead, (usual.window - usual.hop) // 2))
     reach, block = _up(sizes.reach, sizes.multiple), _up(BLOCK, sizes.multiple)
-    return Setting(window=2 * reach + block, hop=block, ahead=reach, fade=0)
+    return WindowLayout(window=2 * reach + block, hop=block, ahead=reach, fade=0)
 
 
-def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> Setting:
+def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> WindowLayout:
     """The setting with this look-ahead: `live` where it is None, `whole` from the network's reach on.
 
     Raises:
@@ -61,7 +61,7 @@ def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> Set
     ahead = ceil(seconds * fps - 1e-9)
     longer = sizes.reach is not None and ahead > usual.ahead
     window = _up(usual.window + ahead - usual.ahead, sizes.multiple) if longer else usual.window
-    return Setting(window, usual.hop, ahead, min(usual.fade, ahead))
+    return WindowLayout(window, usual.hop, ahead, min(usual.fade, ahead))
 
 
 def _up(frames: int, multiple: int) -> int:
@@ -82,8 +82,8 @@ class _Style:
     """(1, 1, D) by what the network's poses are multiplied."""
 
 
-class WindowPlayer:
-    """Takes of one speech on a network of windows; see `cospeech.runtime.session.Player`.
+class SlidingWindowDecoder:
+    """Takes of one speech on a network of windows; see `cospeech.runtime.session.Decoder`.
 
     A take's seed draws noise for the network's choice among its modes (`SmoothGumbel`), or, for a network without modes
     whose style is a code of its own, where the take lies beside the style: for good, by so many deviations of the speakers'
@@ -110,8 +110,8 @@ class WindowPlayer:
     def __init__(
         self,
         system: WindowSystem,
-        setting: Setting,
-        blend: Blend,
+        setting: WindowLayout,
+        blend: StyleMixture,
         seeds: Sequence[int],
         quiet: Array,
         *,
@@ -124,7 +124,7 @@ class WindowPlayer:
         self._temperature, self._by_frame = np.float32(temperature), plays_mixtures(system)
         self._noise = [SmoothGumbel(sizes.modes, system.fps, seed=seed) for seed in seeds]
         self._moved = self._temperature * _asides(system, seeds)
-        self._styles = Fading(self._style(blend), system.fps)
+        self._styles = Crossfade(self._style(blend), system.fps)
         self._windows = Sliding(setting, quiet, self._drawn, self._window)
 
     @property
@@ -146,11 +146,11 @@ class WindowPlayer:
         centre, made, gain = (mixed(f, at) for f in (lambda x: x.centre, lambda x: x.made, lambda x: x.gain))
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
-    def restyle(self, blend: Blend, frame: int) -> None:
+    def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Player`."""
         self._styles.change(self._style(blend), frame)
 
-    def _style(self, blend: Blend) -> _Style:
+    def _style(self, blend: StyleMixture) -> _Style:
         code, *rest = (weighted((s, getattr(m, name)) for s, m in blend) for name in ("code", "centre", "made", "spread"))
         return _Style((code + self._moved)[:, None], *(each[None, None] for each in rest))
 

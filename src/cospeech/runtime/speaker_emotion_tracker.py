@@ -2,7 +2,7 @@
 
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
 (`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
-(`Ear.lag`): everything follows from a frame's index alone.
+(`SpeakerEmotionTracker.lag`): everything follows from a frame's index alone.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..motion.rotations import Array
 from ..rules.mood import SPAN
 from .chain_engine import ChainEngine
 
-__all__ = ["Ear"]
+__all__ = ["SpeakerEmotionTracker"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
 CAUTION = 0.5
@@ -27,7 +27,7 @@ BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the
 _NEUTRAL = np.array([float(name == "neutral") for name in EMOTIONS])
 
 
-class Ear:
+class SpeakerEmotionTracker:
     """The course of speakers' and emotions' probabilities.
 
     Args:

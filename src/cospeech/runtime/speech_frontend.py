@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..audio.features.reduce import hear, reduce_audio
+from ..audio.features.reduce import open_features, reduce_audio
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, count_frames
 from ..motion.rotations import Array
-from .crossfade import Fading
+from .crossfade import Crossfade
 from .manifest import System
 
-__all__ = ["Listener"]
+__all__ = ["SpeechFrontend"]
 
 
-class Listener:
+class SpeechFrontend:
     """Speech in pieces → standardised rows, style controls behind each.
 
     Args:
@@ -24,14 +24,14 @@ class Listener:
 
     def __init__(self, system: System, controls: Array) -> None:
         self._system = system
-        self._controls = Fading(_row(controls), system.fps)
-        self._features = hear(system.audio, system.fps)
+        self._controls = Crossfade(_row(controls), system.fps)
+        self._features = open_features(system.audio, system.fps)
         self._silence = self._standard(_silence(system))
         self._given = 0
         self._nothing = self.quiet[:0]
 
     def share(self, prosody: SharedProsody) -> None:
-        """See `cospeech.audio.features.streaming.Hearing`."""
+        """See `cospeech.audio.features.streaming.StreamingFeatures`."""
         self._features.share(prosody)
 
     @property
@@ -82,7 +82,7 @@ class Listener:
 
 def _silence(system: System) -> Array:
     """(1, C) columns of silence."""
-    silence = hear(system.audio, system.fps)
+    silence = open_features(system.audio, system.fps)
     rows = silence.push(Speech(np.zeros(16_000, np.float32)))
     return np.concatenate([rows, silence.finish(1)])[:1]
 

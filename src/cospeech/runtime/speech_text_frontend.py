@@ -9,27 +9,31 @@ from ..audio.features.words import WordStream
 from ..audio.speech import Speech
 from ..motion.rotations import Array
 from .chain_bundle import ChainSystem
-from .speech_frontend import Listener
+from .speech_frontend import SpeechFrontend
 
-__all__ = ["Reader"]
+__all__ = ["SpeechTextFrontend"]
 
 
-class Reader:
+class SpeechTextFrontend:
     """Speech in pieces → standardised rows, what stands for the word of each behind it; zeros where nobody knows the words.
 
-    What it offers is as of `Listener`.
+    What it offers is as of `SpeechFrontend`.
 
     Args:
         system: whose.
     """
 
     def __init__(self, system: ChainSystem) -> None:
-        self._system, self._listener, self._words = system, Listener(system, np.zeros(0, np.float32)), WordStream(system.fps)
+        self._system, self._listener, self._words = (
+            system,
+            SpeechFrontend(system, np.zeros(0, np.float32)),
+            WordStream(system.fps),
+        )
         self._heard = self._listener.quiet[:0]
         self._read = np.zeros((0, system.engine.sizes.words), np.float32)
 
     def share(self, prosody: SharedProsody) -> None:
-        """See `Listener`."""
+        """See `SpeechFrontend`."""
         self._listener.share(prosody)
 
     @property

@@ -1,7 +1,7 @@
 """Whose style a bundle plays: its speakers by name, examples (a motion of any skeleton and length), and mixtures of both.
 
-What is known of a style is a `Manner`. A mixture is a `Blend` of manners, and a source turns it into what a performance is
-made of: a style code, a beginning, latents. There are three, all with the same arguments:
+What is known of a style is a `StyleEmbedding`. A mixture is a `StyleMixture` of manners, and a source turns it into what a
+performance is made of: a style code, a beginning, latents. There are three, all with the same arguments:
 
 `CodeSource`     the style code of the example conditions every frame, latents are random; ours (`FlowConfig.style`).
 `SegmentSource`  the latents that would have made the example, under mean speech, drive the synthesis: in order for as long as
@@ -31,10 +31,17 @@ from .autoregressive_decoder import Source
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
 from .manifest import System
-from .style_measures import Blend, Manner, example, latents_of, named, weighted
+from .style_measures import StyleEmbedding, StyleMixture, example, latents_of, named, weighted
 
 __all__ = [
-    "Blend", "CodeSource", "NormalSource", "SegmentSource", "Styles", "Transfer", "best_transfer", "example_files",
+    "CodeSource",
+    "NormalSource",
+    "SegmentSource",
+    "StyleMixture",
+    "Styles",
+    "Transfer",
+    "best_transfer",
+    "example_files",
 ]  # fmt: skip
 
 BLOCK = 1.0  # s; ours: of latents drawn together, about a gesture stroke with its preparation
@@ -46,7 +53,7 @@ MOST_WEIGHT = 1e9  # ours: so that shares are numbers
 class Transfer(Protocol):
     """What the three sources have in common: how they are made."""
 
-    def __call__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> Source: ...
+    def __call__(self, system: FlowSystem, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> Source: ...
 
 
 class CodeSource:
@@ -59,7 +66,7 @@ class CodeSource:
         temperature: scale of the latents.
     """
 
-    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
+    def __init__(self, system: FlowSystem, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         rng, sizes = np.random.default_rng([seed, 1]), system.engine.sizes
         begun = [(share, manner.beginnings[rng.integers(len(manner.beginnings))]) for share, manner in blend]
         self.history: Array = weighted(begun)
@@ -84,7 +91,9 @@ class _ExampleSource(CodeSource):
         coded: whether the example's code, mean pose and deviation are taken too; else those of the default style.
     """
 
-    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
+    def __init__(
+        self, system: FlowSystem, blend: StyleMixture, *, seed: int, temperature: float = 1.0, coded: bool = True
+    ) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
         sized = blend
         if not coded:
@@ -166,7 +175,7 @@ def best_transfer(system: FlowSystem) -> Transfer:
     return CodeSource if system.engine.sizes.style else SegmentSource
 
 
-def _size(blend: Blend) -> Array | None:
+def _size(blend: StyleMixture) -> Array | None:
     """(D,) deviation of the poses, for systems that know them by their recording's own."""
     spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
     return weighted(spreads) if spreads else None
@@ -187,13 +196,13 @@ class Styles:
     def __init__(
         self,
         system: System,
-        named: Callable[[Any, str], Manner] = named,
-        example: Callable[[Any, Motion, str], Manner] = example,
+        named: Callable[[Any, str], StyleEmbedding] = named,
+        example: Callable[[Any, Motion, str], StyleEmbedding] = example,
     ) -> None:
         self._system, self._named, self._example = system, named, example
-        self._seen: OrderedDict[tuple[str, int, int], Manner] = OrderedDict()
+        self._seen: OrderedDict[tuple[str, int, int], StyleEmbedding] = OrderedDict()
 
-    def blend(self, style: object) -> Blend:
+    def blend(self, style: object) -> StyleMixture:
         """What to play.
 
         Args:
@@ -215,7 +224,7 @@ class Styles:
             parts.append((1.0 - total, self._named(self._system, self._system.style)))
         return tuple(parts)
 
-    def _manner(self, who: object) -> Manner:
+    def _manner(self, who: object) -> StyleEmbedding:
         """One part of a mixture; files that were read lately are not read again."""
         if isinstance(who, str) and who in self._system.styles:
             return self._named(self._system, who)

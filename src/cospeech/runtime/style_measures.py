@@ -16,7 +16,7 @@ from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_ro
 from .flow_bundle import FlowSystem
 from .speech_frontend import System
 
-__all__ = ["Blend", "Manner", "encoded", "example", "latents_of", "named", "seen", "stretches", "weighted"]
+__all__ = ["StyleEmbedding", "StyleMixture", "encoded", "example", "latents_of", "named", "seen", "stretches", "weighted"]
 
 SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
@@ -29,7 +29,7 @@ _POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "co
 
 
 @dataclass(frozen=True, eq=False)
-class Manner:
+class StyleEmbedding:
     """How somebody moves, in a system's standardised numbers."""
 
     code: Array
@@ -47,7 +47,7 @@ class Manner:
     """(D,) mean of what a network by windows makes in this style, which ``centre`` takes the place of."""
 
 
-Blend = tuple[tuple[float, Manner], ...]
+StyleMixture = tuple[tuple[float, StyleEmbedding], ...]
 """Manners with their shares, in sum 1."""
 
 
@@ -59,14 +59,16 @@ def weighted(parts: Iterable[tuple[float, Array]]) -> Array:
     return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def named(system: FlowSystem, name: str) -> Manner:
+def named(system: FlowSystem, name: str) -> StyleEmbedding:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
     each = len(s.histories) // len(system.styles)
-    return Manner(s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each], s.spreads[k] if s.spreads.size else None)
+    return StyleEmbedding(
+        s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each], s.spreads[k] if s.spreads.size else None
+    )
 
 
-def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Manner:
+def example(system: FlowSystem, motion: Motion, name: str = "the example") -> StyleEmbedding:
     """What a motion shows of somebody's style; the face is not looked at.
 
     Args:
@@ -92,7 +94,7 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> Ma
     places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
     every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
     beginnings = np.concatenate(every)[places.astype(int)]
-    return Manner(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
+    return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
 
 
 def seen(system: System, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
@@ -162,7 +164,7 @@ def _placed(body: Motion) -> Motion:
     return Motion(body.fps, rotations, root.astype(np.float32))
 
 
-def latents_of(system: FlowSystem, manner: Manner, code: Array) -> list[Array]:
+def latents_of(system: FlowSystem, manner: StyleEmbedding, code: Array) -> list[Array]:
     """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
     sizes, found = system.engine.sizes, []
     after = sizes.heard - 1 - sizes.history

@@ -14,7 +14,7 @@ from ..motion.rotations import Array
 from .bundle import Bundle
 from .manifest import (
     WEIGHTS,
-    Scales,
+    Normalisation,
     System,
     check_kind,
     check_numbers,
@@ -34,8 +34,8 @@ _BY_SPEAKER = ("centres", "made", "gains")
 
 
 @dataclass(frozen=True)
-class WindowStatistics(Scales):
-    """Scales, and what stands for each speaker."""
+class WindowStatistics(Normalisation):
+    """Normalisation, and what stands for each speaker."""
 
     centres: Array
     """(S, D) standardised mean pose of each speaker."""

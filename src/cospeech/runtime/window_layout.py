@@ -15,11 +15,11 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 
-__all__ = ["Setting", "Sliding", "check_look_ahead"]
+__all__ = ["Sliding", "WindowLayout", "check_look_ahead"]
 
 
 @dataclass(frozen=True)
-class Setting:
+class WindowLayout:
     """How windows lie, in frames.
 
     Raises:
@@ -69,7 +69,7 @@ class Sliding:
     """
 
     def __init__(
-        self, setting: Setting, quiet: Array, draw: Callable[[int], Array], make: Callable[[Array, int, Array], Array]
+        self, setting: WindowLayout, quiet: Array, draw: Callable[[int], Array], make: Callable[[Array, int, Array], Array]
     ) -> None:
         self.setting, self._draw, self._make = setting, draw, make
         self._rows = np.repeat(quiet, setting.past, 0)

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from .style_measures import Blend, Manner, seen, stretches, weighted
+from .style_measures import StyleEmbedding, StyleMixture, seen, stretches, weighted
 from .window_bundle import WindowSystem
 from .window_engine import STYLE_FRAMES
 
@@ -25,13 +25,13 @@ def plays_mixtures(system: WindowSystem) -> bool:
     return bool(codes.shape[0] == codes.shape[1] and (codes == np.eye(len(codes))).all())
 
 
-def named_window(system: WindowSystem, name: str) -> Manner:
+def named_window(system: WindowSystem, name: str) -> StyleEmbedding:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
-    return Manner(s.codes[k], s.centres[k], _beginnings(system), s.gains[k], made=s.made[k])
+    return StyleEmbedding(s.codes[k], s.centres[k], _beginnings(system), s.gains[k], made=s.made[k])
 
 
-def example_window(system: WindowSystem, motion: Motion, name: str = "the example") -> Manner:
+def example_window(system: WindowSystem, motion: Motion, name: str = "the example") -> StyleEmbedding:
     """What a motion shows of somebody's style: the mean of what the style encoder makes of stretches that overlap by half.
 
     Mix-StAGE knows styles as its speakers' weights; to it an example is the nearest mixture of them, and has its mean pose.
@@ -62,10 +62,10 @@ def example_window(system: WindowSystem, motion: Motion, name: str = "the exampl
         code = shares = _shares(code)
         centre = code @ s.centres
     gain, made = ((shares @ each).astype(np.float32) for each in (s.gains, s.made))
-    return Manner(code.astype(np.float32), centre.astype(np.float32), _beginnings(system), gain, shown, made)
+    return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), _beginnings(system), gain, shown, made)
 
 
-def mixture(system: WindowSystem, blend: Blend) -> dict[str, float] | None:
+def mixture(system: WindowSystem, blend: StyleMixture) -> dict[str, float] | None:
     """Speaker → weight, the heaviest first; None for a speaker by name, and for a system whose styles are no mixtures."""
     by_name = len(blend) == 1 and not blend[0][1].shown
     if by_name or not plays_mixtures(system):

@@ -13,8 +13,8 @@ from ..motion.rotations import Array
 from .windows import Windows, mirrored_clip
 
 __all__ = [
-    "POSE_FLOOR", "SPREAD_FLOOR", "Feed", "Moments", "Standard", "check_mirror", "clip_moments", "sizes", "standard_audio",
-    "standard_pose",
+    "POSE_FLOOR", "SPREAD_FLOOR", "BatchLoader", "ClipNormaliser", "Normaliser", "check_mirror", "clip_moments", "sizes",
+    "standard_audio", "standard_pose",
 ]  # fmt: skip
 
 POSE_FLOOR = 0.01
@@ -27,7 +27,7 @@ Reduce = Callable[[Array], Array]
 """(T, 84) audio columns of a store → (T, A)."""
 
 
-class Standard(NamedTuple):
+class Normaliser(NamedTuple):
     """(D,) mean and (D,) deviation: x → (x − mean) / std."""
 
     mean: Array
@@ -38,7 +38,7 @@ class Standard(NamedTuple):
         return scaled
 
 
-class Moments(NamedTuple):
+class ClipNormaliser(NamedTuple):
     """(C, D) mean and (C, D) deviation of the standardised poses of every clip of a store."""
 
     centre: Array
@@ -50,20 +50,20 @@ class Moments(NamedTuple):
         return scaled
 
 
-def clip_moments(store: Store, pose: Standard) -> Moments:
+def clip_moments(store: Store, pose: Normaliser) -> ClipNormaliser:
     """Of all clips, each by itself: nothing of it is learnt from other splits."""
     rows = [pose(store.clip(clip)["pose"]) for clip in store.clips]
     centre = np.stack([poses.mean(0) for poses in rows])
-    return Moments(centre, np.stack([np.maximum(poses.std(0), np.float32(SPREAD_FLOOR)) for poses in rows]))
+    return ClipNormaliser(centre, np.stack([np.maximum(poses.std(0), np.float32(SPREAD_FLOOR)) for poses in rows]))
 
 
-def standard_pose(store: Store) -> Standard:
+def standard_pose(store: Store) -> Normaliser:
     """Of the store's own statistics."""
     mean, std = store.statistics("pose")
-    return Standard(mean, np.maximum(std, np.float32(POSE_FLOOR)))
+    return Normaliser(mean, np.maximum(std, np.float32(POSE_FLOOR)))
 
 
-def standard_audio(store: Store, reduce: Reduce | None) -> Standard:
+def standard_audio(store: Store, reduce: Reduce | None) -> Normaliser:
     """Of the store's own statistics, or, where the audio is reduced, over its training clips.
 
     Raises:
@@ -73,7 +73,7 @@ def standard_audio(store: Store, reduce: Reduce | None) -> Standard:
         raise InputError(f"the store {str(store.folder)!r} has no audio", "was it prepared from a corpus with speech?")
     if reduce is None:
         mean, std = store.statistics("audio")
-        return Standard(mean, np.where(std < _TINY, np.float32(1), std))
+        return Normaliser(mean, np.where(std < _TINY, np.float32(1), std))
     count, total, square = 0, np.zeros(()), np.zeros(())
     clips = [clip for clip in store.clips if clip.split == "train" and "audio" in clip.has]
     if not clips:
@@ -84,10 +84,10 @@ def standard_audio(store: Store, reduce: Reduce | None) -> Standard:
         count, total, square = count + len(rows), total + rows.sum(0), square + np.square(rows).sum(0)
     mean = total / count
     std = np.sqrt(np.maximum(square / count - mean**2, 0))
-    return Standard((mean + shift).astype(np.float32), np.where(std < _TINY, 1, std).astype(np.float32))
+    return Normaliser((mean + shift).astype(np.float32), np.where(std < _TINY, 1, std).astype(np.float32))
 
 
-class Feed:
+class BatchLoader:
     """Batches of standardised windows, by step.
 
     Args:
@@ -98,7 +98,7 @@ class Feed:
     """
 
     def __init__(
-        self, windows: Windows, standards: dict[str, Standard], reduce: Reduce | None, moments: Moments | None = None
+        self, windows: Windows, standards: dict[str, Normaliser], reduce: Reduce | None, moments: ClipNormaliser | None = None
     ) -> None:
         self.windows, self._standards, self._reduce, self._moments = windows, standards, reduce, moments
 
@@ -130,7 +130,7 @@ def check_mirror(store: Store, wanted: bool | None) -> None:
         raise InputError(f"the store {str(store.folder)!r} has no mirrored clips", "prepare it with --mirror")
 
 
-def sizes(store: Store, audio: Standard | None) -> dict[str, int]:
+def sizes(store: Store, audio: Normaliser | None) -> dict[str, int]:
     """What a model may be built by: numbers of a pose and of a frame of audio, speakers, words."""
     heard = 0 if audio is None else len(audio.mean)
     pose = int(store.arrays["pose"].shape[1])

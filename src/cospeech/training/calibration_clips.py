@@ -9,7 +9,7 @@ import numpy as np
 
 from ..corpora.store import Entry, Store
 from ..motion.rotations import Array
-from .batch_loader import Moments, Reduce, Standard
+from .batch_loader import ClipNormaliser, Normaliser, Reduce
 
 __all__ = ["SAID", "STRETCH", "STRETCHES", "examples_of"]
 
@@ -20,7 +20,7 @@ STRETCHES = 8  # of each speaker; ours: enough for a mean, and for takes that do
 
 
 def examples_of(
-    store: Store, pose: Standard, audio: Standard, reduce: Reduce | None, moments: Moments | None = None
+    store: Store, pose: Normaliser, audio: Normaliser, reduce: Reduce | None, moments: ClipNormaliser | None = None
 ) -> dict[str, Array]:
     """Standardised ranges and stretches of the training split.
 

@@ -19,7 +19,17 @@ from ..audio.features.reduce import REDUCTIONS, audio_columns, louder, reduce_au
 from ..corpora.store import Store
 from ..errors import InputError
 from ..motion.poses.joints import hand_columns
-from .batch_loader import Feed, Moments, Reduce, Standard, check_mirror, clip_moments, sizes, standard_audio, standard_pose
+from .batch_loader import (
+    BatchLoader,
+    ClipNormaliser,
+    Normaliser,
+    Reduce,
+    check_mirror,
+    clip_moments,
+    sizes,
+    standard_audio,
+    standard_pose,
+)
 from .calibration_clips import examples_of
 from .checkpoint import load_run, network, read_tensors
 from .movement_modes import with_modes
@@ -41,9 +51,9 @@ class TrainingSet:
     needs: dict[str, nn.Module]
     store: Store
     data: Data
-    standards: dict[str, Standard]
+    standards: dict[str, Normaliser]
     reduce: Reduce | None
-    moments: Moments | None
+    moments: ClipNormaliser | None
 
     def examples(self) -> dict[str, Tensor]:
         """What a bundle has to know of the data; nothing where there is no audio."""
@@ -52,13 +62,13 @@ class TrainingSet:
         taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
         return {name: torch.from_numpy(array) for name, array in taken.items()}
 
-    def feed(self, model: Any, split: str, balanced: bool) -> Feed:
+    def feed(self, model: Any, split: str, balanced: bool) -> BatchLoader:
         """Batches of a split, as a model wants them."""
         windows = Windows(
             self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
             held_out=self.data.validation, spare=getattr(model, "spare", ()),
         )  # fmt: skip
-        return Feed(windows, self.standards, self.reduce, self.moments)
+        return BatchLoader(windows, self.standards, self.reduce, self.moments)
 
 
 def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
@@ -84,7 +94,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     controlled = "control" in getattr(config, "arrays", kind.arrays)
     if controlled:
         store = with_controls(store)
-        standards["control"] = Standard(*store.statistics("control"))
+        standards["control"] = Normaliser(*store.statistics("control"))
     centres = None
     if "text" in kind.arrays:
         store = with_text(store, data.words)
@@ -105,7 +115,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
-def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapping[str, Standard]) -> dict[str, Any]:
+def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapping[str, Normaliser]) -> dict[str, Any]:
     """Sizes that some models alone are built by."""
     takes = signature(kind.__init__).parameters
     found: dict[str, Any] = {}

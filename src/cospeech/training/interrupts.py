@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-__all__ = ["Heed", "Stopped", "heeding"]
+__all__ = ["Heed", "Stopped", "defer_signals"]
 
 
 class Stopped(BaseException):
@@ -50,7 +50,7 @@ class Heed:
 
 
 @contextmanager
-def heeding(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
+def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
     """What hears a signal that would end the program; a second one ends it at once.
 
     Args:

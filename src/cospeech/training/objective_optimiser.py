@@ -10,7 +10,7 @@ from ..models.nn.objective import Objective
 from .recipe import Optimiser
 from .schedule import SCHEDULES
 
-__all__ = ["Part", "under"]
+__all__ = ["ObjectiveOptimiser", "under"]
 
 
 def under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -18,7 +18,7 @@ def under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
 
 
-class Part:
+class ObjectiveOptimiser:
     """An objective and its optimiser.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..audio.features.word_vectors import WordVectors, open_vectors
 from ..audio.features.words import plain_word, subword_rows
-from ..corpora.lazy_rows import Lookup
+from ..corpora.lazy_rows import LazyRows
 from ..corpora.store import Store
 from ..errors import InputError
 from ..motion.rotations import Array
@@ -51,6 +51,6 @@ def _with_text(store: Store, table: Array) -> Store:
     if word.max(initial=0) >= len(store.words):
         raise InputError(f"the store {str(store.folder)!r} has word {word.max()} of {len(store.words)}", "prepare it again")
     more = copy(store)
-    more.arrays = store.arrays | {"text": cast(Array, Lookup(table, np.maximum(word, 0)))}
+    more.arrays = store.arrays | {"text": cast(Array, LazyRows(table, np.maximum(word, 0)))}
     more.clips = tuple(replace(clip, has=(*clip.has, "text")) if "word" in clip.has else clip for clip in store.clips)
     return more

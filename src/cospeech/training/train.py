@@ -23,12 +23,12 @@ from torch import Tensor
 
 from ..corpora.store import Store
 from ..errors import CospeechError, InputError, nearest
-from ..models.nn.objective import Batch, Chance
-from .batch_loader import Feed
+from ..models.nn.objective import Batch, StepRandom
+from .batch_loader import BatchLoader
 from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .dataset import check_same, open_set
-from .interrupts import Heed, Stopped, heeding
-from .objective_optimiser import Part, under
+from .interrupts import Heed, Stopped, defer_signals
+from .objective_optimiser import ObjectiveOptimiser, under
 from .processes import Team, average, join, mean_values, surroundings
 from .recipe import Recipe, Train
 from .run_log import Board, RunLog
@@ -76,11 +76,11 @@ class _Run:
         self.model = build_model(work.facts, work.needs).to(team.device)
         if hasattr(self.model, "told"):
             self.model.told(work.statistics)
-        self.parts = [Part(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
+        self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
         self.feed = work.feed(self.model, "train", self.settings.balance)
-        self.held: Feed | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
+        self.held: BatchLoader | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
         self.average = RunningAverage(self.model, self.settings.ema)
         self.done = 0
         self.saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
@@ -121,12 +121,12 @@ class _Run:
         on = self.settings.precision == "bfloat16"
         return torch.autocast(self.team.device.type, torch.bfloat16) if on else nullcontext()
 
-    def batch(self, feed: Feed, step: int) -> Batch:
+    def batch(self, feed: BatchLoader, step: int) -> Batch:
         """This process's rows of a step's batch."""
         rank, size, device = self.team
         arrays = feed.at(self.settings.batch, self.settings.seed, step, rank=rank, parts=size)
         tensors = {name: torch.from_numpy(array).to(device) for name, array in arrays.items()}
-        return Batch(tensors, Chance(self.settings.seed, step, rank, size, device))
+        return Batch(tensors, StepRandom(self.settings.seed, step, rank, size, device))
 
     def step(self, stop: bool) -> bool:
         """One step; whether any process was asked to stop."""
@@ -347,7 +347,7 @@ def train(
     """
     began, folder, run = perf_counter(), Path(out), None
     tell = notice or (lambda text: None)
-    with heeding(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as heed:
+    with defer_signals(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as heed:
         try:
             with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
                 with heed.at_once(team.size == 1):

@@ -4,7 +4,7 @@ from .frames import AUDIO_NAMES, FrameFeatures, audio_features, frame_delay
 from .log_mel import LOG_MEL_NAMES, LogMelFeatures, log_mel_400
 from .mel import log_mel
 from .prosody import Features, ProsodyStream, analyse, find_pauses
-from .reduce import REDUCTIONS, audio_width, hear, reduce_audio
+from .reduce import REDUCTIONS, audio_width, open_features, reduce_audio
 
 __all__ = [
     "AUDIO_NAMES",
@@ -19,8 +19,8 @@ __all__ = [
     "audio_width",
     "find_pauses",
     "frame_delay",
-    "hear",
     "log_mel",
     "log_mel_400",
+    "open_features",
     "reduce_audio",
 ]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .mel import FPS, Floats
 from .prosody import DELAY, N_MELS, Features, ProsodyStream
 from .shared_prosody import Prosody, SharedProsody
-from .streaming import Hearing
+from .streaming import StreamingFeatures
 
 if TYPE_CHECKING:
     from ..speech import Speech
@@ -40,7 +40,7 @@ def frame_delay(fps: float) -> float:
     return 0.5 / fps + 0.5 / FPS + DELAY - 1 / FPS
 
 
-class FrameFeatures(Hearing):
+class FrameFeatures(StreamingFeatures):
     """Rows of `AUDIO_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; hundredths are kept.
 
     Args:
@@ -61,7 +61,7 @@ class FrameFeatures(Hearing):
         self._stream: Prosody = ProsodyStream(mel=True)
 
     def share(self, prosody: SharedProsody) -> None:
-        """See `Hearing`."""
+        """See `StreamingFeatures`."""
         self._stream = prosody.tap()
 
     def _made(self, samples: Floats) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .mel import BATCH, FPS, HOP, RATE, WINDOW, Bands, Doubles, Floats, magnitudes, mel_triangles
-from .streaming import Hearing
+from .streaming import StreamingFeatures
 
 __all__ = ["LOG_MEL_NAMES", "SPAN", "LogMelFeatures", "log_mel_400", "log_mel_at", "log_mel_count"]
 
@@ -65,7 +65,7 @@ def log_mel_at(frames: NDArray[np.int64], fps: float) -> NDArray[np.int64]:
     return (frames * FPS / fps).astype(np.int64)
 
 
-class LogMelFeatures(Hearing):
+class LogMelFeatures(StreamingFeatures):
     """Rows of `LOG_MEL_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; samples are kept.
 
     Args:

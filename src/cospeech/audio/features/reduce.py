@@ -1,7 +1,7 @@
 """What of the audio features a network hears, the same in training and at run time: functions of rows of a front-end.
 
-Front-ends are classes that make rows of speech (`Hearing`): ours, the (T, 84) of `AUDIO_NAMES`, of which all but one are made,
-and that of PATS' stores (`log_mel.LogMelFeatures`), whose rows are heard as they are.
+Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which all but one
+are made, and that of PATS' stores (`log_mel.LogMelFeatures`), whose rows are heard as they are.
 
 Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
 
@@ -23,10 +23,16 @@ from .frames import AUDIO_NAMES, FrameFeatures
 from .log_mel import LOG_MEL_NAMES, LogMelFeatures
 from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
-from .streaming import Hearing
+from .streaming import StreamingFeatures
 
 __all__ = [
-    "REDUCTIONS", "Reduction", "audio_columns", "audio_names", "audio_width", "hear", "louder",
+    "REDUCTIONS",
+    "Reduction",
+    "audio_columns",
+    "audio_names",
+    "audio_width",
+    "louder",
+    "open_features",
     "reduce_audio",
 ]  # fmt: skip
 
@@ -50,7 +56,7 @@ class Reduction(NamedTuple):
     names: tuple[str, ...]
     apply: Callable[[Floats], Floats]
     columns: tuple[str, ...] = AUDIO_NAMES
-    listen: Callable[[float], Hearing] = FrameFeatures
+    listen: Callable[[float], StreamingFeatures] = FrameFeatures
 
 
 @cache
@@ -169,7 +175,7 @@ def louder(name: str) -> tuple[float, ...]:
     return tuple(steps.get(column, mel) for column in audio_names(name))
 
 
-def hear(name: str, fps: float) -> Hearing:
+def open_features(name: str, fps: float) -> StreamingFeatures:
     """A front-end for what `reduce_audio` takes.
 
     Raises:

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from ..speech import Speech
     from .shared_prosody import SharedProsody
 
-__all__ = ["Hearing"]
+__all__ = ["StreamingFeatures"]
 
 
-class Hearing(ABC):
+class StreamingFeatures(ABC):
     """What is heard is kept, samples or what was made of them, until no later row needs it.
 
     Args:

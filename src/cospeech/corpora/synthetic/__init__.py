@@ -22,7 +22,7 @@ from ...audio.speech import Speech, example
 from ...errors import CospeechWarning, InputError, nearest
 from ...files import describe_os_error, workplace
 from ...motion.motion import Motion
-from ...rules import EMOTIONS, Gesture, RuleGesturer, Style
+from ...rules import EMOTIONS, Gesture, RuleBasedModel, Style
 from .. import CORPORA
 from ..clip import Clip, Semantic
 from .acting import Actor, act
@@ -284,7 +284,7 @@ def _place(places: Counter[tuple[int, str, str]], who: int, emotion: str, split:
 
 def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float) -> Clip:
     """One take: a humanoid clip with motion, face, words and the semantic scores of the gestures that were planned."""
-    session = RuleGesturer().session(style=style, emotion=emotion, seed=seed, fps=fps)
+    session = RuleBasedModel().session(style=style, emotion=emotion, seed=seed, fps=fps)
     pieces, planned = list[Motion](), dict[Gesture, None]()
     for chunk in speech.chunks(2.0):
         pieces += session.push(chunk)

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ...errors import InputError
 from ...motion.rotations import Array
 
-__all__ = ["Curve", "draw_curves"]
+__all__ = ["PlottedCurve", "draw_curves"]
 
 Pictures = NDArray[np.uint8]
 
@@ -24,7 +24,7 @@ _TICKS = 5  # at most, on the upright axis
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlottedCurve:
     """A panel.
 
     Args:
@@ -70,7 +70,7 @@ def _ring(pen: ImageDraw.ImageDraw, x: float, y: float, scale: float) -> None:
     pen.ellipse([x - r, y - r, x + r, y + r], None, _BAD, round(2 * scale))
 
 
-def _panel(curve: Curve, width: int) -> Image.Image:
+def _panel(curve: PlottedCurve, width: int) -> Image.Image:
     """The field of one curve: lines of the ticks, band, line, dots."""
     big = Image.new("RGB", (width * _SCALE, _HIGH * _SCALE), _PAPER)
     pen, ticks = ImageDraw.Draw(big), curve.ticks
@@ -97,7 +97,7 @@ def _panel(curve: Curve, width: int) -> Image.Image:
     return big.resize((width, _HIGH), Image.Resampling.BOX)
 
 
-def draw_curves(curves: Sequence[Curve], width: int) -> Pictures:
+def draw_curves(curves: Sequence[PlottedCurve], width: int) -> Pictures:
     """Panels side by side, (H, width, 3).
 
     Raises:

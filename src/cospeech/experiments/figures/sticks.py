@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...audio.speech import Word
 from ...errors import InputError
-from ...export.render.strip import Layout, Sound, draw_strip
+from ...export.render.strip import Sound, StripLayout, draw_strip
 from ...motion.rotations import Array
 
 __all__ = ["Sticks", "draw_sticks"]
@@ -152,12 +152,12 @@ def draw_sticks(
     frames = np.linspace(0, lengths[0] - 1, cells + 1).round().astype(int)[1:]
     font = ImageFont.load_default(17)
     side = round(max(font.getlength(part) for row in rows for part in row.label.split("\n")) + 24)
-    plan = Layout(width - side, 100, cells, 2)
+    plan = StripLayout(width - side, 100, cells, 2)
     height = round(10.2 * plan.unit + plan.below + plan.margin) + row_height * len(rows)
     for _ in range(3):  # the small print grows with the height, and the height with the small print
-        plan = Layout(width - side, height, cells, 2 if words else 0)
+        plan = StripLayout(width - side, height, cells, 2 if words else 0)
         height = round(10.2 * plan.unit + plan.below + plan.margin) + row_height * len(rows)
-    plan = Layout(width - side, height, cells, 2 if words else 0)
+    plan = StripLayout(width - side, height, cells, 2 if words else 0)
     wide, high = plan.cell
     pictures = np.full((cells, high, wide, 3), 255, np.uint8)
     seen = [_seen(row.positions) for row in rows]

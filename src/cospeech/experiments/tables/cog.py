@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import chain, pairwise
 
 from .cog_bench import Chains, Lacking
-from .designs import Claim, Design, Part, Row
+from .designs import Claim, PaperTable, TableSplit, TableSystem
 
 __all__ = ["COG"]
 
@@ -55,9 +55,12 @@ def _worse_to_better(names: tuple[str, ...], source: str, metrics: tuple[str, ..
     return tuple(Claim(m, better, worse, m != FGD, source) for worse, better in pairwise(names) for m in metrics)
 
 
-_TABLE_1 = Part(
+_TABLE_1 = TableSplit(
     "beat",
-    tuple(Row(name, RECIPES.get(name), figures, lacks=LABELS if name == CHAIN else ()) for name, figures in _COMPARED.items()),
+    tuple(
+        TableSystem(name, RECIPES.get(name), figures, lacks=LABELS if name == CHAIN else ())
+        for name, figures in _COMPARED.items()
+    ),
     _worse_to_better((S2G, MULTI, CAMN, CHAIN), "table 1"),
     OWN,
 )
@@ -80,10 +83,10 @@ _ABLATED = {
 }
 _ORDER = tuple(_ABLATED)
 
-_TABLE_2 = Part(
+_TABLE_2 = TableSplit(
     "beat",
     tuple(
-        Row(name, RECIPES[CHAIN], figures, tuple(chain(*_STEPS[k:])), lacks=LABELS if k else LABELS[1:])
+        TableSystem(name, RECIPES[CHAIN], figures, tuple(chain(*_STEPS[k:])), lacks=LABELS if k else LABELS[1:])
         for k, (name, figures) in enumerate(_ABLATED.items())
     ),
     (
@@ -109,13 +112,13 @@ _WEIGHTED = {
 _BEST = (500, 1000, 1)
 
 
-def _weighted(weights: tuple[int, int, int], figures: Mapping[str, float]) -> Row:
+def _weighted(weights: tuple[int, int, int], figures: Mapping[str, float]) -> TableSystem:
     """λ of reconstruction, face and rhythm; the best are the recipe's own."""
     changes = [f"model.{key}={value}" for key, value in zip(("reconstruction", "face", "rhythm"), weights, strict=True)]
-    return Row(str(weights), RECIPES[CHAIN], figures, () if weights == _BEST else tuple(changes), lacks=LABELS)
+    return TableSystem(str(weights), RECIPES[CHAIN], figures, () if weights == _BEST else tuple(changes), lacks=LABELS)
 
 
-_TABLE_4 = Part(
+_TABLE_4 = TableSplit(
     "beat",
     tuple(_weighted(weights, figures) for weights, figures in _WEIGHTED.items()),
     tuple(Claim(m, str(_BEST), str(w), m != FGD, "table 4") for m in (FGD, SRGR) for w in _WEIGHTED if w != _BEST),
@@ -132,10 +135,10 @@ _SYSTEMS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     JOINED: (RECIPES[MULTI], ("model.emotion=8", "model.face=32")),  # of CaMN's widths
 }
 
-_FIGURE_1 = Part(
+_FIGURE_1 = TableSplit(
     "beat",
     tuple(
-        Row(f"{system}: {what}", recipe, {}, changes, lacks=lacks)
+        TableSystem(f"{system}: {what}", recipe, {}, changes, lacks=lacks)
         for system, (recipe, changes) in _SYSTEMS.items()
         for what, lacks in _CONDITIONS.items()
     ),
@@ -149,11 +152,11 @@ _FIGURE_1 = Part(
     "words; the others get zeros. One network of each system and seed, played under all conditions.",
 )
 
-COG: dict[str, Design] = {
-    "cog-1": Design("cog-1", f"{PAPER}: table 1, comparison", COLUMNS, (_TABLE_1,), Chains, STRIP),
-    "cog-2": Design("cog-2", f"{PAPER}: table 2, ablations", COLUMNS, (_TABLE_2,), Chains, STRIP),
-    "cog-4": Design("cog-4", f"{PAPER}: table 4, weights of the losses", COLUMNS, (_TABLE_4,), Chains, STRIP),
-    "cog-figure-1": Design(
+COG: dict[str, PaperTable] = {
+    "cog-1": PaperTable("cog-1", f"{PAPER}: table 1, comparison", COLUMNS, (_TABLE_1,), Chains, STRIP),
+    "cog-2": PaperTable("cog-2", f"{PAPER}: table 2, ablations", COLUMNS, (_TABLE_2,), Chains, STRIP),
+    "cog-4": PaperTable("cog-4", f"{PAPER}: table 4, weights of the losses", COLUMNS, (_TABLE_4,), Chains, STRIP),
+    "cog-figure-1": PaperTable(
         "cog-figure-1",
         f"{PAPER}: figure 1, what is lacking when it plays",
         COLUMNS | {"fgd_cost": "FGD, worse by ↓", "srgr_cost": "SRGR, worse by ↓"},

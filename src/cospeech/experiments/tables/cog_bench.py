@@ -15,10 +15,10 @@ from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
 from .controls import faults_of
-from .designs import Cells, Design, Part, Pictures, Row
+from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .figures import draw_poses, shown_of
 from .scores import judge, kept
-from .stages import Player, Stages
+from .stages import PlayableRun, Runs
 
 __all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "made_by"]
 
@@ -26,7 +26,7 @@ COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 """Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
 
 
-def made_by(player: Player, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+def made_by(player: PlayableRun, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
     """Poses of every clip, and faces where the system makes them and was given none, in the units of the store.
 
     A network of speech alone hears each clip as a whole, in its speaker's style.
@@ -48,7 +48,7 @@ def made_by(player: Player, place: CogWindows, lacks: Sequence[str]) -> tuple[li
 class Chains:
     """Tables 1, 2 and 4."""
 
-    def __init__(self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None) -> None:
+    def __init__(self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None) -> None:
         self.design, self.part, self.stages = design, part, stages
         self.place = CogWindows(stages.folder, raw)
         self.columns = tuple(name for name in design.columns if name not in COSTS)
@@ -73,17 +73,17 @@ class Chains:
         own = ("cog", self.stages.mark, self.columns, self.features, self.place.raw is not None)
         return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
 
-    def _player(self, row: Row, seed: int) -> Player:
+    def _player(self, row: TableSystem, seed: int) -> PlayableRun:
         assert row.recipe is not None
         return self.stages.player(row.recipe, seed, row.overrides)
 
-    def _made(self, player: Player, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+    def _made(self, player: PlayableRun, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
         from ..playing import threads
 
         with threads(self.stages.threads):
             return made_by(player, self.place, lacks)
 
-    def _cells(self, player: Player, lacks: Sequence[str]) -> Cells:
+    def _cells(self, player: PlayableRun, lacks: Sequence[str]) -> Cells:
         def work() -> Cells:
             samples = self.place.samples(*self._made(player, lacks))
             return judge(self.columns, samples, samples, self.place, self.tools)
@@ -91,7 +91,7 @@ class Chains:
         found: Cells = self._kept([player.print, *sorted(lacks)], work)
         return found
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Of one network, played without what the row lacks."""
         player = self._player(row, seed)
         config, train = player.facts["config"], player.facts["recipe"]["train"]
@@ -145,7 +145,7 @@ def cost_cells(cells: Cells, whole: Cells) -> Cells:
 class Lacking(Chains):
     """Figure 1: one network with all of its inputs, and without some."""
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Its scores, and by how much they are worse than with all inputs."""
         cells, facts = super().row(row, seed)
         return cells | cost_cells(cells, self._cells(self._player(row, seed), ())), facts

@@ -29,7 +29,7 @@ from ...motion.rotations import Array
 from ...training.texts import with_text
 from .controls import spread
 from .excerpts import restricted
-from .stages import Player
+from .stages import PlayableRun
 
 __all__ = ["FRAMES", "GIVEN", "CogWindows"]
 
@@ -80,7 +80,7 @@ class CogWindows:
 
     # what systems are given -----------------------------------------------------------------------------------------
 
-    def arrays(self, player: Player) -> dict[str, Array]:
+    def arrays(self, player: PlayableRun) -> dict[str, Array]:
         """What a network of many inputs is played with, of every window.
 
         Raises:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ...corpora.store import Store
 
 if TYPE_CHECKING:
-    from .stages import Stages
+    from .stages import Runs
 
-__all__ = ["Bench", "Cells", "Claim", "Design", "Part", "Pictures", "Row"]
+__all__ = ["Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
 
 Pictures = NDArray[np.uint8]
 Cells = dict[str, dict[str, Any]]
@@ -22,7 +22,7 @@ Cells = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
-class Row:
+class TableSystem:
     """A row.
 
     Args:
@@ -60,7 +60,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Part:
+class TableSplit:
     """A table on one corpus; without ``published`` figures in its rows where the paper has not run it there.
 
     Args:
@@ -71,7 +71,7 @@ class Part:
     """
 
     corpus: str
-    rows: tuple[Row, ...]
+    rows: tuple[TableSystem, ...]
     claims: tuple[Claim, ...] = ()
     note: str = ""
     speakers: tuple[str, ...] = ()
@@ -94,7 +94,7 @@ class Bench(Protocol):
         """With which network or measure, in words; "": none."""
         ...
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Scores of a row with one seed, and with what it was trained."""
         ...
 
@@ -112,7 +112,7 @@ class Bench(Protocol):
 
 
 @dataclass(frozen=True)
-class Design:
+class PaperTable:
     """A table of a paper.
 
     Args:
@@ -127,6 +127,6 @@ class Design:
     name: str
     title: str
     columns: Mapping[str, str]
-    parts: tuple[Part, ...]
-    bench: Callable[[Design, Part, Stages, Any], Bench]
+    parts: tuple[TableSplit, ...]
+    bench: Callable[[PaperTable, TableSplit, Runs, Any], Bench]
     shown: str

@@ -23,7 +23,7 @@ from ..figures.scatter import Panel, draw_map
 from ..figures.sticks import Sticks, draw_sticks
 from .excerpts import Excerpts
 from .scores import controls_of_latents, latents
-from .stages import Player
+from .stages import PlayableRun
 from .tsne import tsne
 
 __all__ = ["draw_latents", "draw_poses", "shown_of", "write_picture"]
@@ -121,7 +121,7 @@ def draw_poses(made: Mapping[str, Array], place: Place, entry: Entry, before: in
     return draw_sticks(rows, place.store.fps, cells=CELLS, sound=sound, words=words)
 
 
-def draw_latents(players: Mapping[str, Player], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:
+def draw_latents(players: Mapping[str, PlayableRun], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:
     """Latents by t-SNE, coloured by speaker, a panel for each system, and one for the mean poses themselves.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .designs import Claim, Design, Part, Row
+from .designs import Claim, PaperTable, TableSplit, TableSystem
 from .flow_bench import Latents, Performances
 
 __all__ = ["FLOW"]
@@ -18,16 +18,16 @@ def _figures(*values: float | None) -> dict[str, float]:
     return {name: value for name, value in zip(names, values, strict=False) if value is not None}
 
 
-_TED_1 = Part(
+_TED_1 = TableSplit(
     "ted",
     rows=(
-        Row("Seq2Seq", None, _figures(18.15, 0.809, 40.08, 0.319)),
-        Row("Speech2Gesture", None, _figures(19.25, 0.877, 44.46, 0.620)),
-        Row("JEM", None, _figures(22.08, 0.880, 44.61, 0.508)),
-        Row(MOGLOW, "moglow_ted", _figures(5.15, 0.842, 50.63, 0.617, 22.56)),
-        Row("Trimodal Context", None, _figures(4.40, 0.850, 48.70, 0.618)),
-        Row("Speech2AffectiveGestures", None, _figures(7.22, 0.861, 47.25, 0.619)),
-        Row(OURS, "flow_ted", _figures(3.30, 0.850, 52.00, 0.622, 22.63)),
+        TableSystem("Seq2Seq", None, _figures(18.15, 0.809, 40.08, 0.319)),
+        TableSystem("Speech2Gesture", None, _figures(19.25, 0.877, 44.46, 0.620)),
+        TableSystem("JEM", None, _figures(22.08, 0.880, 44.61, 0.508)),
+        TableSystem(MOGLOW, "moglow_ted", _figures(5.15, 0.842, 50.63, 0.617, 22.56)),
+        TableSystem("Trimodal Context", None, _figures(4.40, 0.850, 48.70, 0.618)),
+        TableSystem("Speech2AffectiveGestures", None, _figures(7.22, 0.861, 47.25, 0.619)),
+        TableSystem(OURS, "flow_ted", _figures(3.30, 0.850, 52.00, 0.622, 22.63)),
     ),
     claims=tuple(
         Claim(metric, OURS, MOGLOW, higher, "table 1, TED")
@@ -38,12 +38,12 @@ _TED_1 = Part(
     ),
 )  # fmt: skip
 
-_TRINITY_1 = Part(
+_TRINITY_1 = TableSplit(
     "trinity",
     rows=(
-        Row("Gesticulator", None, _figures(9.95, 0.701, 3.50, 0.844)),
-        Row(MOGLOW, "moglow_trinity", _figures(7.61, 0.726, 3.81, 0.852, 2.12)),
-        Row(OURS, "flow_trinity", _figures(6.76, 0.730, 4.34, 0.875, 1.60)),
+        TableSystem("Gesticulator", None, _figures(9.95, 0.701, 3.50, 0.844)),
+        TableSystem(MOGLOW, "moglow_trinity", _figures(7.61, 0.726, 3.81, 0.852, 2.12)),
+        TableSystem(OURS, "flow_trinity", _figures(6.76, 0.730, 4.34, 0.875, 1.60)),
     ),
     claims=tuple(
         Claim(metric, *((OURS, MOGLOW) if metric != "multimodality" else (MOGLOW, OURS)), higher, "table 1, Trinity")
@@ -57,35 +57,36 @@ _TRINITY_1 = Part(
 FULL, NO_PERCEPTUAL, NO_ENCODER, BASELINE = "proposed (full)", "without L_gp", "without global encoder", "baseline"
 
 
-def _ablations(corpus: str, *figures: tuple[float, float, float], source: str) -> Part:
+def _ablations(corpus: str, *figures: tuple[float, float, float], source: str) -> TableSplit:
     """Rows of table 2 with a corpus's recipes."""
     names = {FULL: "", NO_PERCEPTUAL: "_no_perceptual", NO_ENCODER: "_no_encoder", BASELINE: "_baseline"}
     values = [*figures, *[()] * (len(names) - len(figures))]
     rows = tuple(
-        Row(name, f"flow_{corpus}{end}", _figures(*value)) for (name, end), value in zip(names.items(), values, strict=True)
+        TableSystem(name, f"flow_{corpus}{end}", _figures(*value))
+        for (name, end), value in zip(names.items(), values, strict=True)
     )
     order = ((FULL, NO_PERCEPTUAL), (NO_PERCEPTUAL, NO_ENCODER), (FULL, NO_ENCODER), (FULL, BASELINE))
     claims = [Claim("fgd", better, worse, False, source) for better, worse in order]
     claims += [Claim("diversity_gfge", FULL, worse, True, source) for worse in (NO_PERCEPTUAL, NO_ENCODER, BASELINE)]
-    return Part(corpus, rows, tuple(claims), "" if figures else "The paper has this table for TED alone.")
+    return TableSplit(corpus, rows, tuple(claims), "" if figures else "The paper has this table for TED alone.")
 
 
 _TED_2 = _ablations("ted", (3.30, 0.850, 52), (4.62, 0.845, 51), (6.26, 0.848, 50), (6.10, 0.850, 49), source="table 2")
 _TRINITY_2 = _ablations("trinity", source="table 2, said of TED")
 
-_TED_3 = Part(
+_TED_3 = TableSplit(
     "ted",
     rows=(
-        Row(MOGLOW, "moglow_ted", {"chi_gfge": 908.47, "silhouette_gfge": 0.443}),
-        Row(OURS, "flow_ted", {"chi_gfge": 1149.34, "silhouette_gfge": 0.517}),
+        TableSystem(MOGLOW, "moglow_ted", {"chi_gfge": 908.47, "silhouette_gfge": 0.443}),
+        TableSystem(OURS, "flow_ted", {"chi_gfge": 1149.34, "silhouette_gfge": 0.517}),
     ),
     claims=tuple(
         Claim(metric, OURS, MOGLOW, True, "table 3") for metric in ("chi", "silhouette", "chi_gfge", "silhouette_gfge")
     ),
 )
 
-FLOW: dict[str, Design] = {
-    "flow-1": Design(
+FLOW: dict[str, PaperTable] = {
+    "flow-1": PaperTable(
         "flow-1",
         f"{PAPER}: table 1, comparison",
         {
@@ -96,7 +97,7 @@ FLOW: dict[str, Design] = {
         Performances,
         STRIP,
     ),
-    "flow-2": Design(
+    "flow-2": PaperTable(
         "flow-2",
         f"{PAPER}: table 2, ablations",
         {"fgd": "FGD ↓", "pck_gfge": "PCK ↑", "pck": "PCK, made ↑", "diversity_gfge": "Div ↑", "diversity": "Div, all pairs →"},
@@ -104,7 +105,7 @@ FLOW: dict[str, Design] = {
         Performances,
         STRIP,
     ),
-    "flow-3": Design(
+    "flow-3": PaperTable(
         "flow-3",
         f"{PAPER}: table 3, clusters of latents",
         {"chi": "CHI ↑", "silhouette": "SCoeff ↑", "chi_gfge": "CHI, t-SNE ↑", "silhouette_gfge": "SCoeff, t-SNE ↑"},

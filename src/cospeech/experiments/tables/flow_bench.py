@@ -12,16 +12,16 @@ import numpy as np
 
 from ...metrics import Tools
 from .controls import faults_of
-from .designs import Cells, Design, Part, Pictures, Row
+from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import draw_latents, draw_poses, shown_of
 from .scores import controls_of_latents, judge, judge_latents, kept, latents, score
-from .stages import Player, Stages
+from .stages import PlayableRun, Runs
 
 __all__ = ["Latents", "Performances"]
 
 
-def _facts(player: Player) -> str:
+def _facts(player: PlayableRun) -> str:
     """What a row was trained with, in a line."""
     config, train = player.facts["config"], player.facts["recipe"]["train"]
     return (
@@ -33,7 +33,7 @@ def _facts(player: Player) -> str:
 class _Flows:
     """What both have in common."""
 
-    def __init__(self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None) -> None:
+    def __init__(self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None) -> None:
         self.design, self.stages = design, stages
         self.columns, self.excerpts = tuple(design.columns), Excerpts(stages.folder, raw)
 
@@ -47,7 +47,7 @@ class _Flows:
         own = (self.design.name, self.stages.mark, self.excerpts.protocol, self.columns, name, self.excerpts.raw is not None)
         return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
 
-    def _players(self, table: Mapping[str, Any]) -> dict[str, Player]:
+    def _players(self, table: Mapping[str, Any]) -> dict[str, PlayableRun]:
         """Of each row the run with the first seed."""
         rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
         return {name: self.stages.player(recipe, table["seeds"][0]) for name, recipe in rows.items()}
@@ -67,7 +67,7 @@ class Performances(_Flows):
         assert self.tools.features is not None
         return self.tools.features.name
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """One performance of every window, and several of some."""
         assert row.recipe is not None
         player, stages = self.stages.player(row.recipe, seed), self.stages
@@ -112,7 +112,7 @@ class Latents(_Flows):
 
     features = "latents, mean over the frames made"
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Clusters of windows that do not overlap."""
         assert row.recipe is not None
         player = self.stages.player(row.recipe, seed)

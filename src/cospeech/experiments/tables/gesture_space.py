@@ -19,7 +19,7 @@ from ...errors import InputError
 from ...motion.rotations import Array
 from ..figures.scatter import Panel, draw_map
 from .heatmaps import FRAMES, windows_of
-from .stages import Player
+from .stages import PlayableRun
 from .tsne import tsne
 
 __all__ = ["GestureSpace", "draw_gesture_space", "gesture_space"]
@@ -62,7 +62,7 @@ def _features(poses: Array) -> Array:
     return np.concatenate([poses.mean(1), poses.std(1)], 1)
 
 
-def gesture_space(player: Player, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> GestureSpace:
+def gesture_space(player: PlayableRun, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> GestureSpace:
     """What a network makes of the test clips: of each style with its own speaker's speech, and with that of all others.
 
     Args:
@@ -93,7 +93,7 @@ def gesture_space(player: Player, store: Store, speakers: Sequence[str] = (), *,
     return GestureSpace(np.concatenate(spaces[0]), np.concatenate(spaces[1]), tuple(labels[0]), tuple(labels[1]))
 
 
-def draw_gesture_space(player: Player, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> Pictures:
+def draw_gesture_space(player: PlayableRun, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> Pictures:
     """Own speech beside others' speech, a colour for each style; all windows are embedded by one t-SNE.
 
     Args:

@@ -14,7 +14,7 @@ from ...motion.points import Points
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from ..figures.heat import FIGURES, draw_heat
-from .stages import Player
+from .stages import PlayableRun
 
 __all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "window_points", "windows_of"]
 
@@ -80,7 +80,7 @@ def draw_recordings(store: Store, speakers: Sequence[str] = (), *, rows: int = 2
 
 
 def draw_heatmaps(
-    player: Player,
+    player: PlayableRun,
     store: Store,
     styles: Sequence[str] = (),
     voices: Sequence[str] = (),

@@ -13,22 +13,22 @@ from ...corpora.store import Store
 from ...errors import InputError, nearest
 from ...files import atomic
 from .cog import COG
-from .designs import Bench, Design, Part, Row
+from .designs import Bench, PaperTable, TableSplit, TableSystem
 from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
 from .report import summary, to_markdown, verdicts
-from .stages import Stages, make_folder
+from .stages import Runs, make_folder
 
 __all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
 
-TABLES: dict[str, Design] = {**FLOW, **MIX, **COG}
+TABLES: dict[str, PaperTable] = {**FLOW, **MIX, **COG}
 """Name after ``--table`` → the table."""
 
 Tell = Callable[[str], None]
 
 
-def part_of(name: str, store: Store) -> tuple[Design, Part]:
+def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
     """A table and what it is on a store.
 
     Raises:
@@ -51,7 +51,9 @@ def part_of(name: str, store: Store) -> tuple[Design, Part]:
     )
 
 
-def _row(row: Row, bench: Bench, design: Design, stages: Stages, seeds: Sequence[int], tell: Tell, step: str) -> dict[str, Any]:
+def _row(
+    row: TableSystem, bench: Bench, design: PaperTable, stages: Runs, seeds: Sequence[int], tell: Tell, step: str
+) -> dict[str, Any]:
     """A row of the table: scores of all seeds, or the published figures alone."""
     told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
     if row.recipe is None:
@@ -66,7 +68,7 @@ def _row(row: Row, bench: Bench, design: Design, stages: Stages, seeds: Sequence
     return told | {"cells": {metric: summary(runs, metric) for metric in design.columns}, "facts": facts}
 
 
-def _chosen(rows: Sequence[Row], only: Sequence[str]) -> set[str]:
+def _chosen(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     """Names of the rows that are made: those that hold one of the texts, or all.
 
     Raises:
@@ -78,7 +80,7 @@ def _chosen(rows: Sequence[Row], only: Sequence[str]) -> set[str]:
     return {row.name for row in rows if not only or any(text in row.name for text in only)}
 
 
-def _head(stages: Stages, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
+def _head(stages: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
     """Of what and with what the table was made, in a line."""
     store = stages.store
     scale = (
@@ -99,7 +101,7 @@ def _head(stages: Stages, bench: Bench, seeds: Sequence[int], only: Sequence[str
 
 def make_table(
     name: str,
-    stages: Stages,
+    stages: Runs,
     *,
     raw: str | PathLike[str] | None = None,
     seeds: Sequence[int] = (0, 1, 2),
@@ -143,7 +145,7 @@ def make_table(
 
 
 def draw_table(
-    table: Mapping[str, Any], stages: Stages, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
+    table: Mapping[str, Any], stages: Runs, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
 ) -> None:
     """The figure of a table that was made, as PNG: of each row the run with the first seed.
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
-from .designs import Claim, Design, Part, Row
-from .mix_bench import Kept, Measured, Moved
+from .designs import Claim, PaperTable, TableSplit, TableSystem
+from .mix_bench import Measured, StylePreservation, StyleTransfer
 from .mix_figures import draw_heat_of_pairs, draw_space
 
 __all__ = ["MIX"]
@@ -42,7 +42,7 @@ class Attribute:
 
 
 @dataclass(frozen=True)
-class Cast:
+class SpeakerSet:
     """Who plays in the tables: eight speakers, of whom the smaller sets are the first, and the pairs of attributes."""
 
     eight: tuple[str, ...]
@@ -63,7 +63,7 @@ def _attributes(*pairs: tuple[str, str]) -> tuple[Attribute, ...]:
     return tuple(Attribute(*each) for each in zip(names, poles, pairs, strict=True))
 
 
-THEIRS = Cast(
+THEIRS = SpeakerSet(
     ("corden", "lec_cosmic", "ytch_prof", "oliver", "ellen", "noah", "lec_evol", "maher"),  # supplement, table 5
     _attributes(
         ("noah", "maher"), ("seth", "oliver"), ("chemistry", "lec_evol"),  # table 4; table 3 has oliver for the left
@@ -73,7 +73,7 @@ THEIRS = Cast(
     True,
 )  # fmt: skip
 """The paper's speakers."""
-OURS = Cast(
+OURS = SpeakerSet(
     ("ada", "dan", "ben", "cleo", "elif", "femi", "gita", "hugo"),
     _attributes(("gita", "hugo"), ("ben", "ada"), ("dan|mirror", "dan"), ("cleo|leftarm", "cleo|rightarm")),
     ("ada", "dan", "ben", "cleo"),
@@ -147,50 +147,50 @@ TABLE_6 = {S2G: (0.189, 0.366), 1: (0.266, 0.379), 4: (0.277, 0.366), 8: (0.280,
 
 def _of(
     system: str, label: str, speakers: tuple[str, ...], published: Mapping[str, float], judged: tuple[str, ...] = ()
-) -> Row:
+) -> TableSystem:
     """A system trained on these speakers: a network for each, or one for all."""
     single = system in SINGLE
     runs = tuple((name,) for name in speakers) if single else (speakers,)
-    return Row(f"{system}, {label}", (SINGLE | MULTI)[system], published, runs=runs, judged=judged)
+    return TableSystem(f"{system}, {label}", (SINGLE | MULTI)[system], published, runs=runs, judged=judged)
 
 
 def _size(count: int) -> str:
     return f"{count} speakers"
 
 
-def _kept_1(cast: Cast) -> Part:
+def _kept_1(cast: SpeakerSet) -> TableSplit:
     rows = [
         _of(system, _size(count), cast.eight[:count], figures) for count in SIZES for system, figures in MEAN_1[count].items()
     ]
-    rows.append(Row(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(cast.eight,)))
+    rows.append(TableSystem(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(cast.eight,)))
     orders = [(MIX_STAGE, STAGE, F1), (STAGE, MUNIT, F1), (MIX_STAGE, S2G, PCK), (MIX_STAGE, S2G, F1), (CMIX, S2G, F1)]
     claims = tuple(Claim(m, f"{a}, {_size(8)}", f"{b}, {_size(8)}", True, "table 1") for a, b, m in orders)
-    return Part("pats", tuple(rows), claims, speakers=cast.eight)
+    return TableSplit("pats", tuple(rows), claims, speakers=cast.eight)
 
 
-def _moved_2(cast: Cast) -> Part:
+def _moved_2(cast: SpeakerSet) -> TableSplit:
     sets = [(_size(count), cast.eight[:count]) for count in SIZES] + [(a.name, a.pair) for a in cast.attributes]
     rows = [_of(system, label, speakers, {IS: IS_2[system][k]}) for k, (label, speakers) in enumerate(sets) for system in MULTI]
     grows = [(f"{MIX_STAGE}, {_size(more)}", f"{MIX_STAGE}, {_size(few)}") for few, more in pairwise(SIZES)]
     beats = [(f"{a}, {_size(8)}", f"{b}, {_size(8)}") for a, b in ((MIX_STAGE, STAGE), (STAGE, MUNIT))]
     claims = tuple(Claim(IS, better, worse, True, "table 2") for better, worse in [*grows, *beats])
-    return Part("pats", tuple(rows), claims, speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), claims, speakers=cast.everybody)
 
 
-def _measured_3(cast: Cast) -> Part:
+def _measured_3(cast: SpeakerSet) -> TableSplit:
     rows, columns = [], (None, "rate", "orientation", "right_share")
     claims = []
     for attribute, column in zip(cast.attributes, columns, strict=True):
         names = []
         for style, pole in zip(attribute.pair, attribute.poles, strict=True):
             names.append(f"{MIX_STAGE}, {attribute.name}: {pole} ({style})")
-            rows.append(Row(names[-1], MULTI[MIX_STAGE], runs=(attribute.pair,), judged=(style,)))
+            rows.append(TableSystem(names[-1], MULTI[MIX_STAGE], runs=(attribute.pair,), judged=(style,)))
         if column is not None:
             claims.append(Claim(column, names[1], names[0], True, "supplement, table 3"))
-    return Part("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
 
 
-def _kept_4(cast: Cast) -> Part:
+def _kept_4(cast: SpeakerSet) -> TableSplit:
     rows, claims = [], []
     for attribute, mean in zip(cast.attributes, MEAN_4, strict=True):
         for system, figures in mean.items():
@@ -204,10 +204,10 @@ def _kept_4(cast: Cast) -> Part:
             Claim(m, f"{MIX_STAGE}, {label}", f"{other}, {label}", True, "supplement, table 4")
             for other, m in ((S2G, PCK), (S2G, F1), (MUNIT, F1))
         ]
-    return Part("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
 
 
-def _kept_5(cast: Cast) -> Part:
+def _kept_5(cast: SpeakerSet) -> TableSplit:
     rows, claims = [], []
     for count in SIZES:
         speakers = cast.eight[:count]
@@ -219,23 +219,23 @@ def _kept_5(cast: Cast) -> Part:
     for name in cast.eight:
         label = f"{_size(8)}: {name}"
         claims.append(Claim(F1, f"{MIX_STAGE}, {label}", f"{S2G}, {label}", True, "supplement, table 5"))
-    return Part("pats", tuple(rows), tuple(claims), "Means as in table 1.", cast.eight)
+    return TableSplit("pats", tuple(rows), tuple(claims), "Means as in table 1.", cast.eight)
 
 
-def _kept_6(cast: Cast) -> Part:
+def _kept_6(cast: SpeakerSet) -> TableSplit:
     def of(key: str | int) -> dict[str, float]:
         f1, pck = TABLE_6[key]  # type: ignore[index]
         return {F1: f1, PCK: pck}
 
     runs = tuple((name,) for name in cast.ablated)
-    rows = [Row(S2G, SINGLE[S2G], of(S2G), runs=runs)]
+    rows = [TableSystem(S2G, SINGLE[S2G], of(S2G), runs=runs)]
     for modes in MODES:
         change = () if modes == 8 else (f"model.modes={modes}",)  # 8 is the recipe's own, of table 1
-        rows.append(Row(_modes(modes), SINGLE[CMIX], of(modes), change, runs))
+        rows.append(TableSystem(_modes(modes), SINGLE[CMIX], of(modes), change, runs))
     claims = [Claim(F1, _modes(1), S2G, True, "table 6"), Claim(F1, _modes(8), _modes(1), True, "table 6")]
     claims.append(Claim(F1, _modes(8), _modes(12), True, "section 6.1", alike=True))
     note = f"Means over networks of {', '.join(cast.ablated)}; the paper's over 25 speakers."
-    return Part("pats", tuple(rows), tuple(claims), note, cast.eight)
+    return TableSplit("pats", tuple(rows), tuple(claims), note, cast.eight)
 
 
 def _modes(count: int) -> str:
@@ -247,24 +247,26 @@ def _modes(count: int) -> str:
 KEPT = {PCK: "PCK ↑", F1: "F1 ↑", "pck_2d": "PCK, plain mean ↑", "mode_f1": "F1, clips apart ↑"}
 
 
-def _designs() -> Iterator[Design]:
+def _designs() -> Iterator[PaperTable]:
     title = f"{PAPER}: "
     parts = {k: tuple(make(cast) for cast in (THEIRS, OURS)) for k, make in enumerate(
         (_kept_1, _moved_2, _measured_3, _kept_4, _kept_5, _kept_6), 1
     )}  # fmt: skip
-    yield Design("mix-1", f"{title}table 1, style preservation", KEPT, parts[1], Kept, STYLES)
+    yield PaperTable("mix-1", f"{title}table 1, style preservation", KEPT, parts[1], StylePreservation, STYLES)
     moved = {
         IS: "IS ↑", "inception_score": "IS, in parts ↑", "score_of_set": "IS, of the set ↑",
         "named": "clips named right ↑", "named_windows": "windows named right ↑", "beat_align": "BA, lift ↑",
     }  # fmt: skip
-    yield Design("mix-2", f"{title}table 2, style transfer", moved, parts[2], partial(Moved, draw=draw_space), SPACE)
+    yield PaperTable(
+        "mix-2", f"{title}table 2, style transfer", moved, parts[2], partial(StyleTransfer, draw=draw_space), SPACE
+    )
     measured = {
         "rate": "strokes a minute",
         "amplitude": "amplitude",
         "right_share": "right arm's share",
         "orientation": "turned left, °",
     }
-    yield Design(
+    yield PaperTable(
         "mix-3",
         f"{title}supplement, table 3, attributes of style",
         measured,
@@ -273,10 +275,16 @@ def _designs() -> Iterator[Design]:
         HEAT,
     )
     few = {name: KEPT[name] for name in (PCK, F1)}
-    yield Design("mix-4", f"{title}supplement, table 4, style preservation by attribute", few, parts[4], Kept, STYLES)
-    yield Design("mix-5", f"{title}supplement, table 5, style preservation by speaker", few, parts[5], Kept, STYLES)
-    yield Design("mix-6", f"{title}supplement, table 6, number of sub-generators", KEPT, parts[6], Kept, STYLES)
+    yield PaperTable(
+        "mix-4", f"{title}supplement, table 4, style preservation by attribute", few, parts[4], StylePreservation, STYLES
+    )
+    yield PaperTable(
+        "mix-5", f"{title}supplement, table 5, style preservation by speaker", few, parts[5], StylePreservation, STYLES
+    )
+    yield PaperTable(
+        "mix-6", f"{title}supplement, table 6, number of sub-generators", KEPT, parts[6], StylePreservation, STYLES
+    )
 
 
-MIX: dict[str, Design] = {design.name: design for design in _designs()}
+MIX: dict[str, PaperTable] = {design.name: design for design in _designs()}
 """Name after ``--table`` → the table."""

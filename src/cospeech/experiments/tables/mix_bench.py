@@ -17,21 +17,21 @@ from ...metrics import Tools
 from ...metrics.controls import CONTROLS, control_rows
 from ...motion.rotations import Array
 from .controls import far_rows, faults_of
-from .designs import Cells, Design, Part, Pictures, Row
+from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .mix_figures import draw_styles
 from .mix_scores import NAMED, mean_cells, named_cells, score_cells
 from .mix_windows import MixWindows
 from .scores import cell, kept
-from .stages import CLASSIFIER, Player, Stages, of_speakers
+from .stages import CLASSIFIER, PlayableRun, Runs, of_speakers
 
-__all__ = ["Kept", "Measured", "Moved"]
+__all__ = ["Measured", "StylePreservation", "StyleTransfer"]
 
 
-Draw = Callable[[Mapping[str, Player], MixWindows], Pictures]
+Draw = Callable[[Mapping[str, PlayableRun], MixWindows], Pictures]
 """Label → system, and the windows → picture."""
 
 
-class Made(NamedTuple):
+class TransferOutput(NamedTuple):
     """What was made of windows: their numbers (n,), poses (n, 64, D) in the units of the store, whose style each is in."""
 
     which: Array
@@ -45,7 +45,7 @@ class _Windowed:
     columns: tuple[str, ...]
 
     def __init__(
-        self, design: Design, part: Part, stages: Stages, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
+        self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
     ) -> None:
         self.design, self.part, self.stages, self.draw = design, part, stages, draw
         self.columns, self.place = tuple(design.columns), MixWindows(stages.folder, raw)
@@ -61,11 +61,11 @@ class _Windowed:
         own = (type(self).__name__, self.stages.mark, self.columns, self.place.raw is not None, self.features)
         return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
 
-    def _player(self, row: Row, speakers: tuple[str, ...], seed: int) -> Player:
+    def _player(self, row: TableSystem, speakers: tuple[str, ...], seed: int) -> PlayableRun:
         assert row.recipe is not None
         return self.stages.player(row.recipe, seed, (*row.overrides, *of_speakers(speakers)))
 
-    def _facts(self, player: Player, runs: int) -> str:
+    def _facts(self, player: PlayableRun, runs: int) -> str:
         train = player.facts["recipe"]["train"]
         each = f", {runs} networks" if runs > 1 else ""
         return (
@@ -73,21 +73,21 @@ class _Windowed:
             f"{player.parameters:,} parameters{each}"
         )
 
-    def play(self, player: Player, which: Array, style: str) -> Made:
+    def play(self, player: PlayableRun, which: Array, style: str) -> TransferOutput:
         """What a system makes of windows in a speaker's style."""
         from ..playing import play, threads
 
         with threads(self.stages.threads):
             made = play(player.net, player.audio(self.place.rows("audio", which)), player.style(style))
-        return Made(which, player.unpose(made), [style] * len(which))
+        return TransferOutput(which, player.unpose(made), [style] * len(which))
 
-    def _label(self, row: Row) -> str:
+    def _label(self, row: TableSystem) -> str:
         """Of the system in the figure; of rows with one label the first is shown."""
         return row.name.partition(",")[0]
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
         """Of each system the network with the most speakers."""
-        shown: dict[str, Player] = {}
+        shown: dict[str, PlayableRun] = {}
         made = [row for row in self.part.rows if table["rows"].get(row.name, {}).get("cells")]
         for row in sorted(made, key=lambda row: -len(row.runs[0])):
             if self._label(row) not in shown:
@@ -95,7 +95,7 @@ class _Windowed:
         return self.draw(shown, self.place)
 
 
-class Kept(_Windowed):
+class StylePreservation(_Windowed):
     """Every speaker in their own style, beside the recording: tables 1, 4, 5 and 6. Figures are plain means over speakers."""
 
     @cached_property
@@ -105,7 +105,7 @@ class Kept(_Windowed):
         found = kept(Path(self.stages.runs) / "scores", key, lambda: self.place.centres().tolist())
         return Tools(centres=np.asarray(found))
 
-    def _score(self, player: Player, speaker: str) -> Cells:
+    def _score(self, player: PlayableRun, speaker: str) -> Cells:
         which = self.place.of([speaker])
         samples = self.place.samples(self.play(player, which, speaker).poses, which)
         return self._judged(samples, which)
@@ -114,7 +114,7 @@ class Kept(_Windowed):
         truth = self.place.samples(self.place.rows("pose", which), which)
         return {metric: cell(metric, samples, truth, self.tools) for metric in self.columns}
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """The mean over the speakers that are judged."""
         judged = row.judged or tuple(name for run in row.runs for name in run)
         parts, runs = [], [run for run in row.runs if {*run} & {*judged}]
@@ -143,11 +143,11 @@ class Kept(_Windowed):
         return faults_of(controls, self.columns)
 
 
-class Moved(_Windowed):
+class StyleTransfer(_Windowed):
     """Every speaker's speech in every other speaker's style: table 2."""
 
     @cached_property
-    def classifier(self) -> Player:
+    def classifier(self) -> PlayableRun:
         """Of all speakers of the store, twins among them; trained where it is not there."""
         return self.stages.player(f"{CLASSIFIER}_pats")
 
@@ -162,16 +162,16 @@ class Moved(_Windowed):
 
         return recognise(self.classifier.net, self.classifier.pose(poses))
 
-    def moved(self, player: Player, speakers: Sequence[str]) -> Made:
+    def moved(self, player: PlayableRun, speakers: Sequence[str]) -> TransferOutput:
         """All windows of these speakers in the styles of all others of them."""
         parts = []
         for style in speakers:
             which = self.place.of([name for name in speakers if name != style])
             parts.append(self.play(player, which, style))
         which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
-        return Made(which, poses, [name for part in parts for name in part.styles])
+        return TransferOutput(which, poses, [name for part in parts for name in part.styles])
 
-    def judged(self, made: Made, speakers: Sequence[str]) -> Cells:
+    def judged(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
         """All but what is heard."""
         classes, names = self.classes(made.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]
@@ -185,7 +185,7 @@ class Moved(_Windowed):
             return {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
         return cell("beat_align", [self.place.in_metres(clip) for clip in clips], (), Tools())
 
-    def _speaking(self, player: Player, speakers: Sequence[str]) -> list[Clip]:
+    def _speaking(self, player: PlayableRun, speakers: Sequence[str]) -> list[Clip]:
         """Whole test clips, each in the style of the speaker after its own."""
         from ..playing import play, threads
 
@@ -200,7 +200,7 @@ class Moved(_Windowed):
             made.append(replace(clip, points=points))
         return made
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Of one network."""
         (speakers,) = row.runs
         player = self._player(row, speakers, seed)
@@ -213,20 +213,20 @@ class Moved(_Windowed):
 
     def _recorded(self, speakers: Sequence[str]) -> dict[str, Cells]:
         """Control rows of a set of speakers: everyone in their own style, and beside their own speech."""
-        found: dict[str, list[Made]] = {name: [] for name in CONTROLS}
+        found: dict[str, list[TransferOutput]] = {name: [] for name in CONTROLS}
         heard: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
         for speaker in speakers:
             which = self.place.of([speaker])
             for name, clips in control_rows(self.place.recorded(which)).items():
                 poses = np.stack([self.place.pose.encode(clip.points) for clip in clips])
-                found[name].append(Made(which, poses, [speaker] * len(which)))
+                found[name].append(TransferOutput(which, poses, [speaker] * len(which)))
             if self.place.raw is not None:
                 for name, clips in control_rows(self.place.heard([speaker])).items():
                     heard[name] += clips
         rows = {}
         for name, parts in found.items():
             which, poses = np.concatenate([p.which for p in parts]), np.concatenate([p.poses for p in parts])
-            made = Made(which, poses, [style for p in parts for style in p.styles])
+            made = TransferOutput(which, poses, [style for p in parts for style in p.styles])
             rows[name] = self.judged(made, speakers) | {"beat_align": self._heard(heard[name])}
         return rows
 
@@ -250,7 +250,7 @@ class Moved(_Windowed):
 class Measured(_Windowed):
     """How often, how large, with which arm, turned where: in speakers' recordings, and moved to another's speech. Table 3."""
 
-    def _label(self, row: Row) -> str:
+    def _label(self, row: TableSystem) -> str:
         return " and ".join(row.runs[0])
 
     def _measured(self, poses: Array) -> Cells:
@@ -259,7 +259,7 @@ class Measured(_Windowed):
         found = attributes_of([body for body, _ in bodies], bodies[0][1], self.place.store.fps)
         return {name: {"value": float(getattr(found, name)), "interval": None, "note": ""} for name in self.columns}
 
-    def row(self, row: Row, seed: int) -> tuple[Cells, str]:
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """The other speakers' speech in the style of the one who is judged."""
         (speakers,), (style,) = row.runs, row.judged
         player = self._player(row, speakers, seed)

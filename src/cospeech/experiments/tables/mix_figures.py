@@ -14,7 +14,7 @@ from .designs import Pictures
 from .gesture_space import draw_gesture_space
 from .heatmaps import draw_heatmaps
 from .mix_windows import FRAMES, MixWindows
-from .stages import Player
+from .stages import PlayableRun
 
 __all__ = ["draw_heat_of_pairs", "draw_space", "draw_styles"]
 
@@ -33,7 +33,7 @@ def _sticks(place: MixWindows, label: str, vectors: Array) -> Sticks:
     return Sticks(label, body, PARENTS, [_name(joint) for joint in JOINTS])
 
 
-def draw_styles(players: Mapping[str, Player], place: MixWindows) -> Pictures:
+def draw_styles(players: Mapping[str, PlayableRun], place: MixWindows) -> Pictures:
     """The first test window as it was recorded, and in the first styles that each system knows.
 
     Args:
@@ -52,12 +52,12 @@ def draw_styles(players: Mapping[str, Player], place: MixWindows) -> Pictures:
     return draw_sticks(rows, place.store.fps, cells=CELLS)
 
 
-def draw_space(players: Mapping[str, Player], place: MixWindows) -> Pictures:
+def draw_space(players: Mapping[str, PlayableRun], place: MixWindows) -> Pictures:
     """The gesture space of the last system, which is the table's own: figure 2."""
     return draw_gesture_space([*players.values()][-1], place.store)
 
 
-def draw_heat_of_pairs(players: Mapping[str, Player], place: MixWindows) -> Pictures:
+def draw_heat_of_pairs(players: Mapping[str, PlayableRun], place: MixWindows) -> Pictures:
     """Heat maps of all systems, one below the other: figure 7."""
     sheets = [draw_heatmaps(player, place.store, title=label) for label, player in players.items()]
     width = max(sheet.shape[1] for sheet in sheets)

@@ -16,7 +16,7 @@ from ...metrics import FeatureNet, Sample, Tools, load_metric
 from ...motion.rotations import Array
 from .designs import Cells
 from .excerpts import Excerpts
-from .stages import Player, make_folder
+from .stages import PlayableRun, make_folder
 from .tsne import tsne
 
 __all__ = ["Judged", "cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
@@ -92,7 +92,7 @@ def judge(columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sam
     return cells
 
 
-def made_by(player: Player, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
+def made_by(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
     """(N, made, D) what a system makes of the windows, in the units of the store, from latents drawn with ``seed``."""
     from ..playing import perform
 
@@ -103,7 +103,9 @@ def made_by(player: Player, excerpts: Excerpts, *, seed: int, which: Array | Non
     return player.unpose(perform(player.net, history, audio, seed=seed))
 
 
-def score(columns: Sequence[str], player: Player, excerpts: Excerpts, tools: Tools, *, seed: int, threads: int = 0) -> Cells:
+def score(
+    columns: Sequence[str], player: PlayableRun, excerpts: Excerpts, tools: Tools, *, seed: int, threads: int = 0
+) -> Cells:
     """Scores of a trained system: one performance of every window, and `TAKES` of `SPEECHES` windows."""
     from ..playing import threads as limited
 
@@ -121,7 +123,7 @@ def score(columns: Sequence[str], player: Player, excerpts: Excerpts, tools: Too
 # latents ------------------------------------------------------------------------------------------------------------------
 
 
-def latents(player: Player, excerpts: Excerpts) -> Array:
+def latents(player: PlayableRun, excerpts: Excerpts) -> Array:
     """(N, D) latents of windows that do not overlap, each the mean over the frames made (authors' code, 30 frames)."""
     from ..playing import codes
 

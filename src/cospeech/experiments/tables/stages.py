@@ -1,4 +1,4 @@
-"""Stages: the runs that a table is made of: the feature networks first, then every row with every seed.
+"""Runs: the runs that a table is made of: the feature networks first, then every row with every seed.
 
 A run that is there is not trained again, one that was cut off goes on. Torch is imported when the first run is wanted.
 """
@@ -22,12 +22,12 @@ from ...metrics import FeatureNet
 from ...motion.rotations import Array
 from ...training.recipe import SHIPPED, Recipe, changed, load_recipe, read_recipe
 
-__all__ = ["FEATURES", "OMEGA", "SMALL", "Player", "Stages", "make_folder", "of_speakers"]
+__all__ = ["FEATURES", "OMEGA", "SMALL", "PlayableRun", "Runs", "make_folder", "of_speakers"]
 
 OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
 """Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
 SHARED = (OMEGA, FEATURES, CLASSIFIER)
-_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `Player` knows neither these nor a clip's own moments
+_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `PlayableRun` knows neither these nor a clip's own moments
 
 _SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
 _NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
@@ -69,7 +69,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Player:
+class PlayableRun:
     """A trained run, ready to be played on a store's windows.
 
     Args:
@@ -158,7 +158,7 @@ def make_folder(folder: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Stages:
+class Runs:
     """How and where a table's runs are made.
 
     Args:
@@ -266,7 +266,7 @@ class Stages:
             return False  # resuming says what differs
         return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
 
-    def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Player:
+    def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
         """A row's run, trained where it is not there."""
         folder = self.run(name, seed, more)
         from ...training.checkpoint import load_run, read_tensors, stands_for
@@ -276,7 +276,7 @@ class Stages:
         statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
         stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
         print_ = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
-        return Player(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
+        return PlayableRun(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
 
     def features(self) -> FeatureNet:
         """The feature network of FGD, of this store's training split; one for all rows and seeds."""

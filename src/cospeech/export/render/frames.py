@@ -16,7 +16,7 @@ from ...errors import InputError
 from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
-from .framing import Framing, Pose, Stage
+from .framing import FramedPose, Framing, PoseStage
 from .worker import Artist, Helper, Look, Pictures, pack
 
 __all__ = ["BACKDROP", "Film", "cores"]
@@ -50,7 +50,7 @@ class Film:
             raise InputError(f"{fps} pictures per second", "0 … 240, such as 30")
         self.look, self.fps = look, fps
         self._step = Fraction(motion_fps).limit_denominator(1001) / Fraction(fps).limit_denominator(1001)
-        self._stage = Stage(humanoid(), motion_fps)
+        self._stage = PoseStage(humanoid(), motion_fps)
         self._framing = Framing(look.view, humanoid(), fps)
         self._taken = self._drawn = 0
         self._rows: list[Array] = []
@@ -62,7 +62,7 @@ class Film:
 
     def push(self, motion: Motion) -> Iterator[Pictures]:
         """Take a piece of motion; give the pictures, (N, H, W, 3) at a time, that are ready."""
-        for pose in map(Pose, *self._stage.place(motion)):
+        for pose in map(FramedPose, *self._stage.place(motion)):
             while int(self._drawn * self._step) == self._taken:
                 self._drawn += 1
                 self._rows.extend(pack(*framed) for framed in self._framing.push(pose))

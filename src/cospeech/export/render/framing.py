@@ -15,14 +15,14 @@ from ...motion.skeleton import Skeleton
 from ...motion.skeletons.arkit import ARKIT
 from .camera import View
 
-__all__ = ["Framing", "Pose", "Stage", "box_of"]
+__all__ = ["FramedPose", "Framing", "PoseStage", "box_of"]
 
 _SLACK = 0.12  # metres that the hips may wander before the camera follows; ours: swaying is seen, walking is followed
 _HURRY = 0.16  # share of the remaining way that the camera goes in 1/30 s; ours
 _ASTRAY = 0.30  # metres between feet and floor in the first frame above which the file has another floor than ours
 
 
-class Pose(NamedTuple):
+class FramedPose(NamedTuple):
     """One frame, ready to draw: world rotations (J, 4), positions (J, 3) in metres, ARKit weights (52,).
 
     With one more dimension in front, a row of frames.
@@ -33,7 +33,7 @@ class Pose(NamedTuple):
     face: Array
 
 
-class Stage:
+class PoseStage:
     """Turns the character to the camera as it stands in the first frame, puts it on the floor, and follows where it walks.
 
     What it gives for a frame depends on that frame and those before it, not on the pieces in which motion comes.
@@ -45,7 +45,7 @@ class Stage:
         self._facing: Array | None = None
         self._centre, self._floor = (0.0, 0.0), 0.0
 
-    def place(self, motion: Motion) -> Pose:
+    def place(self, motion: Motion) -> FramedPose:
         """The T frames of ``motion``, which is on the skeleton announced: (T, J, 4), (T, J, 3) and (T, 52)."""
         positions, rotations = self._skeleton.forward(motion.rotations, motion.root)
         face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
@@ -56,10 +56,10 @@ class Stage:
             low, soles = float(positions[0, :, 1].min()), float(self._skeleton.tpose[:, 1].min())
             self._floor = low - soles if abs(low - soles) > _ASTRAY else 0.0
         if self._facing is None or not len(motion):
-            return Pose(rotations, positions, face)
+            return FramedPose(rotations, positions, face)
         centres = np.full((len(motion), 1, 3), self._floor)
         centres[:, 0, [0, 2]] = [self._follow(x, z) for x, z in positions[:, 0, [0, 2]].tolist()]
-        return Pose(quat_multiply(self._facing, rotations), quat_rotate(self._facing, positions - centres), face)
+        return FramedPose(quat_multiply(self._facing, rotations), quat_rotate(self._facing, positions - centres), face)
 
     def _follow(self, x: float, z: float) -> tuple[float, float]:
         """Where the camera's point of rest on the floor is when the hips are above (x, z)."""
@@ -88,12 +88,12 @@ class Framing:
         self._view, self._skeleton = view, skeleton
         self._settle, self._ahead = max(1, round(self.SETTLE * fps)), max(1, round(self.AHEAD * fps))
         self._box: Array | None = None
-        self._waiting: deque[Pose] = deque()
+        self._waiting: deque[FramedPose] = deque()
         self._boxes: deque[Array] = deque()
         self._sum = np.zeros(6)
         self._settled = False
 
-    def push(self, pose: Pose) -> Iterator[tuple[Pose, Array]]:
+    def push(self, pose: FramedPose) -> Iterator[tuple[FramedPose, Array]]:
         """Take a pose; give those whose box (6,) — low corner, high corner — is now known."""
         box = box_of(self._view, self._skeleton, pose.positions[None])
         old = box if self._box is None else self._box
@@ -105,7 +105,7 @@ class Framing:
         elif len(self._waiting) == self._settle:
             yield from self._start()
 
-    def flush(self) -> Iterator[tuple[Pose, Array]]:
+    def flush(self) -> Iterator[tuple[FramedPose, Array]]:
         """The rest, at the end of the motion."""
         if self._box is None:
             return
@@ -115,7 +115,7 @@ class Framing:
             self._see()
             yield self._next()
 
-    def _start(self) -> Iterator[tuple[Pose, Array]]:
+    def _start(self) -> Iterator[tuple[FramedPose, Array]]:
         self._settled = True
         for _ in range(self._ahead):
             self._see()
@@ -129,7 +129,7 @@ class Framing:
         if len(self._boxes) > self._ahead:
             self._sum = self._sum - self._boxes.popleft()
 
-    def _next(self) -> tuple[Pose, Array]:
+    def _next(self) -> tuple[FramedPose, Array]:
         return self._waiting.popleft(), self._sum / len(self._boxes)
 
 

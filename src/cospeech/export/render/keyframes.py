@@ -6,16 +6,16 @@ import numpy as np
 
 from ...motion.rotations import Array
 from ...motion.skeleton import Skeleton
-from .framing import Pose
+from .framing import FramedPose
 
-__all__ = ["Moments"]
+__all__ = ["Keyframes"]
 
 _BINS = 96  # stretches of time of which the best frame is kept; ours: a dozen for each picture of a strip
 _STILL = 0.10  # seconds; ours: a hand moving at 1 m/s must be 10 cm farther out to be worth as much as one at rest
 _MIDDLE = 0.6  # share of each stretch in which its picture may lie, so that two never show nearly the same moment
 
 
-class Moments:
+class Keyframes:
     """Keeps the frames in which the hands are farthest from hanging down, and nearly at rest, from all parts of a motion.
 
     Time is cut into at most 96 stretches of equal length, of which the best frame is kept; when there are more, every two
@@ -34,10 +34,10 @@ class Moments:
         self._arm = float(np.linalg.norm(tpose[self._hands[0]] - tpose[self._shoulders[0]]))
         self._fps, self.frames = fps, 0
         self._span = 1  # frames per stretch
-        self._kept: list[tuple[float, int, Pose]] = []
+        self._kept: list[tuple[float, int, FramedPose]] = []
         self._last: Array | None = None
 
-    def push(self, poses: Pose) -> None:
+    def push(self, poses: FramedPose) -> None:
         """Take T more frames, as `stage.Stage.place` gives them."""
         for k, worth in enumerate(self._worth(poses.positions).tolist()):
             stretch = self.frames // self._span
@@ -48,7 +48,7 @@ class Moments:
                 self._span *= 2
                 stretch = self.frames // self._span
             if stretch == len(self._kept) or worth > self._kept[stretch][0]:
-                kept = worth, self.frames, Pose(*(values[k].copy() for values in poses))
+                kept = worth, self.frames, FramedPose(*(values[k].copy() for values in poses))
                 self._kept[stretch:] = [kept]
             self.frames += 1
 
@@ -62,7 +62,7 @@ class Moments:
         speed = np.linalg.norm(hands - before, axis=-1) * self._fps
         return (np.linalg.norm(away, axis=-1) - _STILL * speed).sum(1)
 
-    def best(self, count: int) -> list[tuple[int, Pose]]:
+    def best(self, count: int) -> list[tuple[int, FramedPose]]:
         """At most ``count`` moments in order, as (frame, pose), one from each of as many equal parts of the motion."""
         chosen = []
         count = min(count, self.frames)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SAMPLES", "Seen", "front_facing", "sample_positions", "see"]
+__all__ = ["SAMPLES", "VisibleSamples", "front_facing", "sample_positions", "see"]
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -28,7 +28,7 @@ _SHIFT = np.array([0.25, 0.75], np.float32)  # where a sample lies in its half p
 _SLIVER = 1e-3  # samples²; ours: below half this area a triangle's depth is taken as constant
 
 
-class Seen(NamedTuple):
+class VisibleSamples(NamedTuple):
     """What is visible, one entry per covered sample, sorted by pixel.
 
     Attributes:
@@ -74,7 +74,7 @@ def front_facing(screen: Floats, triangles: Ints) -> NDArray[np.bool_]:
     return (turn < 0) & (inverse[0] > 0) & (inverse[1] > 0) & (inverse[2] > 0)
 
 
-def see(screen: Floats, triangles: Ints, width: int, height: int) -> Seen:
+def see(screen: Floats, triangles: Ints, width: int, height: int) -> VisibleSamples:
     """Find the nearest triangle at every sample of a picture of ``width × height`` pixels.
 
     Args:
@@ -88,7 +88,7 @@ def see(screen: Floats, triangles: Ints, width: int, height: int) -> Seen:
     owner = _settle(place, inverse, width * height * SAMPLES)
     sample = np.flatnonzero(owner >= 0).astype(np.int32)
     winner = owner.take(sample)
-    return Seen(sample, runs.triangle.take(run.take(winner)), inverse.take(winner))
+    return VisibleSamples(sample, runs.triangle.take(run.take(winner)), inverse.take(winner))
 
 
 def _runs(screen: Floats, triangles: Ints, width: int, height: int) -> _Runs:
@@ -145,7 +145,7 @@ def _slope(xa: Floats, ya: Floats, xb: Floats, yb: Floats) -> Floats:
 
 
 def _spread(runs: _Runs) -> tuple[Ints, Floats, Ints]:
-    """Spread runs into samples: index (as in `Seen`), inverse depth and run of each."""
+    """Spread runs into samples: index (as in `VisibleSamples`), inverse depth and run of each."""
     length = runs.length
     column = np.arange(int(length.sum()), dtype=np.int32)
     column += np.repeat(runs.column - (np.cumsum(length, dtype=np.int32) - length), length)

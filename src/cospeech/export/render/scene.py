@@ -94,7 +94,7 @@ class Scene:
         return picture
 
     def _resolve(
-        self, camera: Camera, seen: raster.Seen, screen: Array, shine: _Shine, backdrop: Array
+        self, camera: Camera, seen: raster.VisibleSamples, screen: Array, shine: _Shine, backdrop: Array
     ) -> tuple[raster.Ints, raster.Floats]:
         """Pixels that show the character, and their linear colours (3, P)."""
         width = camera.width

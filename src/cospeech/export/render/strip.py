@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ...audio.speech import Word
 from ...motion.rotations import Array
 
-__all__ = ["Layout", "Sound", "draw_strip"]
+__all__ = ["Sound", "StripLayout", "draw_strip"]
 
 Pictures = NDArray[np.uint8]
 
@@ -39,7 +39,7 @@ class Sound:
 
 
 @dataclass(frozen=True)
-class Layout:
+class StripLayout:
     """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
 
     ``rows`` of words are written below the axis.
@@ -90,7 +90,7 @@ class Layout:
 
 
 def draw_strip(
-    layout: Layout,
+    layout: StripLayout,
     pictures: Pictures,
     times: Sequence[float],
     duration: float,
@@ -119,7 +119,7 @@ def draw_strip(
     return np.asarray(sheet)
 
 
-def _curves(layout: Layout, times: Sequence[float], duration: float, sound: Sound | None) -> Image.Image:
+def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound: Sound | None) -> Image.Image:
     """Paper with the waveform, the axis and the leaders from the pictures to it, smooth."""
     big = Image.new("RGB", (layout.width * _SCALE, layout.height * _SCALE), _PAPER)
     pen = ImageDraw.Draw(big)
@@ -156,7 +156,7 @@ def _columns(values: Array, at: Array) -> Array:
 
 
 def _axis(
-    pen: ImageDraw.ImageDraw, layout: Layout, duration: float, font: ImageFont.FreeTypeFont | ImageFont.ImageFont
+    pen: ImageDraw.ImageDraw, layout: StripLayout, duration: float, font: ImageFont.FreeTypeFont | ImageFont.ImageFont
 ) -> None:
     room = 6 * layout.unit  # pixels between two labels at least
     step = next((t for t in _TICKS if layout.x(t, duration) - layout.margin >= room), _TICKS[-1])
@@ -171,7 +171,7 @@ def _axis(
 
 def _words(
     pen: ImageDraw.ImageDraw,
-    layout: Layout,
+    layout: StripLayout,
     duration: float,
     words: Sequence[Word],
     font: ImageFont.FreeTypeFont | ImageFont.ImageFont,

@@ -27,7 +27,7 @@ from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
 from ...motion.skeletons.arkit import ARKIT
 from .camera import View
-from .framing import Pose
+from .framing import FramedPose
 
 __all__ = ["Artist", "Helper", "Look", "pack"]
 
@@ -53,7 +53,7 @@ class Look:
     background: tuple[int, int, int]
 
 
-def pack(pose: Pose, box: Array) -> Array:
+def pack(pose: FramedPose, box: Array) -> Array:
     """A row of float32 that says all there is to say about one picture; ``box (6,)`` as `stage.Framing` gives it."""
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 

@@ -24,7 +24,7 @@ from ...motion.skeletons.arkit import ARKIT
 from .gesture_norm import GestureAdaLN, HyperNetwork
 from .temporal import SLOPE, Conv, ConvStack, Memory, TextTcn
 
-__all__ = ["EMOTIONS", "FACE", "Cascade", "Layers", "Made", "Signals", "Through", "Widths"]
+__all__ = ["EMOTIONS", "FACE", "Cascade", "CascadeOutput", "Layers", "Signals", "Through", "Widths"]
 
 EMOTIONS, FACE = len(NAMES), len(ARKIT)
 """How many emotions there are, BEAT's; and weights of a face as a store has them (BEAT has 51 of them)."""
@@ -83,7 +83,7 @@ class Signals(NamedTuple):
     """Seed poses and their flag, and noise."""
 
 
-class Made(NamedTuple):
+class CascadeOutput(NamedTuple):
     """What a cascade makes, (B, ·, T) each."""
 
     pose: Tensor
@@ -149,7 +149,7 @@ class Cascade(nn.Module):
         """Of a pose: those of the body, those of the hands."""
         self.register_buffer("order", torch.tensor([*body, *hands]).argsort(), persistent=False)
 
-    def forward(self, given: Signals, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> Made:
+    def forward(self, given: Signals, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> CascadeOutput:
         """Poses and faces of all frames.
 
         Args:
@@ -165,4 +165,4 @@ class Cascade(nn.Module):
         state, body = self.body(torch.cat([given.extra, x], 1), memory)
         x = self.hand_attention(torch.cat([x, state], 1), memory)  # Ĉ
         _, hands = self.hands(torch.cat([given.extra, self.hand_style(x, style)], 1), memory)
-        return Made(torch.cat([body, hands], 1)[:, self.order], made, features)
+        return CascadeOutput(torch.cat([body, hands], 1)[:, self.order], made, features)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from .norm import BatchNorm1d
-from .objective import Chance
+from .objective import StepRandom
 
 __all__ = ["TCN", "GlobalEncoder", "StyleEncoder", "as_steps", "blank_history", "drop_history", "frame_windows"]
 
@@ -19,7 +19,7 @@ def frame_windows(values: Tensor, length: int) -> Tensor:
     return values.unfold(1, length, 1).transpose(2, 3)
 
 
-def drop_history(histories: Tensor, probability: float, chance: Chance) -> Tensor:
+def drop_history(histories: Tensor, probability: float, chance: StepRandom) -> Tensor:
     """(B, F, τ, D) with whole poses blanked (the mean pose), each slot of each frame by itself (MoGlow's data dropout)."""
     if probability <= 0:
         return histories
@@ -27,7 +27,7 @@ def drop_history(histories: Tensor, probability: float, chance: Chance) -> Tenso
     return histories * kept.unsqueeze(-1)
 
 
-def blank_history(histories: Tensor, probability: float, chance: Chance) -> Tensor:
+def blank_history(histories: Tensor, probability: float, chance: StepRandom) -> Tensor:
     """(B, F, τ, D) with a frame's whole history replaced by its last pose: where somebody is, but not where they go."""
     if probability <= 0:
         return histories

@@ -183,7 +183,7 @@ class Latent(nn.Module):
         """(rows, frames, D) latents.
 
         Args:
-            normal: (rows, …) → that many draws of N(0, 1), such as `cospeech.models.nn.objective.Chance.normal`.
+            normal: (rows, …) → that many draws of N(0, 1), such as `cospeech.models.nn.objective.StepRandom.normal`.
         """
         z = normal(rows, frames, self.dim)
         if self.nu == float("inf"):

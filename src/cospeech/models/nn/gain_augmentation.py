@@ -8,14 +8,14 @@ import torch
 from torch import Tensor, nn
 
 from ...errors import InputError
-from .objective import Chance
+from .objective import StepRandom
 
-__all__ = ["Gain"]
+__all__ = ["GainAugmentation"]
 
 _STEP = 10.0  # dB that ``louder`` is told for
 
 
-class Gain(nn.Module):
+class GainAugmentation(nn.Module):
     """(B, T, A) standardised speech → the same, each clip louder or softer throughout; in training alone.
 
     Args:
@@ -38,7 +38,7 @@ class Gain(nn.Module):
         self.decibels = decibels
         self.register_buffer("louder", torch.tensor(tuple(louder)), persistent=False)
 
-    def forward(self, audio: Tensor, chance: Chance) -> Tensor:
+    def forward(self, audio: Tensor, chance: StepRandom) -> Tensor:
         if not self.training or not self.decibels:
             return audio
         steps = (2 * chance.uniform(len(audio), 1, 1) - 1) * (self.decibels / _STEP)

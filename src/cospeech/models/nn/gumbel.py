@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .objective import Chance
+from .objective import StepRandom
 
 __all__ = ["smooth_gumbel"]
 
@@ -13,7 +13,7 @@ JITTER = 1e-6  # ours: on the diagonal of the covariance, which neighbouring fra
 EDGE = 1e-6  # ours: probabilities stay so far from 0 and 1, so that noise is finite in float32
 
 
-def smooth_gumbel(chance: Chance, rows: int, width: int, frames: int, persistence: float) -> Tensor:
+def smooth_gumbel(chance: StepRandom, rows: int, width: int, frames: int, persistence: float) -> Tensor:
     """Noise that is of a standard Gumbel distribution at every frame, independent along ``width``: (rows, width, frames).
 
     A Gaussian process of the correlation (1 + λτ) e^(−λτ), λ = 2 / ``persistence``, through both distribution functions.

@@ -16,16 +16,16 @@ from ...errors import InputError, nearest
 from .cascade import EMOTIONS, FACE
 from .objective import Batch
 from .windowed import Windowed
-from .words import SubwordTable, WordVectors
+from .words import SubwordTable, WordEmbedding
 
-__all__ = ["INPUTS", "SEEDS", "Given", "ManyInputs", "weights_of"]
+__all__ = ["INPUTS", "SEEDS", "ManyInputs", "ModalityInputs", "weights_of"]
 
 SEEDS = 4  # poses that a window begins with; Liu et al. 2022 and Yoon et al. 2020
 INPUTS = ("text", "face", "emotion", "speaker", "seed")
 """What may be missing."""
 
 
-class Given(NamedTuple):
+class ModalityInputs(NamedTuple):
     """What poses are made of, frame by frame; zeros where it is missing."""
 
     audio: Tensor
@@ -48,7 +48,7 @@ def weights_of(labels: Tensor, count: int) -> Tensor:
 
 
 class ManyInputs(Windowed):
-    """A network with `forward`: (`Given`, noise) → (B, T, D), which plays windows of any length.
+    """A network with `forward`: (`ModalityInputs`, noise) → (B, T, D), which plays windows of any length.
 
     As a `Windowed` its frames of speech are [audio | embedded words], its styles [speakers' weights | emotions' weights]; face
     and poses to begin with are then missing.
@@ -58,9 +58,9 @@ class ManyInputs(Windowed):
     """What a clip may lack."""
     speakers: int
     """S."""
-    embedding: SubwordTable | WordVectors
+    embedding: SubwordTable | WordEmbedding
 
-    def _measures(self, pose: int, audio: int, speakers: int, embedding: SubwordTable | WordVectors, modes: int = 0) -> None:
+    def _measures(self, pose: int, audio: int, speakers: int, embedding: SubwordTable | WordEmbedding, modes: int = 0) -> None:
         """Set what the numbers of a `Windowed` are."""
         self.pose, self.speakers, self.embedding = pose, speakers, embedding
         self.audio = audio + embedding.width
@@ -72,7 +72,7 @@ class ManyInputs(Windowed):
         embedded: Tensor = self.embedding(text)
         return embedded
 
-    def given(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None) -> Given:
+    def given(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None) -> ModalityInputs:
         """The arrays of a batch as inputs.
 
         Args:
@@ -96,12 +96,12 @@ class ManyInputs(Windowed):
         begun = audio.new_zeros(rows, frames, 1)
         if "seed" not in lacks:
             begun[:, :SEEDS] = 1 if known is None else known[:, None, None]
-        return Given(
+        return ModalityInputs(
             audio, torch.zeros_like(words) if "text" in lacks else words, face, weights_of(emotion, EMOTIONS),
             weights_of(speaker, self.speakers), torch.cat([pose * begun, begun], -1),
         )  # fmt: skip
 
-    def trained_on(self, batch: Batch, unseeded: float) -> Given:
+    def trained_on(self, batch: Batch, unseeded: float) -> ModalityInputs:
         """A batch as inputs, in training a share of it without poses to begin with."""
         if not (unseeded and self.training):
             return self.given(batch.arrays)
@@ -130,7 +130,7 @@ class ManyInputs(Windowed):
         speaker, emotion = style.split([self.speakers, EMOTIONS], -1)
         nothing = heard.new_zeros(*heard.shape[:2], FACE + self.pose + 1)
         face, seed = nothing.split([FACE, self.pose + 1], -1)
-        made: Tensor = self(Given(heard, words, face, emotion, speaker, seed), nudge)
+        made: Tensor = self(ModalityInputs(heard, words, face, emotion, speaker, seed), nudge)
         return made
 
     @torch.no_grad()

@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol
 import torch
 from torch import Tensor, nn
 
-__all__ = ["Batch", "Chance", "Objective", "Trainable"]
+__all__ = ["Batch", "Objective", "StepRandom", "Trainable"]
 
 
-class Chance:
+class StepRandom:
     """Random numbers of one training step, the same however the global batch is spread over processes.
 
     Every process draws for the whole global batch and keeps its own rows; the draw depends on seed and step alone, so that a
@@ -58,7 +58,7 @@ class Batch:
     """
 
     arrays: Mapping[str, Tensor]
-    chance: Chance
+    chance: StepRandom
 
     def __getitem__(self, name: str) -> Tensor:
         return self.arrays[name]

@@ -11,10 +11,10 @@ from torch.nn import functional as F
 
 from .content import StyleLogits
 
-__all__ = ["NoStyle", "Seen", "SpeakerStyle"]
+__all__ = ["NoStyle", "SpeakerStyle", "StyleReading"]
 
 
-class Seen(NamedTuple):
+class StyleReading(NamedTuple):
     """What a style encoder says of poses."""
 
     logits: Tensor
@@ -44,12 +44,12 @@ class SpeakerStyle(nn.Module):
         """(B, T or 1, S) weights of the speakers → (B, width, T or 1) weights · S."""
         return (weights @ self.matrix).mT
 
-    def see(self, pose: Tensor) -> Seen:
+    def see(self, pose: Tensor) -> StyleReading:
         """Of (B, D, T) poses, T ≥ 64."""
         logits = self.encoder(pose)
-        return Seen(logits, F.one_hot(logits.argmax(1), self.speakers).to(logits).unsqueeze(1))
+        return StyleReading(logits, F.one_hot(logits.argmax(1), self.speakers).to(logits).unsqueeze(1))
 
-    def identity(self, seen: Seen, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
+    def identity(self, seen: StyleReading, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
         """Equation 6: CCE of what was seen in recorded poses and is seen in generated ones (B, D, T)."""
         return {"id": F.cross_entropy(seen.logits, speaker) + F.cross_entropy(self.judge(made), speaker)}
 
@@ -72,10 +72,10 @@ class NoStyle(nn.Module):
         """(B, T or 1, 0) → (B, 0, T or 1)."""
         return weights.mT
 
-    def see(self, pose: Tensor) -> Seen:
+    def see(self, pose: Tensor) -> StyleReading:
         """No logits, no weights."""
-        return Seen(pose.new_zeros(len(pose), 0), pose.new_zeros(len(pose), 1, 0))
+        return StyleReading(pose.new_zeros(len(pose), 0), pose.new_zeros(len(pose), 1, 0))
 
-    def identity(self, seen: Seen, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
+    def identity(self, seen: StyleReading, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
         """No term."""
         return {}

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from ...audio.features.words import BUCKETS
 
-__all__ = ["SubwordTable", "WordVectors", "word_embedding"]
+__all__ = ["SubwordTable", "WordEmbedding", "word_embedding"]
 
 
 class SubwordTable(nn.Module):
@@ -27,7 +27,7 @@ class SubwordTable(nn.Module):
         return found
 
 
-class WordVectors(nn.Module):
+class WordEmbedding(nn.Module):
     """(B, T, width) vectors learnt elsewhere, as they are."""
 
     def __init__(self, width: int) -> None:
@@ -38,11 +38,11 @@ class WordVectors(nn.Module):
         return vectors
 
 
-def word_embedding(text: int, width: int) -> SubwordTable | WordVectors:
+def word_embedding(text: int, width: int) -> SubwordTable | WordEmbedding:
     """What makes numbers of a store's words.
 
     Args:
         text: width of the store's word vectors; 0: it has ids of subwords.
         width: of a word, where the network learns it.
     """
-    return WordVectors(text) if text else SubwordTable(width)
+    return WordEmbedding(text) if text else SubwordTable(width)

@@ -17,7 +17,7 @@ from ..skeleton import Skeleton, humanoid
 from ..skeletons.arkit import ARKIT, ARKIT_MIRROR
 from .joints import build_motion, check_humanoid, humanoid_vectors, pick
 
-__all__ = ["FACE", "MIRROR", "Face"]
+__all__ = ["FACE", "MIRROR", "FacePose"]
 
 _CHAIN = ("neck", "head")
 _WEIGHTS = len(ARKIT)
@@ -28,7 +28,7 @@ MIRROR = (*ARKIT_MIRROR, *range(_WEIGHTS, _WEIGHTS + 3))
 
 
 @dataclass(frozen=True)
-class Face:
+class FacePose:
     """``encode(Motion) -> (T, 55)``, ``decode((T, 55), fps) -> Motion``, both on our humanoid."""
 
     name: str = "face"
@@ -71,4 +71,4 @@ class Face:
         return Motion(fps, made.rotations.astype(np.float32), made.root.astype(np.float32), face, body, start)
 
 
-FACE = Face()
+FACE = FacePose()

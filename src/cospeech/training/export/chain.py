@@ -13,7 +13,7 @@ from ...audio.emotions import EMOTIONS
 from ...errors import InputError
 from ...models.chain_live import ChainLive
 from ...models.nn.gumbel import smooth_gumbel
-from ...models.nn.objective import Chance
+from ...models.nn.objective import StepRandom
 from ...motion.rotations import Array
 from ...runtime.chain_bundle import ChainStatistics, write_chain
 from ...runtime.chain_engine import ChainEngine
@@ -121,7 +121,7 @@ def _calibrated(
     rows, moods = (_cut(x, frames) for x in (rows, moods))
     noise = rows.new_zeros(2, len(rows), frames, whole.modes)
     if whole.modes:
-        noise = smooth_gumbel(Chance(0, 0), 2 * len(rows), whole.modes, frames, persistence).mT.unflatten(0, (2, -1))
+        noise = smooth_gumbel(StepRandom(0, 0), 2 * len(rows), whole.modes, frames, persistence).mT.unflatten(0, (2, -1))
     own = _cut(examples["stretches"].flatten(0, 1), frames).unflatten(0, (len(examples["stretches"]), -1))
     styles = [torch.cat([w.expand(len(rows), frames, -1), moods], -1) for w in torch.eye(speakers)]
     stray = _stray(*(model.make(rows, styles[0], each) for each in noise)) if whole.modes else 1.0

@@ -10,7 +10,7 @@ import torch
 
 from ...errors import InputError
 from ...models.nn.conditioning import frame_windows
-from ...models.nn.objective import Chance
+from ...models.nn.objective import StepRandom
 from ...motion.poses.controls import CONTROLS, QUANTILES
 from ...runtime.flow_bundle import Statistics, write_flow
 from ...runtime.flow_weights import FlowSizes
@@ -116,7 +116,7 @@ def _left_alone(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tens
         audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
     tau, poses, states = model.config.history, stretches[:, : model.config.history], None
     heard, style = frame_windows(audio, model.heard), [codes] if codes.shape[1] else []
-    z = model.flow.latent.sample(Chance(0, 0).normal, len(stretches), heard.shape[1])
+    z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), heard.shape[1])
     for t in range(heard.shape[1]):
         made, states = model.step(z[:, t], poses[:, -tau:], heard[:, t], states, *style)
         made = pull * made.clamp(examples["pose_low"], examples["pose_high"])

@@ -12,9 +12,9 @@ import torch
 
 from ...errors import InputError
 from ...models.nn.gumbel import smooth_gumbel
-from ...models.nn.objective import Chance
+from ...models.nn.objective import StepRandom
 from ...motion.rotations import Array
-from ...runtime.manifest import Scales, pose_bounds
+from ...runtime.manifest import Normalisation, pose_bounds
 from ...runtime.mode_noise import SECONDS
 from ...runtime.window_bundle import WindowStatistics, half, unpacked, write_window
 from ...runtime.window_engine import WindowEngine
@@ -22,7 +22,7 @@ from .window_graph import Lowered, lower
 
 __all__ = ["bundle_window", "calibration", "relative_error", "statistics_of"]
 
-T = TypeVar("T", bound=Scales)
+T = TypeVar("T", bound=Normalisation)
 
 DIGITS = 6  # of the measured error
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
@@ -95,7 +95,7 @@ def _calibrated(
     speech = speech.unfold(1, frames, frames).flatten(0, 1).mT
     noise = torch.zeros(len(speech), frames, 0)
     if model.modes:
-        noise = smooth_gumbel(Chance(0, 0), len(speech), model.modes, frames, persistence).mT
+        noise = smooth_gumbel(StepRandom(0, 0), len(speech), model.modes, frames, persistence).mT
     made = [model.make(speech, code.expand(len(speech), frames, -1), noise) for code in codes]
     own = examples["stretches"].unfold(2, frames, frames).movedim(-1, -2).flatten(1, 2)
     return calibration(torch.stack(made), own)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech import InputError, Speech
-from cospeech.audio.features import LOG_MEL_NAMES, LogMelFeatures, hear, log_mel_400
+from cospeech.audio.features import LOG_MEL_NAMES, LogMelFeatures, log_mel_400, open_features
 from cospeech.audio.features.frames import FrameFeatures
 from cospeech.audio.features.log_mel import log_mel_at, log_mel_count
 from cospeech.audio.features.mel import mel_triangles, spectra
@@ -119,8 +119,8 @@ def test_bad_use():
 
 
 def test_names_of_audio_choose_the_front_end():
-    assert isinstance(hear("log-mel-400", 15.0), LogMelFeatures)
-    assert isinstance(hear("mel64", 15.0), FrameFeatures)
+    assert isinstance(open_features("log-mel-400", 15.0), LogMelFeatures)
+    assert isinstance(open_features("mel64", 15.0), FrameFeatures)
     rows = heard(voice(0.5), 15.0)
     np.testing.assert_array_equal(reduce_audio(rows, "log-mel-400"), rows)
     with pytest.raises(InputError, match=r"'log-mel-400' is made of \(frames, 64\)"):
@@ -128,7 +128,7 @@ def test_names_of_audio_choose_the_front_end():
     with pytest.raises(InputError, match=r"'mel64' is made of \(frames, 84\)"):
         reduce_audio(rows, "mel64")
     with pytest.raises(InputError, match="no reduction"):
-        hear("log-mel", 15.0)
+        open_features("log-mel", 15.0)
 
 
 @pytest.mark.parametrize("rate", [16_000, 44_100])

@@ -23,7 +23,7 @@ from cospeech.rules import RuleBasedModel
 from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
 from cospeech.runtime.mouth import BundleMouth, open_mouth, spoken_setting
-from test_rules_face import EMOTIONS, act, channel, open_features, opening, silence, speech
+from test_rules_face import EMOTIONS, act, channel, hear, opening, silence, speech
 from window_bundles import NAMES, write_small_window
 
 RATE = 16_000
@@ -193,7 +193,7 @@ def test_it_stays_shut_in_silence_whatever_the_mouth_says():
         assert np.array_equal(weights, act(Face(seed=1), np.arange(300) / 30, silence(10), emotion=emotion))
     loud = np.zeros(600)
     loud[200:400] = 0.9
-    jaw = channel(act(Face(seed=1), np.arange(600) / 100, open_features(loud), spoken=np.ones((600, 52))), "jawOpen")
+    jaw = channel(act(Face(seed=1), np.arange(600) / 100, hear(loud), spoken=np.ones((600, 52))), "jawOpen")
     assert max(jaw[:160].max(), jaw[440:].max()) < 0.03
     assert jaw[195:405].min() > 0.9  # never late for a phrase
 
@@ -202,7 +202,7 @@ def test_it_stays_shut_in_silence_whatever_the_mouth_says():
 def test_words_close_the_lips_of_a_learnt_mouth(emotion):
     words = [Word("papa", 0.5, 0.94), Word("mama", 1.0, 1.44)]
     times, spoken = np.arange(180) / 60, np.tile(row(jawOpen=0.4, mouthLowerDownLeft=0.3, mouthLowerDownRight=0.3), (180, 1))
-    heard = open_features(np.full(300, 0.9))
+    heard = hear(np.full(300, 0.9))
     given = {"emotion": emotion, "spoken": spoken}
     without, closed = (opening(act(Face(seed=2), times, heard, words=w, **given)) for w in ((), words))
     within = (times > 0.45) & (times < 1.44)
@@ -215,7 +215,7 @@ def test_words_close_the_lips_of_a_learnt_mouth(emotion):
 
 
 def test_words_shape_the_lips_of_a_learnt_mouth_but_not_its_jaw():
-    heard, times = open_features(np.full(300, 0.85)), np.arange(60, 110) / 100
+    heard, times = hear(np.full(300, 0.85)), np.arange(60, 110) / 100
     spoken = np.tile(row(jawOpen=0.2, mouthPucker=0.1), (50, 1))
 
     def most(word, name):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.metrics import REFERENCE, Row, Track, movement_statistics
+from cospeech.metrics import REFERENCE, ReferenceRow, Track, movement_statistics
 from cospeech.metrics.movement import mean_rows, window_statistics
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_identity, quat_rotate
@@ -58,7 +58,7 @@ def test_every_row_of_the_reference_is_measured():
 def test_reference_is_in_order():
     assert all(row.low <= row.mean <= row.high for row in REFERENCE.values())
     assert len(REFERENCE) == 86
-    assert not Row(1, 0, 2).holds(np.nan)
+    assert not ReferenceRow(1, 0, 2).holds(np.nan)
 
 
 def test_sine_speeds_are_those_of_calculus():

@@ -292,8 +292,8 @@ def test_streamed_is_loaded(tmp_path):
 
 MEASURE = """
 import resource, sys
-from cospeech.speech import open_speech
-from cospeech.features import ProsodyStream
+from cospeech.audio.speech import open_speech
+from cospeech.audio.features import ProsodyStream
 def run(path, analyse):
     stream = ProsodyStream()
     with open_speech(path) as source:

@@ -256,7 +256,7 @@ def quick(monkeypatch):
     monkeypatch.setattr("cospeech.corpora.synthetic.perform", still)
     monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
     for layout in ("beat", "trinity"):
-        monkeypatch.setattr(f"cospeech.corpora.{layout}.write", keep)
+        monkeypatch.setattr(f"cospeech.corpora.{layout}.read.write", keep)
     return seen
 
 

@@ -20,7 +20,7 @@ from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
-from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
 from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
@@ -100,8 +100,8 @@ def runs(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def stages(store, recipes, runs) -> Stages:
-    return Stages(store, runs, recipes, threads=1, about="made up")
+def stages(store, recipes, runs) -> Runs:
+    return Runs(store, runs, recipes, threads=1, about="made up")
 
 
 # what the papers say ------------------------------------------------------------------------------------------------------

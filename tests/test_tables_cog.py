@@ -16,7 +16,7 @@ from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.figures.lines import Lines, Series, draw_lines
-from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
 from cospeech.experiments.tables.cog_bench import COSTS, cost_cells, made_by
 from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
@@ -90,8 +90,8 @@ def recipes(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def stages(store, recipes, tmp_path_factory) -> Stages:
-    return Stages(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
+def stages(store, recipes, tmp_path_factory) -> Runs:
+    return Runs(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
 
 
 @pytest.fixture(scope="session")

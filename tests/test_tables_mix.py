@@ -14,7 +14,7 @@ from PIL import Image
 from cospeech.corpora.store import Entry, Store
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
-from cospeech.experiments.tables import TABLES, Stages, draw_table, make_table, to_text
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables import making as making
 from cospeech.experiments.tables import mix as design
 from cospeech.experiments.tables.controls import spread
@@ -108,8 +108,8 @@ def build_config(name: str):
 
 
 @pytest.fixture(scope="session")
-def stages(store, recipes, tmp_path_factory) -> Stages:
-    return Stages(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
+def stages(store, recipes, tmp_path_factory) -> Runs:
+    return Runs(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
 
 
 @pytest.fixture(autouse=True)

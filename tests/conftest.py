@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,18 @@ def blender_python() -> str:
 def node() -> str:
     """Node ≥ 18, with ``tests/node/node_modules`` installed."""
     return program("COSPEECH_NODE", "Node.js")
+
+
+@pytest.fixture
+def cli(monkeypatch, capsys):
+    """Run ``cospeech ARGUMENTS`` in this process; (exit code, stdout, stderr)."""
+    from cospeech.cli.main import main
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["cospeech", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return int(ended.value.code or 0), said.out, said.err
+
+    return run

@@ -18,7 +18,6 @@ import soundfile
 import cospeech
 from cospeech.cli.batch import generate_speeches
 from cospeech.cli.demo import EXAMPLE
-from cospeech.cli.main import main
 from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS
 from cospeech.models import PARTS
@@ -43,20 +42,6 @@ def place(tmp_path, monkeypatch):
         soundfile.write(f"{name}.wav", speech[: rate // 4 * k], rate)
     Path("rec/you/notes.txt").write_text("no sound\n")
     return tmp_path
-
-
-@pytest.fixture
-def cli(monkeypatch, capsys):
-    """Run ``cospeech ARGUMENTS`` in this process; (exit code, stdout, stderr)."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cospeech", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return run
 
 
 def files(folder: str) -> list[str]:

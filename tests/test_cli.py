@@ -6,7 +6,6 @@ import json
 import math
 import re
 import signal
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ import soundfile
 import cospeech
 from cospeech.cli.catalogue import CATALOGUES
 from cospeech.cli.demo import EXAMPLE
-from cospeech.cli.main import main
 from cospeech.export import FORMATS
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleBasedModel
@@ -40,20 +38,6 @@ def place(tmp_path, monkeypatch):
     speech = speech[: int(SECONDS * rate)]
     soundfile.write("talk.wav", speech, rate)
     return tmp_path
-
-
-@pytest.fixture
-def cli(monkeypatch, capsys):
-    """Run ``cospeech ARGUMENTS`` in this process; (exit code, stdout, stderr)."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cospeech", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return run
 
 
 def frames_of(path: Path) -> int:

@@ -48,6 +48,7 @@ SIZES: dict[str, dict[str, object]] = {
     "speaker-classifier": {"channels": 4},
     "speech2gesture": {"channels": 8, "judge": 4},
     "chain-of-generation": CHAIN,
+    "chain-of-generation-extended": CHAIN,
     "chain-of-generation-live": CHAIN,
     "camn": MANY | {"audio": 6, "text": 4},
     "multi-context": MANY | {"audio": 6, "text": 4, "adversarial_from": 5},

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..models.chain_of_generation import Chain
+from ..models.chain_of_generation import ChainOfGeneration
 from ..models.nn.windowed import Windowed
 from ..motion.rotations import Array
 
@@ -163,7 +163,7 @@ def play_given(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[st
     asked: Any = getattr(net, "play", None)
     if asked is None:
         raise InputError(f"{type(net).__name__} is not played with many inputs", "Chain of Generation, CaMN, multi-context are")
-    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, Chain) else {}
+    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, ChainOfGeneration) else {}
     device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
     for k in range(0, count, BATCH):
         some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}

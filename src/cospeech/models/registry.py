@@ -80,6 +80,11 @@ _OURS = {
         "Chain of Generation (Xu et al. 2024): speaker and mood heard in the voice, then a face, a body, hands",
         "Xu et al. 2024", needs=_ALL,
     ),
+    "chain-of-generation-extended": ModelEntry(
+        "cospeech.models.chain_of_generation_extended:ChainOfGenerationExtended",
+        "Chain of Generation with our additions, which the weights that ship have: takes differ, inputs may be missing or given",
+        "Xu et al. 2024", plays=False, needs=_ALL,
+    ),
     "speech-to-face": ModelEntry(
         "cospeech.models.speech_to_face:SpeechToFace",
         "The face alone, learnt from real speakers: the mouth of all the other models, too",

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from ...models.camn import SLOPE as HEARD_SLOPE
 from ...models.camn import Camn, EmotionEncoder, SpeakerEncoder
 from ...models.chain_live import ChainLive
-from ...models.chain_of_generation import Chain, ChainOfGeneration
+from ...models.chain_of_generation import ChainOfGeneration
 from ...models.multi_context import MultiContext
 from ...models.nn.basic_block import BasicBlock
 from ...models.nn.cascade import EMOTIONS, FACE, Cascade
@@ -64,7 +64,7 @@ class Inputs(NamedTuple):
 
 
 @torch.no_grad()
-def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
+def lower_chain(net: ChainOfGeneration | ManyInputs) -> LoweredChain:
     """A network, as it evaluates, as graphs; of a `ChainLive` its teacher's and its own."""
     weights: dict[str, Array] = {}
     whole: Any = net.teacher if isinstance(net, ChainLive) else net
@@ -77,7 +77,7 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
         b = RecurrentGraph(weights, "classify")
         b.as_rows(_classified(b, b.rows("rows", whole.ear.inputs, many=False), whole.classifier), "logits")
         graphs["classify"] = b.made({"rows": (1, "T", whole.ear.inputs)}, {"logits": (1, "T", whole.styles)})
-    words = (whole.word if isinstance(whole, Chain) else whole.embedding).width
+    words = (whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding).width
     sizes = ChainSizes(
         pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTIONS, noise=whole.modes,
         window=whole.window, reach=reach, look_ahead=net.delay if isinstance(net, ChainLive) else 0,
@@ -88,10 +88,9 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
 
 def _optional(net: Any) -> dict[str, int]:
     """Of `ChainSizes`: numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
-    if not isinstance(net, Chain):
+    if not isinstance(net, ChainOfGeneration):
         return {}
-    c = net.config
-    return {"faces": FACE * (c.faced > 0), "seeds": c.seeds * (c.unseeded < 1)}
+    return {"faces": FACE * net.accepts_face, "seeds": net.config.seeds * net.accepts_seeds}
 
 
 def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
@@ -121,7 +120,7 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 
 @_poses.register
-def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
+def _(net: ChainOfGeneration, b: RecurrentGraph, given: Inputs) -> Wave:
     ear: Any = net.ear
     speech, words = b.parts(given.rows, ear.inputs, net.word.width)
     heard = _convs(b, speech, ear.convs)

@@ -16,7 +16,7 @@ from torch import nn  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
-from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
+from cospeech.models.chain_of_generation_extended import ChainOfGenerationExtended  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
 from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
@@ -27,9 +27,9 @@ _MANY = {"hidden": 16, "layers": 2, "audio": 8, "text": 8, "face": 6, "word_widt
 TOLERANCE = 2e-5  # of poses of about 1: float32
 
 
-def chain(**changes: Any) -> ChainOfGeneration:
+def chain(**changes: Any) -> ChainOfGenerationExtended:
     sizes = {"pose": POSE, "audio": AUDIO, "speakers": SPEAKERS, "hands": HANDS, "text": changes.pop("text", 0)}
-    return ChainOfGeneration(ChainOfGeneration.Config(**(_CHAIN | changes)), **sizes)
+    return ChainOfGenerationExtended(ChainOfGenerationExtended.Config(**(_CHAIN | changes)), **sizes)
 
 
 def live(**changes: Any) -> ChainLive:
@@ -39,7 +39,7 @@ def live(**changes: Any) -> ChainLive:
     return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
 
 
-def asked(**changes: Any) -> ChainOfGeneration:
+def asked(**changes: Any) -> ChainOfGenerationExtended:
     """That was trained to be given faces and seed poses, and to do without."""
     return chain(faced=0.3, unseeded=0.7, **changes)
 

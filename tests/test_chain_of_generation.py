@@ -16,6 +16,7 @@ from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.chain_live import ChainLive, ChainLiveConfig  # noqa: E402
 from cospeech.models.chain_of_generation import INPUTS, ChainConfig, ChainOfGeneration  # noqa: E402
+from cospeech.models.chain_of_generation_extended import ChainExtendedConfig, ChainOfGenerationExtended  # noqa: E402
 from cospeech.models.nn.channel_attention import ChannelAttention, PastAttention  # noqa: E402
 from cospeech.models.nn.contrast import info_nce  # noqa: E402
 from cospeech.models.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
@@ -37,14 +38,21 @@ POSE, AUDIO, SPEAKERS, ROWS, FRAMES = 7, 5, 3, 4, 24
 HANDS = [2, 3, 6]
 SMALL = {
     "frames": FRAMES, "latent": 8, "hidden": 6, "layers": 2, "reduction": 4, "word_width": 5, "text_channels": 6,
-    "classifier_channels": 6, "dropout": 0.0, "judge_channels": 4,
+    "classifier_channels": 6, "dropout": 0.0,
 }  # fmt: skip
 
 
-def chain(seed: int = 0, **changes) -> ChainOfGeneration:
+def published(seed: int = 0, **changes) -> ChainOfGeneration:
     torch.manual_seed(seed)
     config = ChainConfig(**(SMALL | changes))
     return ChainOfGeneration(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS)
+
+
+def chain(seed: int = 0, **changes) -> ChainOfGenerationExtended:
+    """With what is ours, off unless it is asked for."""
+    torch.manual_seed(seed)
+    config = ChainExtendedConfig(**(SMALL | changes))
+    return ChainOfGenerationExtended(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS)
 
 
 def live(seed: int = 0, teacher=None, **changes) -> ChainLive:
@@ -83,7 +91,7 @@ def reached(net, terms: dict) -> set[str]:
 @pytest.mark.parametrize("make", [chain, live])
 @pytest.mark.parametrize("labelled", [0.0, 0.5, 1.0])
 def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, labelled):
-    net = make(adversarial=1.0, noise=2, labelled=labelled, borrowed=0.3, manner=1.0).train()
+    net = make(adversarial=1.0, judge_channels=4, noise=2, labelled=labelled, borrowed=0.3, manner=1.0).train()
     data = batch(net)
     parts = net.objectives()
     assert [*parts] == ["classifier", "judge", "gestures"]
@@ -188,6 +196,21 @@ def test_two_directions_are_summed():
             getattr(first.lstm, name + suffix).data.copy_(value.data)
     ahead, back = one(x.mT)[0], one(x.mT.flip(1))[0].flip(1)
     assert torch.allclose(first(x, Memory()), (ahead + back).mT, atol=1e-6)
+
+
+def test_with_all_that_is_ours_off_it_is_the_published_model():
+    paper, ours = published().train(), chain().train()
+    assert {name: value.shape for name, value in paper.state_dict().items()} == {
+        name: value.shape for name, value in ours.state_dict().items()
+    }
+    data = batch(paper)
+    assert [*paper.objectives()] == [*ours.objectives()] == ["classifier", "gestures"]
+    for stage in ("classifier", "gestures"):
+        torch.manual_seed(1)
+        first = paper.objectives()[stage].loss(data, 0)
+        torch.manual_seed(1)
+        assert first == ours.objectives()[stage].loss(data, 0)
+    assert torch.equal(paper.eval().play(data.arrays)["pose"], ours.eval().play(data.arrays)["pose"])
 
 
 def test_the_losses_are_those_of_equation_9():
@@ -483,7 +506,7 @@ def test_words_are_the_mean_of_their_rows_and_silence_is_zero():
 
 
 def test_sizes_that_do_not_fit_are_told():
-    base = ChainConfig(**SMALL)
+    base = ChainExtendedConfig(**SMALL)
     for wrong in (
         {"frames": 4},
         {"ear": "left"},
@@ -493,7 +516,7 @@ def test_sizes_that_do_not_fit_are_told():
         {"seeds": -1},
     ):
         with pytest.raises(InputError):
-            ChainOfGeneration(replace(base, **wrong), pose=POSE, audio=AUDIO, speakers=2, hands=HANDS)
+            ChainOfGenerationExtended(replace(base, **wrong), pose=POSE, audio=AUDIO, speakers=2, hands=HANDS)
     for hands in ([], [*range(POSE)], [1, 1], [9]):
         with pytest.raises(InputError, match="hands"):
             ChainOfGeneration(base, pose=POSE, audio=AUDIO, speakers=2, hands=hands)
@@ -507,8 +530,8 @@ def test_sizes_that_do_not_fit_are_told():
 def test_louder_speech_is_heard_in_training_alone_and_by_all():
     steps = [0.5, 1.0, 0.0, 0.0, 0.25]
     torch.manual_seed(0)
-    config = ChainConfig(**(SMALL | {"gain": 12.0, "adversarial": 1.0}))
-    net = ChainOfGeneration(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, louder=steps).train()
+    config = ChainExtendedConfig(**(SMALL | {"gain": 12.0, "adversarial": 1.0}))
+    net = ChainOfGenerationExtended(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, louder=steps).train()
     data = batch(net)
     turn = net._turn(data)
     more = (turn.recorded["audio"] - data["audio"]) / torch.tensor(steps)
@@ -585,7 +608,7 @@ def recipe(name: str, needs: dict | None = None, data: dict | None = None, **con
 def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
     store = spoken_store(tmp_path / "store")
     config = SMALL | {"classifier_steps": 2, "gain": 6.0, "adversarial": 1.0, "noise": 2}
-    train(recipe("chain-of-generation", **config), store, tmp_path / "run")
+    train(recipe("chain-of-generation-extended", **config), store, tmp_path / "run")
     net, facts = load_run(tmp_path / "run")
     assert facts["sizes"]["hands"] == [2, 3, 6]
     assert facts["sizes"]["text"] == 0
@@ -606,7 +629,7 @@ def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
         assert torch.equal(value, student.teacher.classifier.state_dict()[name])
     assert torch.equal(student.word.table.weight, net.word.table.weight)
     with pytest.raises(InputError, match="louder"):
-        train(recipe("chain-of-generation", data={"audio": "mel29-linear"}, **config), store, tmp_path / "powers")
+        train(recipe("chain-of-generation-extended", data={"audio": "mel29-linear"}, **config), store, tmp_path / "powers")
 
 
 def test_a_clip_may_lack_what_is_spare(tmp_path):

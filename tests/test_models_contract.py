@@ -18,7 +18,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 from cospeech.audio.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import ENTRIES, NETWORKS  # noqa: E402
-from cospeech.models.chain_of_generation import Chain  # noqa: E402
+from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
@@ -57,7 +57,8 @@ TINY = {
     "speaker-classifier": {"channels": 4},
     "speaker-classifier+plain": {"channels": 4, "plain": True},
     "chain-of-generation": _CHAIN,
-    "chain-of-generation+played": _CHAIN | _PLAYED,
+    "chain-of-generation-extended": _CHAIN,
+    "chain-of-generation-extended+played": _CHAIN | _PLAYED,
     "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooled": 5},
     "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooled": 5},
     "speech-classifier": {"frames": 10, "channels": 6},
@@ -295,7 +296,7 @@ def test_the_networks_that_make_windows_are_these():
     for name in windowed():
         net = network(name)
         assert net.window % net.multiple == net.shortest % net.multiple == 0 or name == "speech2gesture"
-        if isinstance(net, ManyInputs | Chain):
+        if isinstance(net, ManyInputs | ChainOfGeneration):
             noise = {"camn": lambda c: 0, "multi-context": lambda c: c.speaker}.get(name.partition("+")[0], lambda c: c.noise)
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
@@ -376,7 +377,7 @@ def test_nudges_move_the_modes_and_only_them(name):
         if not net.modes:
             assert made.shape == (1, 64, POSE)
             return
-        if isinstance(net, ManyInputs | Chain):  # noise that it gets beside its inputs
+        if isinstance(net, ManyInputs | ChainOfGeneration):  # noise that it gets beside its inputs
             assert (net.make(audio, style, torch.ones(1, 64, net.modes)) - made).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))

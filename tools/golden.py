@@ -40,8 +40,10 @@ MANY = {"hidden": 8, "layers": 2, "word_width": 5}
 CHAIN = MANY | {"latent": 8, "classifier_channels": 6, "classifier_steps": 10}
 SIZES: dict[str, dict[str, object]] = {
     "stylised-flow": FLOW | {"encoder_channels": 8, "encoder_blocks": 2},
+    "stylised-flow-extended": FLOW | {"encoder_channels": 8, "encoder_blocks": 2},
     "moglow": FLOW,
     "mix-stage": MIX,
+    "mix-stage-extended": MIX,
     "stage": MIX | {"modes": 1},
     "cmix-gan": {name: size for name, size in MIX.items() if name != "style"},
     "munit": {"channels": 4, "style": 2, "mlp": 8, "blocks": 1},

@@ -45,6 +45,11 @@ _OURS = {
         "The stylised flow (Ye et al. 2022): many motions for one speech, in the manner of an example",
         "Ye et al. 2022",
     ),
+    "stylised-flow-extended": ModelEntry(
+        "cospeech.models.stylised_flow_extended:StylisedFlowExtended",
+        "The stylised flow with our additions, as the weights that ship: quicker to learn, with style codes",
+        "Ye et al. 2022", plays=False,
+    ),
     "moglow": ModelEntry(
         "cospeech.models.moglow:MoGlow",
         "MoGlow (Henter et al. 2020): many motions for one speech, with controls for height, speed and reach of the hands",
@@ -54,6 +59,11 @@ _OURS = {
         "cospeech.models.mix_stage:MixStage",
         "Mix-StAGE (Ahuja et al. 2020): one motion for one speech, in the style of a speaker or of a mixture of them",
         "Ahuja et al. 2020",
+    ),
+    "mix-stage-extended": ModelEntry(
+        "cospeech.models.mix_stage_extended:MixStageExtended",
+        "Mix-StAGE with our additions, as the weights that ship: it learns to move in few steps",
+        "Ahuja et al. 2020", plays=False,
     ),
     "stage": ModelEntry(
         "cospeech.models.stage:Stage",
@@ -82,7 +92,7 @@ _OURS = {
     ),
     "chain-of-generation-extended": ModelEntry(
         "cospeech.models.chain_of_generation_extended:ChainOfGenerationExtended",
-        "Chain of Generation with our additions, which the weights that ship have: takes differ, inputs may be missing or given",
+        "Chain of Generation with our additions, as the weights that ship: takes differ, inputs may be missing or given",
         "Xu et al. 2024", plays=False, needs=_ALL,
     ),
     "speech-to-face": ModelEntry(

@@ -88,7 +88,7 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
         pull, (D,) mean, (D,) deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for pull in PULLS if model.config.residual else PULLS[:1]:
+    for pull in PULLS if model.runtime_sizes()["residual"] else PULLS[:1]:
         made = _left_alone(model, examples, codes, pull)
         made = made[:, min(WARM, made.shape[1] // 2) :]
         found.append((abs((_wandering(made) / wanted).log().item()), pull, made))

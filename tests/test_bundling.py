@@ -64,7 +64,7 @@ def store(tmp_path_factory):
 def run(store, tmp_path_factory):
     """A short one."""
     recipe = {
-        "model": {"name": "stylised-flow", **MODEL},
+        "model": {"name": "stylised-flow-extended", **MODEL},
         "data": {"audio": "mel20-prosody", "by_clip": True},
         "train": {
             "steps": 150,
@@ -290,7 +290,9 @@ def test_what_ships_is_small_says_what_it_is_and_moves(path):
     assert path.stat().st_size <= LARGEST.get(path.stem, 5_000_000)
     with zipfile.ZipFile(path) as file:
         manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
-    assert manifest["model"].removesuffix("-live") == path.stem  # of two networks the one that streams
+    assert (
+        manifest["model"].removesuffix("-live").removesuffix("-extended") == path.stem
+    )  # of two networks the one that streams
     assert manifest["sizes"].get("int8") or 0 < manifest["rounding"] < 0.01  # of a flow; of a network by windows, 16 bits
     for word in ("synthetic", "cannot do", "Rebuild", "±", "ground truth", "noise", "frozen"):
         assert word in card, word

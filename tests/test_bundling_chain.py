@@ -34,10 +34,10 @@ _CHAIN |= {"unseeded": 0.5, "faced": 0.5}
 _LIVE = {name: value for name, value in _CHAIN.items() if name not in ("unseeded", "faced")} | {"look_ahead": 3}
 _MANY = _SMALL | {"audio": 8, "text": 8, "face": 6}
 MODELS = {
-    "chain-of-generation": _CHAIN, "chain-of-generation-live": _LIVE, "camn": _MANY | {"semantic": False},
+    "chain-of-generation-extended": _CHAIN, "chain-of-generation-live": _LIVE, "camn": _MANY | {"semantic": False},
     "multi-context": _MANY | {"emotion": 4},
 }  # fmt: skip
-JUDGES, NOISY = {"chain-of-generation", "chain-of-generation-live"}, {*MODELS} - {"camn"}
+JUDGES, NOISY = {"chain-of-generation-extended", "chain-of-generation-live"}, {*MODELS} - {"camn"}
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def run_of(store, tmp_path_factory):
 
     def run(name):
         if name not in made:
-            needs = {"teacher": str(run("chain-of-generation"))} if name.endswith("live") else {}
+            needs = {"teacher": str(run("chain-of-generation-extended"))} if name.endswith("live") else {}
             made[name] = trained(store, folder / name, name, **needs)
         return made[name]
 
@@ -158,7 +158,7 @@ def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
 
 @pytest.mark.parametrize("part", ["attention", "styled"])
 def test_a_row_of_a_table_is_no_system(store, tmp_path, part):
-    run = trained(store, tmp_path / "run", "chain-of-generation", config={part: False})
+    run = trained(store, tmp_path / "run", "chain-of-generation-extended", config={part: False})
     with pytest.raises(InputError, match="without attention or style"):
         bundle_run(run, tmp_path / "x.cospeech", which="last")
     assert not (tmp_path / "x.cospeech").exists()

@@ -15,6 +15,7 @@ from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.cmix_gan import CMixGan  # noqa: E402
 from cospeech.models.mix_stage import MixGan, MixGanConfig, MixStage, MixStageConfig  # noqa: E402
+from cospeech.models.mix_stage_extended import MixStageExtended, MixStageExtendedConfig  # noqa: E402
 from cospeech.models.nn.mixture import ModeLogits  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.stage import Stage, StageConfig  # noqa: E402
@@ -74,6 +75,28 @@ def cmix_gan(**changes) -> CMixGan:
     torch.manual_seed(0)
     sizes = {name: size for name, size in TINY.items() if name != "style"}
     return CMixGan(MixGanConfig(**(sizes | changes)), pose=POSE, audio=AUDIO, speakers=1)
+
+
+def extended(**changes) -> MixStageExtended:
+    torch.manual_seed(0)
+    return MixStageExtended(MixStageExtendedConfig(**(TINY | changes)), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
+
+
+def test_with_all_that_is_ours_off_it_is_the_published_model():
+    paper, ours, data = network().train(), extended().train(), batch()
+    ours.load_state_dict(paper.state_dict())
+    for first, second in zip(paper.objectives().values(), ours.objectives().values(), strict=True):
+        assert first.loss(data, 0) == second.loss(data, 0)
+
+
+def test_less_reconstruction_and_played_poses_change_what_they_say_and_nothing_else():
+    data = batch()
+    plain, less, played = (
+        extended(**changes).train().generator_loss(data, 0) for changes in ({}, {"reconstruction": 0.25}, {"persistence": 6.0})
+    )
+    assert {name for name in plain if plain[name] != less[name]} == {"rec", "joint"}
+    assert less["rec"].item() == pytest.approx(plain["rec"].item() / 4)
+    assert {name for name in plain if plain[name] != played[name]} == {"id", "adv"}
 
 
 @pytest.mark.parametrize("modes", [1, 2, MODES])
@@ -314,7 +337,7 @@ def test_without_style_it_is_cmix_gan():
         z = net.eval().latent(net.audio_content(data["audio"]), torch.zeros(ROWS, 1, 0))
         assert torch.equal(z, net.unet(net.audio_content(data["audio"])))
     assert set(net.generator_loss(data, 0)) == {"rec", "joint", "mix", "adv"}
-    assert not hasattr(net, "style_of")
+    assert not net.encodes_style
     for speakers in (0, 2, 8):
         with pytest.raises(InputError, match=rf'{speakers} speakers.*speakers = \["NAME"\]'):
             CMixGan(MixGanConfig(), pose=POSE, audio=AUDIO, speakers=speakers)

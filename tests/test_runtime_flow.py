@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from functools import cache
 
 import numpy as np
@@ -16,10 +16,12 @@ from cospeech.runtime.onnx_session import run_session
 
 torch = pytest.importorskip("torch")
 
+from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.stylised_flow import FlowConfig, StylisedFlow  # noqa: E402
+from cospeech.models.stylised_flow_extended import FlowExtendedConfig, StylisedFlowExtended  # noqa: E402
 
 POSE, AUDIO = 7, 3
-TINY = FlowConfig(
+TINY = FlowExtendedConfig(
     steps=3, hidden=12, layers=2, history=5, look_ahead=2, frames=4, feature=6, encoder_channels=8, encoder_blocks=2
 )  # fmt: skip
 
@@ -36,9 +38,9 @@ def lively(model: torch.nn.Module, strength: float = 1.0) -> torch.nn.Module:
     return model.eval()
 
 
-def sizes_of(config: FlowConfig, *, int8: bool) -> FlowSizes:
+def sizes_of(config: FlowExtendedConfig, *, int8: bool) -> FlowSizes:
     with torch.device("meta"):
-        return FlowSizes(**StylisedFlow(config, pose=POSE, audio=AUDIO).runtime_sizes(), int8=int8)
+        return FlowSizes(**StylisedFlowExtended(config, pose=POSE, audio=AUDIO).runtime_sizes(), int8=int8)
 
 
 def engine_of(arrays: dict[str, np.ndarray], sizes: FlowSizes, bound: float = 50.0) -> FlowEngine:
@@ -48,9 +50,9 @@ def engine_of(arrays: dict[str, np.ndarray], sizes: FlowSizes, bound: float = 50
 
 
 @cache
-def network(**changes: object) -> StylisedFlow:
+def network(**changes: object) -> StylisedFlowExtended:
     torch.manual_seed(0)
-    return lively(StylisedFlow(replace(TINY, **changes), pose=POSE, audio=AUDIO))
+    return lively(StylisedFlowExtended(replace(TINY, **changes), pose=POSE, audio=AUDIO))
 
 
 def speech(frames: int, seed: int = 1) -> np.ndarray:
@@ -291,3 +293,17 @@ def test_what_does_not_fit_is_refused():
         engine.begin(histories(1)).frames(engine.windows(speech(10)), latents(1, 4))
     with pytest.raises(InputError, match="poses"):
         engine.latents(histories(1, 5)[0], speech(5))
+
+
+def test_with_all_that_is_ours_off_it_is_the_published_model():
+    own = {field.name for field in fields(FlowConfig)}
+    torch.manual_seed(0)
+    paper = lively(StylisedFlow(FlowConfig(**{k: v for k, v in vars(TINY).items() if k in own}), pose=POSE, audio=AUDIO))
+    ours, draw = network(), torch.Generator().manual_seed(5)
+    shapes = {"pose": (3, paper.window, POSE), "audio": (3, paper.window, AUDIO)}
+    arrays = {name: torch.randn(*shape, generator=draw) for name, shape in shapes.items()}
+    assert paper.runtime_sizes() == ours.runtime_sizes()
+    assert paper.loss(Batch(arrays, StepRandom(0, 0)), 0) == ours.loss(Batch(arrays, StepRandom(0, 0)), 0)
+    z = torch.randn(3, 6, POSE, generator=draw)
+    past, heard = arrays["pose"][:, : TINY.history], torch.randn(3, 5 + paper.heard, AUDIO, generator=draw)
+    assert torch.equal(paper.sample(z, past, heard), ours.sample(z, past, heard))

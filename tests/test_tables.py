@@ -138,8 +138,9 @@ def test_every_row_has_a_recipe_that_builds(name):
     config = build(network(recipe.model).Config, recipe.config, "model")
     assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
     assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
-    small = SMALL[recipe.model]["model"]
-    assert build(network(recipe.model).Config, {**recipe.config, **small}, "model").hidden < config.hidden
+    small = dict(SMALL[recipe.model]["model"])
+    kind = network(small.pop("name", recipe.model))
+    assert build(kind.Config, {**recipe.config, **small}, "model").hidden < config.hidden
 
 
 def test_recipes_of_the_flow_are_at_the_papers_values():

@@ -190,3 +190,17 @@ def test_speakers_are_a_list_of_names(path):
     for wrong in ('data.speakers="ann"', "data.speakers=[1]", "data.speakers=ann", "train.weight_decay=-1"):
         with pytest.raises(InputError, match=r"data\.speakers is|train\.weight_decay is"):
             load_recipe(path, [wrong])
+
+
+def test_a_setting_of_ours_names_the_network_that_has_it():
+    pytest.importorskip("torch")
+    from cospeech.training.checkpoint import build_config
+
+    for name, key, value in (
+        ("chain-of-generation", "adversarial", 1.0), ("mix-stage", "judge_poses", True), ("stylised-flow", "residual", True),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=f'"{name}-extended" has it'):
+            build_config(name, {key: value})
+        assert vars(build_config(f"{name}-extended", {key: value}))[key] == value
+        with pytest.raises(InputError, match=f"no key model.{key}s"):
+            build_config(name, {f"{key}s": value})

@@ -12,6 +12,7 @@ import json
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -32,6 +33,7 @@ from .recipe import build
 __all__ = [
     "FORMAT",
     "WHICH",
+    "build_config",
     "build_model",
     "load_run",
     "network",
@@ -61,6 +63,24 @@ def network(name: str) -> type[Trainable]:
     return kind
 
 
+def build_config(name: str, values: Mapping[str, Any]) -> Any:
+    """The settings of a network, an instance of its ``Config``.
+
+    Args:
+        name: in the registry.
+        values: by field; what is left out has its default.
+
+    Raises:
+        InputError: no such network, no such setting (the hint names the extension that has it), or a value of the wrong kind.
+    """
+    kind, more = network(name), f"{name}-extended"
+    own = {field.name for field in fields(kind.Config)}
+    unknown = [key for key in values if key not in own]
+    if unknown and more in NETWORKS and {*unknown} <= {field.name for field in fields(network(more).Config)}:
+        raise InputError(f"the published {name!r} has no key model.{unknown[0]}", f'model.name = "{more}" has it')
+    return build(kind.Config, values, "model")
+
+
 def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Trainable:
     """A model with new parameters, from the facts of a run (``model``, ``config``, ``sizes``, ``needs``).
 
@@ -69,7 +89,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
         needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
     """
     kind = network(facts["model"])
-    config = build(kind.Config, facts["config"], "model")
+    config = build_config(facts["model"], facts["config"])
     sizes = {name: facts["sizes"][name] for name in kind.dimensions_for(config) if name in facts["sizes"]}
     parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
     try:

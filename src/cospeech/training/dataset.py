@@ -31,9 +31,9 @@ from .batch_loader import (
     standard_pose,
 )
 from .calibration_clips import examples_of
-from .checkpoint import load_run, network, read_tensors
+from .checkpoint import build_config, load_run, network, read_tensors
 from .movement_modes import with_modes
-from .recipe import Data, Recipe, build, changed, read_recipe
+from .recipe import Data, Recipe, changed, read_recipe
 from .speaker_subset import of_speakers
 from .style_controls import control_quantiles, with_controls
 from .texts import with_text
@@ -107,7 +107,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         InputError: they do not fit, or the model has no such settings.
     """
     data, kind = recipe.data, network(recipe.model)
-    config = build(kind.Config, recipe.config, "model")
+    config = build_config(recipe.model, recipe.config)
     _check_store(data, store)
     if data.speakers:
         store = of_speakers(store, data.speakers)

@@ -34,6 +34,7 @@ from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
+from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -80,9 +81,7 @@ class CamnConfig:
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
         low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "unseeded": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a CaMN", low)
         if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0):
             raise InputError(
                 f"a CaMN with dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}", "shares; beta > 0"

@@ -29,6 +29,7 @@ from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWaysGru
+from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -84,9 +85,7 @@ class MultiContextConfig:
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
         low |= {"word_width": 1, "dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0}
-        for name, least in (low | {"diversity": 0, "divergence": 0, "unseeded": 0}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a multi-context network is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a multi-context network", low | {"diversity": 0, "divergence": 0, "unseeded": 0})
         if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0 and self.face != 1):
             problem = f"dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}, face {self.face}"
             raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")

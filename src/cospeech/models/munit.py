@@ -30,6 +30,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.unet1d import SLOPE
 from .nn.windowed import Windowed
 
@@ -71,9 +72,7 @@ class MunitConfig:
     def __post_init__(self) -> None:
         low = {"frames": SHORTEST, "channels": 1, "style": 1, "mlp": 1, "blocks": 1}
         low |= {"adversarial": 0, "same": 0, "content_back": 0, "style_back": 0, "cycle": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a MUNIT is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a MUNIT", low)
         if self.frames % 2**DOWN:
             raise InputError(f"windows of {self.frames} frames for a MUNIT", f"a multiple of {2**DOWN}")
 

@@ -26,6 +26,7 @@ from ..errors import InputError, nearest
 from .nn.modalities import INPUTS, SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
@@ -55,9 +56,7 @@ class Seq2SeqConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
-        for name, least in (low | {"regression": 0, "continuity": 0, "variance": 0}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a seq2seq network is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a seq2seq network", low | {"regression": 0, "continuity": 0, "variance": 0})
         if not self.dropout < 1:
             raise InputError(f"dropout of a seq2seq network is {self.dropout}", "a share")
 

@@ -28,6 +28,7 @@ from .nn.adversarial_losses import JUDGINGS
 from .nn.content import AudioContent
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
+from .nn.settings import check_least
 from .nn.unet1d import UNet1d, conv_block
 from .nn.windowed import Windowed
 
@@ -58,9 +59,7 @@ class Speech2GestureConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": PATCH_FRAMES, "channels": 4, "depth": 1, "decoder": 0, "judge": 1, "adversarial": 0, "fake": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a Speech2Gesture is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a Speech2Gesture", low)
 
 
 # the model ----------------------------------------------------------------------------------------------------------

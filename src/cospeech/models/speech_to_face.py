@@ -29,6 +29,7 @@ from ..errors import InputError
 from ..motion.poses.face import FACE, MIRROR
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from .nn.objective import Batch, Objective, StepRandom
+from .nn.settings import check_least
 from .nn.windowed import Windowed
 
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
@@ -71,9 +72,7 @@ class SpeechToFaceConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain": 0, "tilt": 0}
-        for name, least in (low | {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a SpeechToFace is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a SpeechToFace", low | {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1})
         if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
             raise InputError(f"dilations {self.dilations}, ahead {self.ahead}", "as many of both, dilations positive")
         if min(self.ahead) < 0 or max(self.ahead) >= self.kernel:

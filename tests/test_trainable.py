@@ -64,7 +64,7 @@ def test_what_a_network_leaves_out_has_a_default(registered):
 
 
 def test_a_network_that_says_nothing_of_what_it_takes_is_told(registered):
-    with pytest.raises(InputError, match="no network that trains .a subclass of cospeech.models.nn.trainable.Trainable is"):
+    with pytest.raises(InputError, match=r"no network that trains .a subclass of cospeech.models.nn.trainable.Trainable is"):
         network(registered(NoNetwork))
 
 

@@ -42,7 +42,7 @@ from .nn.contrast import RhythmIdentity
 from .nn.modalities import INPUTS
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
-from .nn.speech_encoders import EARS
+from .nn.speech_encoders import SPEECH_ENCODERS
 from .nn.temporal import Memory, SameConv
 from .nn.windowed import Windowed
 from .nn.words import word_embedding
@@ -69,10 +69,10 @@ class ChainConfig:
     """Between layers of LSTMs and in the text network; not stated, CaMN's code 0.3."""
     reduction: int = 8
     """By how much channel attention narrows; not stated, ours."""
-    ear: str = "own"
+    speech_encoder: str = "own"
     """What makes Â of speech, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
-    """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
+    """Of the speech encoder wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
     """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
     text_channels: int = 256
@@ -95,7 +95,7 @@ class ChainConfig:
     """τ of equation 6; section 4.1."""
     attention: bool = True
     """Whether CW-Attn is in it; table 2 has rows without."""
-    styled: bool = True
+    style_injection: bool = True
     """Whether styles are injected; table 2 has rows without."""
 
 
@@ -132,21 +132,23 @@ class ChainOfGeneration(Windowed):
             raise InputError(f"a chain of {config}"[:200], "sizes are positive")
         if config.frames < config.seeds + 1 or config.seeds < 0:
             raise InputError(f"clips of {config.frames} frames"[:200], "more than the seeds")
-        if config.ear not in EARS:
-            raise InputError(f"no ear is called {config.ear!r}"[:200], nearest(config.ear, EARS))
+        if config.speech_encoder not in SPEECH_ENCODERS:
+            raise InputError(
+                f"no speech encoder is called {config.speech_encoder!r}"[:200], nearest(config.speech_encoder, SPEECH_ENCODERS)
+            )
         layers = self.layers(config)
         if not config.attention:
             layers = replace(layers, attention=lambda channels: Through())
-        if not config.styled:
+        if not config.style_injection:
             layers = replace(layers, style=lambda channels, width: Through())
         self.config, self.pose, self.arrays = config, pose, self.arrays_for(config)
-        self.ear = EARS[config.ear](config, audio, layers.conv)
+        self.speech_encoder = SPEECH_ENCODERS[config.speech_encoder](config, audio, layers.conv)
         self.word = word_embedding(text, config.word_width)
-        self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, 0
+        self.audio, self.styles, self.modes = self.speech_encoder.inputs + self.word.width, speakers + EMOTIONS, 0
         self.multiple = self.shortest = 1
         self.classifier = SpeechClassifier(
             SpeechClassifierConfig(config.frames, config.classifier_channels, config.classifier_kernel),
-            audio=self.ear.inputs, speakers=speakers,
+            audio=self.speech_encoder.inputs, speakers=speakers,
         )  # fmt: skip
         widths = Widths(self.word.width, config.text_channels, config.latent, speakers, self.extra_width)
         self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)
@@ -165,7 +167,7 @@ class ChainOfGeneration(Windowed):
     @classmethod
     def encoder_for(cls, config: ChainConfig) -> str | None:
         """The paper's wav2vec 2.0, where the speech is encoded by that."""
-        return config.encoder if config.ear == "wav2vec" else None
+        return config.encoder if config.speech_encoder == "wav2vec" else None
 
     @classmethod
     def arrays_for(cls, config: ChainConfig) -> tuple[str, ...]:
@@ -199,7 +201,7 @@ class ChainOfGeneration(Windowed):
         logits: Tensor = self.classifier(audio)
         return logits
 
-    def recognised(self, audio: Tensor) -> Tensor:
+    def estimate_style(self, audio: Tensor) -> Tensor:
         """(B, T, A) → (B, S + 8) weights of a clip's speaker and emotion; no gradient passes."""
         training = self.classifier.training
         self.classifier.eval()
@@ -207,13 +209,13 @@ class ChainOfGeneration(Windowed):
         self.classifier.train(training)
         return weights
 
-    def seeded(self, pose: Tensor) -> Tensor:
+    def mask_seeds(self, pose: Tensor) -> Tensor:
         """(B, D, T) poses → (B, D + 1, T): the first four and a flag, then zeros."""
         first = torch.arange(pose.shape[-1], device=pose.device) < self.config.seeds
         return torch.where(first, torch.cat([pose, torch.ones_like(pose[:, :1])], 1), 0.0)
 
     def extra(self, seeds: Tensor, noise: Tensor) -> Tensor:
-        """What both decoders get beside their features: (B, D + 1, T) of `seeded`; ``noise`` the paper has none."""
+        """What both decoders get beside their features: (B, D + 1, T) of `mask_seeds`; ``noise`` the paper has none."""
         return seeds if self.config.seeds else seeds[:, :0]
 
     def forward(
@@ -229,7 +231,7 @@ class ChainOfGeneration(Windowed):
             memory: blank; only layers that play as speech comes keep something in it.
             face: (B, 52, T) known faces that TFFDec sees, NaN where FaceDec's own is to stand; None: all are its own.
         """
-        audio = self.ear(heard, memory)
+        audio = self.speech_encoder(heard, memory)
         seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
         return self.cascade(Signals(audio, words, style, extra), memory, seen), audio
 
@@ -246,13 +248,13 @@ class ChainOfGeneration(Windowed):
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10."""
-        return self.classifier.losses(batch[self.ear.array], batch["speaker"], batch["emotion"])
+        return self.classifier.losses(batch[self.speech_encoder.array], batch["speaker"], batch["emotion"])
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 9: its terms, weighted."""
-        heard, pose = batch[self.ear.array], batch["pose"].mT
-        style = self.recognised(heard).unsqueeze(1).expand(-1, heard.shape[1], -1).mT
-        extra = self.extra(self.seeded(pose), pose[:, :0])
+        heard, pose = batch[self.speech_encoder.array], batch["pose"].mT
+        style = self.estimate_style(heard).unsqueeze(1).expand(-1, heard.shape[1], -1).mT
+        extra = self.extra(self.mask_seeds(pose), pose[:, :0])
         made, audio = self(heard.mT, self.words(batch["text"]).mT, style, extra, Memory())
         return self.losses(made, audio, pose, batch["face"].mT)
 
@@ -280,22 +282,22 @@ class ChainOfGeneration(Windowed):
 
     def poses(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> CascadeOutput:
         """What the cascade makes of whole clips: (B, A + W, T) speech and words, and as of `forward`."""
-        heard, words = rows.split((self.ear.inputs, self.word.width), 1)
+        heard, words = rows.split((self.speech_encoder.inputs, self.word.width), 1)
         return self(heard, words, style, self.extra(seeds, noise), Memory(), face)[0]
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """Poses of speech and words, without seeds.
 
         Args:
             audio: (B, T, A + W) speech, then words (`words`).
             style: (B, T, S + 8) weights of speakers, then of emotions; each sums to 1.
-            nudge: (B, T, modes) noise; the paper has no modes.
+            mode_noise: (B, T, modes) noise; the paper has no modes.
 
         Returns:
             (B, T, D).
         """
         rows, frames = audio.shape[:2]
-        return self.poses(audio.mT, style.mT, nudge.mT, audio.new_zeros(rows, self.pose + 1, frames)).pose.mT
+        return self.poses(audio.mT, style.mT, mode_noise.mT, audio.new_zeros(rows, self.pose + 1, frames)).pose.mT
 
     @torch.no_grad()
     def play(
@@ -322,10 +324,10 @@ class ChainOfGeneration(Windowed):
         for name in (*lacks, *given):
             if name not in INPUTS:
                 raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
-        wanted, heard = {*given} - {*lacks}, arrays[self.ear.array]
+        wanted, heard = {*given} - {*lacks}, arrays[self.speech_encoder.array]
         rows, frames, speakers = *heard.shape[:2], self.styles - EMOTIONS
         words = heard.new_zeros(rows, frames, self.word.width) if "text" in lacks else self.words(arrays["text"])
-        who, how = self.recognised(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
+        who, how = self.estimate_style(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
         if "speaker" in wanted:
             who = F.one_hot(arrays["speaker"], speakers)[:, None].expand(-1, frames, -1).to(who)
         if "emotion" in wanted:
@@ -333,7 +335,7 @@ class ChainOfGeneration(Windowed):
             how = torch.where(label < 0, how, F.one_hot(label.squeeze(2).clamp_min(0), EMOTIONS).to(how))
         seeds = heard.new_zeros(rows, self.pose + 1, frames)
         if "seed" not in lacks and self.config.seeds:
-            seeds = self.seeded(arrays["pose"].mT)
+            seeds = self.mask_seeds(arrays["pose"].mT)
         face = arrays["face"].mT if "face" in wanted else None
         noise = heard.new_zeros(rows, frames, self.modes) if noise is None else noise
         made = self.poses(torch.cat([heard, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)

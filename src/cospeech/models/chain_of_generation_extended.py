@@ -8,7 +8,7 @@ off by default:
     adversarial                  ℓ_D of a discriminator that sees poses, their motion, the speech, speaker and emotion
     manner                       ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
     borrowed                     clips that are played to the speech of another clip, in the style of their own labels
-    wordless, unseeded           clips without words, without seed poses: what may be missing when it plays
+    wordless, seed_dropout           clips without words, without seed poses: what may be missing when it plays
     labelled, faced              clips with the style of their labels, with their recorded face: what may be given when it plays
     gain                         louder or softer speech: the level of a microphone says nothing about the emotion
 
@@ -29,14 +29,14 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .chain_of_generation import ChainConfig, ChainOfGeneration
-from .nn.adversarial_losses import JUDGINGS
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, CascadeOutput
 from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
-from .nn.motion_statistics_loss import manner
+from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES
-from .nn.pose_discriminator import PoseJudge
+from .nn.pose_discriminator import PoseDiscriminator
 from .nn.temporal import Memory
 
 __all__ = ["ChainExtendedConfig", "ChainOfGenerationExtended", "Turn"]
@@ -46,20 +46,20 @@ __all__ = ["ChainExtendedConfig", "ChainOfGenerationExtended", "Turn"]
 class ChainExtendedConfig(ChainConfig):
     """The paper's, and what is ours."""
 
-    wordless: float = 0.0
+    word_dropout: float = 0.0
     """Share of training clips whose words are not known. [ours]"""
-    unseeded: float = 0.0
+    seed_dropout: float = 0.0
     """Share of training clips without seed poses. [ours]"""
-    labelled: float = 0.0
+    label_conditioning: float = 0.0
     """Share of training clips whose style is of their labels, not of what the classifier says. [ours]"""
-    faced: float = 0.0
+    face_teacher_forcing: float = 0.0
     """Share of training clips of which TFFDec sees the recorded face. [ours]"""
-    gain: float = 0.0
+    gain_augmentation: float = 0.0
     """dB by which training clips are made louder or softer at most. [ours]"""
-    borrowed: float = 0.0
+    speech_swap: float = 0.0
     """Share of training clips that are played to the speech of another of their batch, in the style of their own labels: of
-    what they should be like D and ``manner`` tell. [ours]"""
-    manner: float = 0.0
+    what they should be like D and ``motion_statistics`` tell. [ours]"""
+    motion_statistics: float = 0.0
     """Weight of how far a clip's mean pose, and its deviations of pose, velocity and acceleration, are from those
     recorded. [ours]"""
     noise: int = 0
@@ -68,7 +68,7 @@ class ChainExtendedConfig(ChainConfig):
     """Frames over which the noise correlates. [ours]"""
     adversarial: float = 0.0
     """Weight of what a discriminator says (models/nn/pose_discriminator.py), by least squares; 0: there is none. [ours]"""
-    judge_channels: int = 48
+    discriminator_channels: int = 48
     """Of its first convolution. [ours]"""
 
 
@@ -101,7 +101,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
     Args:
         config: sizes and weights.
         pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
-        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain``.
+        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
 
     Raises:
         InputError: sizes that do not fit each other.
@@ -114,21 +114,23 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         self, config: ChainExtendedConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
         louder: Sequence[float] = (),
     ) -> None:  # fmt: skip
-        if config.judge_channels < 1 or config.noise < 0:
+        if config.discriminator_channels < 1 or config.noise < 0:
             raise InputError(f"a chain of {config}"[:200], "sizes are positive")
         if config.adversarial > 0 and config.frames < PATCH_FRAMES:
             raise InputError(f"clips of {config.frames} frames"[:200], f"{PATCH_FRAMES} at least to be judged")
         super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)
-        heard, judges = self.ear.inputs, config.adversarial > 0
+        heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
         self.modes = config.noise
-        self.gain = GainAugmentation(config.gain, heard, louder)
-        self.judge = PoseJudge(pose, heard, config.judge_channels, speakers, EMOTIONS) if judges else None
-        self._left: tuple[Batch, Turn] | None = None
+        self.gain_augmentation = GainAugmentation(config.gain_augmentation, heard, louder)
+        self.discriminator = (
+            PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
+        )
+        self._shared_forward: tuple[Batch, Turn] | None = None
 
     @classmethod
     def dimensions_for(cls, config: ChainExtendedConfig) -> tuple[str, ...]:
         """With what is louder in loud speech, where its gain is changed."""
-        return (*cls.dimensions, "louder") if config.gain > 0 else cls.dimensions
+        return (*cls.dimensions, "louder") if config.gain_augmentation > 0 else cls.dimensions
 
     @property
     def extra_width(self) -> int:
@@ -138,18 +140,18 @@ class ChainOfGenerationExtended(ChainOfGeneration):
     @property
     def accepts_face(self) -> bool:
         """Whether it was trained with recorded faces."""
-        return self.config.faced > 0
+        return self.config.face_teacher_forcing > 0
 
     @property
     def accepts_seeds(self) -> bool:
         """Whether some training clips had seed poses."""
-        return super().accepts_seeds and self.config.unseeded < 1
+        return super().accepts_seeds and self.config.seed_dropout < 1
 
     # poses that come ``delay`` frames after their speech ------------------------------------------------------------
 
-    def seeded(self, pose: Tensor, known: Tensor | None = None) -> Tensor:
+    def mask_seeds(self, pose: Tensor, known: Tensor | None = None) -> Tensor:
         """As of the paper, delayed; ``known``: (B, 1, 1) whether a clip's are, else zeros."""
-        first = super().seeded(pose)
+        first = super().mask_seeds(pose)
         first = first if known is None else torch.where(known, first, 0.0)
         return F.pad(first, (self.delay, 0))[..., : pose.shape[-1]]
 
@@ -173,76 +175,84 @@ class ChainOfGenerationExtended(ChainOfGeneration):
     def objectives(self) -> dict[str, Objective]:
         """The paper's two, and between them D's, where there is one."""
         parts = super().objectives()
-        if self.judge is None:
+        if self.discriminator is None:
             return parts
-        gestures, judges = parts["gestures"], {id(p) for p in self.judge.parameters()}
-        others = [p for p in gestures.parameters if id(p) not in judges]
-        judge = Objective(self.judge.parameters(), self.judge_loss, start=gestures.start)
-        return {"classifier": parts["classifier"], "judge": judge, "gestures": gestures._replace(parameters=others)}
+        gestures, adversarial = parts["gestures"], {id(p) for p in self.discriminator.parameters()}
+        others = [p for p in gestures.parameters if id(p) not in adversarial]
+        discriminator = Objective(self.discriminator.parameters(), self.discriminator_loss, start=gestures.start)
+        return {
+            "classifier": parts["classifier"],
+            "discriminator": discriminator,
+            "gestures": gestures._replace(parameters=others),
+        }
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10, of louder or softer speech."""
-        return self.classifier.losses(self.gain(batch[self.ear.array], batch.chance), batch["speaker"], batch["emotion"])
+        return self.classifier.losses(
+            self.gain_augmentation(batch[self.speech_encoder.array], batch.chance), batch["speaker"], batch["emotion"]
+        )
 
-    def _lent(self, batch: Batch) -> tuple[Batch, Tensor]:
+    def _swap_speech(self, batch: Batch) -> tuple[Batch, Tensor]:
         """The batch with some clips' speech, words and faces those of the clip before; (B, 1, 1) which have their own."""
-        own = batch.chance.uniform(len(batch), 1, 1) >= self.config.borrowed * self.training
-        names = {self.ear.array, "text", "face"}
+        own = batch.chance.uniform(len(batch), 1, 1) >= self.config.speech_swap * self.training
+        names = {self.speech_encoder.array, "text", "face"}
         arrays = {n: torch.where(own, x, x.roll(1, 0)) if n in names else x for n, x in batch.arrays.items()}
         return Batch(arrays, batch.chance), own
 
-    def _styled(self, played: Batch, own: Tensor) -> Tensor:
+    def _draw_style(self, played: Batch, own: Tensor) -> Tensor:
         """(B, S + 8, T) weights of speakers and of emotions."""
         speakers, label = self.styles - EMOTIONS, played["emotion"]
-        heard = self.recognised(played[self.ear.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
+        heard = self.estimate_style(played[self.speech_encoder.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
         told = F.one_hot(played["speaker"], speakers).unsqueeze(1).expand(-1, label.shape[1], -1)
         felt = torch.where((label < 0).unsqueeze(2), heard[..., speakers:], F.one_hot(label.clamp_min(0), EMOTIONS).float())
-        coins = played.chance.uniform(len(played), 2, 1, 1) < self.config.labelled * self.training
+        coins = played.chance.uniform(len(played), 2, 1, 1) < self.config.label_conditioning * self.training
         who = torch.where(coins[:, 0] | ~own, told.float(), heard[..., :speakers])
         how = torch.where(coins[:, 1] | ~own, felt, heard[..., speakers:])
         return torch.cat([who, how], 2).mT
 
     def _turn(self, batch: Batch) -> Turn:
         """What both turns of a step need; D's leaves it to that of the others, as it moves nothing of it."""
-        if self._left is not None and self._left[0] is batch:
-            return self._left[1]
-        heard = self.gain(batch[self.ear.array], batch.chance)
-        recorded = Batch({**batch.arrays, self.ear.array: heard}, batch.chance)
-        played, own = self._lent(recorded)
-        style = self._styled(played, own)
+        if self._shared_forward is not None and self._shared_forward[0] is batch:
+            return self._shared_forward[1]
+        heard = self.gain_augmentation(batch[self.speech_encoder.array], batch.chance)
+        recorded = Batch({**batch.arrays, self.speech_encoder.array: heard}, batch.chance)
+        played, own = self._swap_speech(recorded)
+        style = self._draw_style(played, own)
         rows, frames = len(batch), style.shape[-1]
         noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
         coins = batch.chance.uniform(rows, 3, 1, 1)
         coins = coins if self.training else torch.ones_like(coins)
-        words = self.words(played["text"]).mT * (coins[:, 0] >= self.config.wordless)
-        seeds = self.seeded(batch["pose"].mT, coins[:, 1] >= self.config.unseeded)
+        words = self.words(played["text"]).mT * (coins[:, 0] >= self.config.word_dropout)
+        seeds = self.mask_seeds(batch["pose"].mT, coins[:, 1] >= self.config.seed_dropout)
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
-        face = torch.where(coins[:, 2] < self.config.faced, face, torch.nan)
-        made, ear = self(played[self.ear.array].mT, words, style, self.extra(seeds, noise), Memory(), face)
-        return Turn(self._cut(made), ear, made.features, recorded, played, own, style, words, noise)
+        face = torch.where(coins[:, 2] < self.config.face_teacher_forcing, face, torch.nan)
+        made, speech_encoder = self(
+            played[self.speech_encoder.array].mT, words, style, self.extra(seeds, noise), Memory(), face
+        )
+        return Turn(self._cut(made), speech_encoder, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""
-        assert self.judge is not None
-        heard, emotion = batch[self.ear.array].roll(shift, 0), batch["emotion"][:, self.config.frames // 2]
-        scores: Tensor = self.judge(pose, heard[:, : self.config.frames].mT, batch["speaker"], emotion)
+        assert self.discriminator is not None
+        heard, emotion = batch[self.speech_encoder.array].roll(shift, 0), batch["emotion"][:, self.config.frames // 2]
+        scores: Tensor = self.discriminator(pose, heard[:, : self.config.frames].mT, batch["speaker"], emotion)
         return scores
 
-    def judge_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares, for D: recordings are true; what was made, and recordings to the speech of others, false."""
-        self._left = None
+        self._shared_forward = None
         turn = self._turn(batch)
-        self._left = (batch, turn) if torch.is_grad_enabled() else None
-        pose, judging = batch["pose"][:, : self.config.frames].mT, JUDGINGS["squares"]
-        terms = {"true": judging.true(self._score(pose, turn.recorded))}
-        terms["false"] = judging.false(self._score(turn.made.pose.detach(), turn.played))
+        self._shared_forward = (batch, turn) if torch.is_grad_enabled() else None
+        pose, losses = batch["pose"][:, : self.config.frames].mT, ADVERSARIAL_LOSSES["squares"]
+        terms = {"true": losses.true(self._score(pose, turn.recorded))}
+        terms["false"] = losses.false(self._score(turn.made.pose.detach(), turn.played))
         if len(batch) > 1:
-            terms["strange"] = judging.false(self._score(pose, turn.recorded, shift=1))
+            terms["mismatched"] = losses.false(self._score(pose, turn.recorded, shift=1))
         return terms
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 9, weighted, and D's."""
-        turn, self._left = self._turn(batch), None
+        turn, self._shared_forward = self._turn(batch), None
         return self.terms(batch, turn)
 
     def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
@@ -251,8 +261,10 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         pose, face = batch["pose"][:, :frames].mT, turn.played["face"][:, :frames].mT
         wanted = torch.where(turn.own, pose, made.pose)  # of no distance where nobody knows what would have been done
         terms = self.losses(made._replace(features=turn.features), turn.heard, wanted, face)
-        if c.manner:
-            terms["manner"] = c.manner * (manner(made.pose) - manner(pose)).abs().mean()
-        if self.judge is not None:
-            terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(self._score(made.pose, turn.played))
+        if c.motion_statistics:
+            terms["motion_statistics"] = (
+                c.motion_statistics * (motion_statistics(made.pose) - motion_statistics(pose)).abs().mean()
+            )
+        if self.discriminator is not None:
+            terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms

@@ -5,7 +5,7 @@ what is left, the distance to one recording, is least for the mean of all motion
 
     reconstruction    weight of L_rec and L_joint
     judging           "squares": least squares, whose gradient does not vanish
-    judge_poses       D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
+    pose_discriminator       D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
                       clip count as false too
     persistence       L_adv and the second term of L_id are of poses as they are played, with priors of H and smooth noise:
 
@@ -23,11 +23,11 @@ import torch
 from torch import Tensor, nn
 
 from .mix_stage import MixStage, MixStageConfig
-from .nn.adversarial_losses import JUDGINGS
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.gumbel import smooth_gumbel
 from .nn.mixture import mix
 from .nn.objective import Batch
-from .nn.pose_discriminator import PoseJudge
+from .nn.pose_discriminator import PoseDiscriminator
 
 __all__ = ["MixStageExtended", "MixStageExtendedConfig"]
 
@@ -38,7 +38,7 @@ class MixStageExtendedConfig(MixStageConfig):
 
     reconstruction: float = 1.0
     """Weight of L_rec and L_joint; equation 8: 1. [ours]: less, so that what one recording did is not all that counts."""
-    judge_poses: bool = False
+    pose_discriminator: bool = False
     """Whether D sees poses beside velocity, and knows whose they should be and to what speech
     (models/nn/pose_discriminator.py). [ours]"""
     persistence: float = 0.0
@@ -58,9 +58,9 @@ class MixStageExtended(MixStage):
     config: MixStageExtendedConfig
 
     def _make_discriminator(self) -> nn.Module:
-        if not self.config.judge_poses:
+        if not self.config.pose_discriminator:
             return super()._make_discriminator()
-        return PoseJudge(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
+        return PoseDiscriminator(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
 
     def _judged(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
         """As it is played, with priors of H and noise, where there is ``persistence``."""
@@ -72,17 +72,17 @@ class MixStageExtended(MixStage):
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
-        if not self.config.judge_poses:
+        if not self.config.pose_discriminator:
             return super()._score(pose, batch)
         scores: Tensor = self.discriminator(pose, batch["audio"].roll(shift, 0).mT, batch["speaker"])
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, and with ``judge_poses`` of recordings to the speech of others, which are false."""
+        """As of the paper, and with ``pose_discriminator`` of recordings to the speech of others, which are false."""
         terms = super().discriminator_loss(batch, step)
-        if self.config.judge_poses and len(batch) > 1:
-            judging = JUDGINGS[self.config.judging]
-            terms["strange"] = judging.false(self._score(batch["pose"].mT, batch, shift=1))
+        if self.config.pose_discriminator and len(batch) > 1:
+            losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
+            terms["mismatched"] = losses.false(self._score(batch["pose"].mT, batch, shift=1))
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:

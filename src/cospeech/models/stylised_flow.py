@@ -108,7 +108,12 @@ class StylisedFlow(Trainable):
                 pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
                 oldest=config.encoder_oldest,
             )  # fmt: skip
-        context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0) + self._add_encoders()
+        context = (
+            config.history * pose
+            + self.speech_frames * audio
+            + (config.feature if config.encoder else 0)
+            + self._add_encoders()
+        )
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
         extractor = omega.omega if isinstance(omega, GestureAutoencoder) else omega  # its fourth layer
         self.omega = [extractor.eval().requires_grad_(False)] if extractor is not None else []  # a list: no part of this model
@@ -121,7 +126,7 @@ class StylisedFlow(Trainable):
         return RecurrentNet(nn.GRU, inputs, self.config.hidden, outputs, self.config.layers)
 
     @property
-    def heard(self) -> int:
+    def speech_frames(self) -> int:
         """Frames of speech that condition a frame: τ + 1 + l."""
         return self.config.history + 1 + self.config.look_ahead
 
@@ -153,7 +158,7 @@ class StylisedFlow(Trainable):
         if frames < 1 or audio.shape[1] != pose.shape[1]:
             raise InputError(f"{pose.shape[1]} poses and {audio.shape[1]} frames of speech", f"both {self.window}")
         x = pose[:, tau : tau + frames]
-        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(audio, self.heard)
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(audio, self.speech_frames)
 
     def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
         """Exact log-likelihood (equation 5) of each frame after the history.
@@ -232,7 +237,7 @@ class StylisedFlow(Trainable):
             (B, F, D).
         """
         poses, states = history, None
-        heard = frame_windows(audio, self.heard)
+        heard = frame_windows(audio, self.speech_frames)
         for t in range(z.shape[1]):
             made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states, style)
             poses = torch.cat([poses, made[:, None]], 1)
@@ -245,7 +250,7 @@ class StylisedFlow(Trainable):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "heard": self.heard, "cell": "gru", "nu": float(c.nu), "residual": False, "inertia": 0.0,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu), "residual": False, "inertia": 0.0,
             "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
             "channels": c.encoder_channels if c.encoder else 0, "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
         }  # fmt: skip

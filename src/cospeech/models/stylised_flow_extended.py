@@ -77,10 +77,10 @@ class StylisedFlowExtended(StylisedFlow):
     @property
     def window(self) -> int:
         """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
-        return self.shown + super().window
+        return self.style_frames + super().window
 
     @property
-    def shown(self) -> int:
+    def style_frames(self) -> int:
         """Frames before the history that the style is taken from."""
         return self.config.style_window if self.config.style else 0
 
@@ -100,7 +100,7 @@ class StylisedFlowExtended(StylisedFlow):
         return torch.cat(parts, -1)
 
     def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        return super()._windows(pose[:, self.shown :], audio[:, self.shown :])
+        return super()._windows(pose[:, self.style_frames :], audio[:, self.style_frames :])
 
     def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
         """As of the paper, of (B, S + τ + F + l, D) poses and as much speech; the first S are the stretch for the style."""
@@ -114,7 +114,7 @@ class StylisedFlowExtended(StylisedFlow):
     def _conditioned(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
         """What the flow gives for recorded poses, and under which conditions."""
         x, histories, heard = self._windows(pose, audio)
-        return x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown]))
+        return x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
 
     def _base(self, histories: Tensor) -> Tensor:
         """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
@@ -135,7 +135,9 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
-        return self.losses(x, self.condition(histories, heard, self.style(pose[:, : self.shown])), batch.chance, step, base)
+        return self.losses(
+            x, self.condition(histories, heard, self.style(pose[:, : self.style_frames])), batch.chance, step, base
+        )
 
     # generation -----------------------------------------------------------------------------------------------------
 

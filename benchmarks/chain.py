@@ -37,7 +37,7 @@ from cospeech.runtime.backends import backend_of
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
 from cospeech.runtime.chain_engine import ChainEngine
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.training.checkpoint import network
 from cospeech.training.export.chain_graph import LoweredChain, lower_chain
@@ -117,7 +117,7 @@ def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
     wish = ResolvedStyle(players.styles.blend(None), np.zeros(0))
     listener = players.listen(wish.controls)
     player = players.play(wish.blend, listener.quiet, GenerationOptions(look_ahead=inf))
-    face = RuleBasedModel(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
+    face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
     shared = SharedProsody()
     for each in (listener, face):
         each.share(shared)

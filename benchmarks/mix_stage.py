@@ -116,8 +116,8 @@ def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]
 
 def eager(net: MixStage) -> Callable[[], object]:
     """The pass of `playing`, by PyTorch."""
-    heard, style, nudge = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
-    return torch.no_grad()(lambda: net.make(heard, style, nudge))
+    heard, style, mode_noise = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
+    return torch.no_grad()(lambda: net.make(heard, style, mode_noise))
 
 
 def load() -> str:

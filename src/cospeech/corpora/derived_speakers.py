@@ -1,4 +1,4 @@
-"""Twins: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
+"""DerivedSpeakers: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
 
 ``"cleo|leftarm"`` is cleo gesturing with the left arm alone: the right one stands still at cleo's mean. ``"dan|mirror"`` is dan
 with left and right exchanged. A twin says what its original says, so their clips differ in one attribute only.
@@ -22,10 +22,10 @@ from ..motion.points import Points
 from ..motion.rotations import Array, quat_continuous
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons import pats, ted
-from .augment import mirrored
+from .augment import mirror_clip
 from .clip import Clip
 
-__all__ = ["TWINS", "MeanPose", "arm_joints", "heard_of", "hold_motion", "hold_points", "mean_poses", "twin_of"]
+__all__ = ["DERIVATIONS", "MeanPose", "arm_joints", "derive_clip", "find_original", "hold_motion", "hold_points", "mean_poses"]
 
 _SIDES = {
     "ted": {side: tuple(k for k, n in enumerate(ted.JOINTS) if n.startswith(side)) for side in ("left", "right")},
@@ -57,22 +57,24 @@ class MeanPose:
         return self.of[layout]
 
 
-def twin_of(clip: Clip, twin: str, mean: MeanPose) -> Clip:
-    """The clip of a twin, whose name ends on ``|twin-…``: not on ``|mirror``, by which augmented training clips are known.
+def derive_clip(clip: Clip, derivation: str, mean: MeanPose) -> Clip:
+    """The clip of a twin, whose name ends on ``|derived-…``: not on ``|mirror``, by which augmented training clips are known.
 
     Raises:
-        InputError: no such twin (`TWINS`), or a body without arms.
+        InputError: no such twin (`DERIVATIONS`), or a body without arms.
     """
-    return replace(TWINS[twin](clip, mean), name=f"{clip.name}|twin-{twin}", speaker=f"{clip.speaker}|{twin}")
+    return replace(
+        DERIVATIONS[derivation](clip, mean), name=f"{clip.name}|derived-{derivation}", speaker=f"{clip.speaker}|{derivation}"
+    )
 
 
-def heard_of(name: str) -> str:
+def find_original(name: str) -> str:
     """The clip whose sound a clip has: itself, or the original of a twin.
 
-    >>> heard_of("1000|twin-leftarm"), heard_of("1000")
+    >>> find_original("1000|derived-leftarm"), find_original("1000")
     ('1000', '1000')
     """
-    return re.sub(r"\|twin-[a-z]+", "", name)
+    return re.sub(r"\|derived-[a-z]+", "", name)
 
 
 def _one_arm(clip: Clip, still: str, mean: MeanPose) -> Clip:
@@ -83,12 +85,12 @@ def _one_arm(clip: Clip, still: str, mean: MeanPose) -> Clip:
     )
 
 
-TWINS: dict[str, Callable[[Clip, MeanPose], Clip]] = {
+DERIVATIONS: dict[str, Callable[[Clip, MeanPose], Clip]] = {
     "leftarm": lambda clip, mean: _one_arm(clip, "right", mean),
     "rightarm": lambda clip, mean: _one_arm(clip, "left", mean),
-    "mirror": lambda clip, mean: mirrored(clip),
+    "mirror": lambda clip, mean: mirror_clip(clip),
 }
-"""Name → what makes a twin: one arm alone, or left and right exchanged; ``prepare --twin`` takes these."""
+"""Name → what makes a twin: one arm alone, or left and right exchanged; ``prepare --derive-speaker`` takes these."""
 
 
 def hold_points(points: Points, side: str, mean: Array) -> Points:

@@ -34,10 +34,10 @@ class Windowed(nn.Module):
     literal: bool = False
     """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.
 
-        ``nudge`` is added to the logits of the modes.
+        ``mode_noise`` is added to the logits of the modes.
         """
         raise NotImplementedError
 

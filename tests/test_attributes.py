@@ -1,4 +1,4 @@
-"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; twins differ in what they are for."""
+"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; derived speakers differ in what they are for."""
 
 from __future__ import annotations
 
@@ -280,7 +280,7 @@ def test_twins_are_speakers_in_every_split(made):
     for speaker in store.speakers:
         assert sorted(c.split for c in store.clips if c.speaker == speaker) == ["test", "train", "validation"]
     assert (report.clips, report.derived_speakers, report.augmented) == (9, 9, 0)
-    assert "of twins: 9" in report.summary()
+    assert "of derived speakers: 9" in report.summary()
     assert "\n" not in report.summary()
     for entry in store.clips:
         if entry.speaker != find_original(entry.speaker) or "|" in entry.name:
@@ -313,7 +313,7 @@ def test_twins_are_not_taken_for_augmented_clips(made):
         check_mirror(store, True)
     held, rest = (Windows(store, 30, split=split, held_out=0.4) for split in ("validation", "train"))
     said = [{find_original(store.clips[k].name) for k in part.clips} for part in (held, rest)]
-    assert not said[0] & said[1], "what is held out is heard in no twin either"
+    assert not said[0] & said[1], "what is held out is heard in no derived speaker either"
 
 
 def test_twins_are_augmented_like_anybody(raw, tmp_path):

@@ -86,22 +86,28 @@ def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, labelled)
     net = make(adversarial=1.0, noise=2, label_conditioning=labelled, speech_swap=0.3, motion_statistics=1.0).train()
     data = batch(net)
     parts = net.objectives()
-    assert [*parts] == ["classifier", "judge", "gestures"]
+    assert [*parts] == ["classifier", "discriminator", "gestures"]
     assert reached(net, parts["classifier"].loss(data, 0)) == {"classifier"}
-    assert reached(net, parts["judge"].loss(data, 0)) >= {"judge"}
+    assert reached(net, parts["discriminator"].loss(data, 0)) >= {"discriminator"}
     for value in net.classifier.parameters():
         value.grad = None
     sum(parts["gestures"].loss(data, 0).values()).backward()
     assert all(value.grad is None for value in net.classifier.parameters())
-    assert reached(net, parts["gestures"].loss(batch(net), 0)) == {"speech_encoder", "word", "cascade", "rhythm", "judge"}
+    assert reached(net, parts["gestures"].loss(batch(net), 0)) == {
+        "speech_encoder",
+        "word",
+        "cascade",
+        "rhythm",
+        "discriminator",
+    }
     own = {id(p) for p in net.classifier.parameters()}
-    assert not own & {id(p) for name in ("judge", "gestures") for p in parts[name].parameters}
+    assert not own & {id(p) for name in ("discriminator", "gestures") for p in parts[name].parameters}
 
 
 def test_the_first_stage_ends_where_the_second_begins():
     parts = chain(classifier_steps=5, adversarial=1.0).objectives()
     due = [{name for name, part in parts.items() if part.is_active_at(step)} for step in (0, 4, 5, 900)]
-    assert due == [{"classifier"}, {"classifier"}, {"judge", "gestures"}, {"judge", "gestures"}]
+    assert due == [{"classifier"}, {"classifier"}, {"discriminator", "gestures"}, {"discriminator", "gestures"}]
 
 
 def test_what_was_made_for_the_judge_is_what_the_chain_is_judged_for():

@@ -78,7 +78,7 @@ class TinyGan(Tiny):
         first = nn.Conv1d(audio, config.hidden, 3, padding=1, bias=False)
         self.encode = nn.Sequential(first, BatchNorm1d(config.hidden), nn.ReLU())
         self.decode = nn.Conv1d(config.hidden, pose, 3, padding=1)
-        self.discriminator_channels = nn.Sequential(
+        self.discriminator = nn.Sequential(
             nn.Conv1d(pose, config.hidden, 3), nn.LeakyReLU(0.2), nn.Conv1d(config.hidden, 1, 3)
         )
 
@@ -86,9 +86,9 @@ class TinyGan(Tiny):
         return self.decode(self.encode(audio.mT) + self.style(speaker)[..., None]).mT
 
     def objectives(self) -> dict[str, Objective]:
-        made = [p for name, p in self.named_parameters() if not name.startswith("discriminator_channels")]
+        made = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
         return {
-            "discriminator_channels": Objective(self.discriminator_channels.parameters(), self.judged),
+            "discriminator": Objective(self.discriminator.parameters(), self.judged),
             "made": Objective(made, self.made, every=2),
         }
 
@@ -96,16 +96,16 @@ class TinyGan(Tiny):
         with torch.no_grad():
             made = self(batch["audio"], batch["speaker"])
         terms = {
-            "real": (self.discriminator_channels(batch["pose"].mT) - 1).square().mean(),
-            "made": self.discriminator_channels(made.mT).square().mean(),
+            "real": (self.discriminator(batch["pose"].mT) - 1).square().mean(),
+            "made": self.discriminator(made.mT).square().mean(),
         }
-        return slowly(terms, self.discriminator_channels[0].weight)
+        return slowly(terms, self.discriminator[0].weight)
 
     def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
         made = self(batch["audio"], batch["speaker"])
         terms = {
             "near": (made - batch["pose"]).abs().mean(),
-            "fooled": 0.1 * (self.discriminator_channels(made.mT) - 1).square().mean(),
+            "generator_loss": 0.1 * (self.discriminator(made.mT) - 1).square().mean(),
         }
         return slowly(terms, self.decode.weight)
 

@@ -1,7 +1,7 @@
 """DerivedSpeakers: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
 
 ``"cleo|leftarm"`` is cleo gesturing with the left arm alone: the right one stands still at cleo's mean. ``"dan|mirror"`` is dan
-with left and right exchanged. A twin says what its original says, so their clips differ in one attribute only.
+with left and right exchanged. A derived speaker says what its original says, so their clips differ in one attribute only.
 
 The mean is the speaker's, as the authors' is, over training clips: a clip's own would differ from clip to clip, and give away
 which one it is. PATS' transform of the same name holds the arm that it names (`cospeech.corpora.pats.read.hold_arm`); here, as
@@ -58,10 +58,10 @@ class MeanPose:
 
 
 def derive_clip(clip: Clip, derivation: str, mean: MeanPose) -> Clip:
-    """The clip of a twin, whose name ends on ``|derived-…``: not on ``|mirror``, by which augmented training clips are known.
+    """The clip of a derived speaker, whose name ends on ``|derived-…``: not on ``|mirror``, by which augmented training clips are known.
 
     Raises:
-        InputError: no such twin (`DERIVATIONS`), or a body without arms.
+        InputError: no such derived speaker (`DERIVATIONS`), or a body without arms.
     """
     return replace(
         DERIVATIONS[derivation](clip, mean), name=f"{clip.name}|derived-{derivation}", speaker=f"{clip.speaker}|{derivation}"
@@ -69,7 +69,7 @@ def derive_clip(clip: Clip, derivation: str, mean: MeanPose) -> Clip:
 
 
 def find_original(name: str) -> str:
-    """The clip whose sound a clip has: itself, or the original of a twin.
+    """The clip whose sound a clip has: itself, or the original of a derived speaker.
 
     >>> find_original("1000|derived-leftarm"), find_original("1000")
     ('1000', '1000')
@@ -90,7 +90,7 @@ DERIVATIONS: dict[str, Callable[[Clip, MeanPose], Clip]] = {
     "rightarm": lambda clip, mean: _one_arm(clip, "left", mean),
     "mirror": lambda clip, mean: mirror_clip(clip),
 }
-"""Name → what makes a twin: one arm alone, or left and right exchanged; ``prepare --derive-speaker`` takes these."""
+"""Name → what makes a derived speaker: one arm alone, or left and right exchanged; ``prepare --derive-speaker`` takes these."""
 
 
 def hold_points(points: Points, side: str, mean: Array) -> Points:
@@ -121,7 +121,7 @@ def arm_joints(skeleton: Skeleton, side: str) -> tuple[int, ...]:
     sided = _LEFT if side == "left" else _RIGHT
     hand = next((k for k, name in enumerate(skeleton.names) if _HAND.search(name) and sided.search(name)), -1)
     if hand < 0:
-        raise InputError(f"a skeleton without a {side} hand: {', '.join(skeleton.names[:6])}, …", "leave twins out")
+        raise InputError(f"a skeleton without a {side} hand: {', '.join(skeleton.names[:6])}, …", "leave derived speakers out")
     while sided.search(skeleton.names[skeleton.parents[hand]]):
         hand = skeleton.parents[hand]
     found = {hand}
@@ -173,7 +173,7 @@ def _mean(total: Array, number: int) -> Array:
 def _neck_and_unit(points: Points) -> tuple[Array, Array]:
     """(T, 1, 2 or 3) the neck, and (T, 1, 1) what lengths are measured in: PATS' right shoulder, metres for TED."""
     if points.layout not in _NECK:
-        raise InputError(f"key points of layout {points.layout!r} have no known arms", "leave twins out")
+        raise InputError(f"key points of layout {points.layout!r} have no known arms", "leave derived speakers out")
     neck = points.values[:, _NECK[points.layout], None]
     if points.layout == "ted":
         return neck, np.ones((len(points), 1, 1))

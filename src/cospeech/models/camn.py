@@ -85,7 +85,7 @@ class CamnConfig:
                 raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0):
             raise InputError(
-                f"a CaMN with dropout {self.dropout}, unseeded {self.seed_dropout}, beta {self.beta}", "shares; beta > 0"
+                f"a CaMN with dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}", "shares; beta > 0"
             )
 
 

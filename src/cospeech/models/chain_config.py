@@ -28,7 +28,7 @@ class ChainConfig:
     speech_encoder: str = "own"
     """What makes Â of speech, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
-    """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
+    """Of the speech encoder wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
     """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
     text_channels: int = 256

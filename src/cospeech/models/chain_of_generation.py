@@ -3,7 +3,7 @@
 From speech first a face, then with it the body, then with both the hands; whose style and which mood is heard in the speech
 too, so that nothing but speech and words is needed to play it. What is known besides is used.
 
-    speech ──► ear ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
+    speech ──► enc ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
         │              ├─────────────────────────────────────┤
         │    words ──► TCN ──► T̂ ────────────────────────────┴─► CW-Attn ─► AdaLN ─► body ──► B
         └──► classifier ──► E, I ──► HyNet ──► S ─────────────────────────────┴───► hands ──► H      (models/nn/cascade.py)
@@ -114,7 +114,7 @@ class Chain(Windowed):
             )
         if config.speech_encoder not in SPEECH_ENCODERS:
             raise InputError(
-                f"no ear is called {config.speech_encoder!r}"[:200], nearest(config.speech_encoder, SPEECH_ENCODERS)
+                f"no speech encoder is called {config.speech_encoder!r}"[:200], nearest(config.speech_encoder, SPEECH_ENCODERS)
             )
         if not config.attention:
             layers = replace(layers, attention=lambda channels: Through())
@@ -204,8 +204,8 @@ class Chain(Windowed):
         first = self.config.classifier_steps
         parts = {"classifier": Objective(self.classifier.parameters(), self.classifier_loss, stop=first)}
         if self.discriminator is not None:
-            parts["judge"] = Objective(self.discriminator.parameters(), self.discriminator_loss, start=first)
-        others = [p for name, p in self.named_parameters() if name.partition(".")[0] not in ("classifier", "judge")]
+            parts["discriminator"] = Objective(self.discriminator.parameters(), self.discriminator_loss, start=first)
+        others = [p for name, p in self.named_parameters() if name.partition(".")[0] not in ("classifier", "discriminator")]
         return parts | {"gestures": Objective(others, self.gesture_loss, start=first)}
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:

@@ -227,10 +227,10 @@ class MixGan(Windowed):
         made = self.generators(z)
         mixed = mix(made, self._priors(logits, batch["cluster"]))
         return _Decoded(
-            key, own, seen, logits, mixed, self._generate_played(batch, made, logits) if self.config.persistence else mixed
+            key, own, seen, logits, mixed, self._generate_noisy(batch, made, logits) if self.config.persistence else mixed
         )
 
-    def _generate_played(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
+    def _generate_noisy(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
         """Ŷ as it is played, with priors of H and noise: (B, M, D, T), (B, M, T) → (B, D, T)."""
         rows, modes, frames = logits.shape
         noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)

@@ -88,7 +88,7 @@ class MultiContextConfig:
             if not getattr(self, name) >= least:
                 raise InputError(f"{name} of a multi-context network is {getattr(self, name)}", f"{least} at least")
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0 and self.face != 1):
-            problem = f"dropout {self.dropout}, unseeded {self.seed_dropout}, beta {self.beta}, face {self.face}"
+            problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}, face {self.face}"
             raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")
 
 

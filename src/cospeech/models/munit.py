@@ -282,7 +282,7 @@ class Munit(Windowed):
             terms[f"{name}_made"] = self.config.adversarial * discriminator.distance(made[name].made, 0.0)
         return terms
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring, a term for each domain; moves all but the discriminators."""
         c = self.config
         codes = {name: domain.encode(batch[name].mT) for name, domain in self._domains.items()}

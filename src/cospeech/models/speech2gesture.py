@@ -139,7 +139,7 @@ class Speech2Gesture(Windowed):
             "made": self.config.fake * _LOSS.false(self.discriminate(made)),
         }
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Poses near the real ones, motions that the discriminator takes for real; moves all but the discriminator."""
         made = self(batch["audio"])
         terms = {"l1": (made - batch["pose"]).abs().mean()}

@@ -1,4 +1,4 @@
-"""Kinds of systems on stage: how each understands styles, and what plays it."""
+"""Kinds of systems: how each resolves styles, and what decodes it."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ class ChainBackend:
     def _prepare_conditioning(self, conditioning: Conditioning) -> tuple[ConditioningFace | None, Array | None]:
         """The face, and (seeds, D) standardised poses, that the network was trained to be given."""
         sizes = self._system.engine.sizes
-        hint = "train one with model.faced and model.seed_dropout (docs/models/chain_of_generation.md)"
+        hint = "train one with model.face_teacher_forcing and model.seed_dropout (docs/models/chain_of_generation.md)"
         if conditioning.face is not None and not sizes.faces:
             raise InputError("this chain cannot be given a face", hint)
         if conditioning.before is None:

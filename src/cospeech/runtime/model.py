@@ -1,4 +1,4 @@
-"""A bundle on stage: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleBasedModel`."""
+"""A bundle that is ready to play: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleBasedModel`."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class TrainedModel:
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> TrainedModel:
-        """A bundle's file on stage.
+        """Open a bundle's file.
 
         Raises:
             InputError: it cannot be read, or is no bundle of ours.

@@ -33,7 +33,7 @@ class WindowSizes:
     styles: int
     """Numbers of a style: speakers' weights, or a code; 0: there is none."""
     modes: int
-    """Sub-generators whose logits can be nudged; 0: there are none."""
+    """Sub-generators whose logits can be shifted by noise; 0: there are none."""
     window: int
     """Frames of a window in training."""
     multiple: int

@@ -1,7 +1,7 @@
 """PATS (Ahuja et al. 2020): intervals of 25 speakers, one HDF5 file each; 52 key points in 2-D at 15 fps, log-mel, words.
 
     cmu_intervals_df.csv                     an interval per row: split, speaker, id, times, video
-    cmu_intervals_df_transforms.csv          the same of transformed twins: speaker "oliver|mirror", interval "123|mirror"
+    cmu_intervals_df_transforms.csv          the same of transformed speakers: speaker "oliver|mirror", interval "123|mirror"
     missing_intervals.h5                     intervals: ids whose features are incomplete
     processed/<speaker>/<interval_id>.h5     pose/{data,normalize,confidence}, audio/…, text/…
     raw/<speaker>_cropped/<interval_id>.mp3  where the holder fetched the sound

@@ -54,10 +54,10 @@ class PrepareReport:
     pose: str
     fps: float
     clips: int
-    """Read, without twins and augmented ones."""
+    """Read, without derived speakers and augmented ones."""
     augmented: int
     seconds: float
-    """Of motion in the store, twins and augmented clips included."""
+    """Of motion in the store, derived speakers and augmented clips included."""
     splits: dict[str, float]
     """Seconds per split."""
     speakers: dict[str, float]
@@ -67,7 +67,7 @@ class PrepareReport:
     dropped: tuple[dict[str, Any], ...]
     """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
     derived_speakers: int
-    """Clips of twins; see `cospeech.corpora.derived_speakers`."""
+    """Clips of derived speakers; see `cospeech.corpora.derived_speakers`."""
     attributes: dict[str, Attributes]
     """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
 
@@ -75,7 +75,7 @@ class PrepareReport:
         """One line."""
         whole = sum("start" not in row for row in self.dropped)
         parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
-        parts += [f"of twins: {self.derived_speakers}"] if self.derived_speakers else []
+        parts += [f"of derived speakers: {self.derived_speakers}"] if self.derived_speakers else []
         parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
         parts += [f"dropped: {whole}"] if whole else []
         parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
@@ -151,7 +151,7 @@ def prepare(
     read = import_module(CORPORA[corpus].module).read
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
     plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
-    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*derived_speakers]}
+    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
     dropped: list[dict[str, Any]] = []
     with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
         tasks = _tasks(read(raw), derivations_for, _changes(mirror, speeds, pitches), parts, dropped)
@@ -215,7 +215,7 @@ def _begin_parts(target: Path, settings: dict[str, Any]) -> Path:
 
 
 class _Task(NamedTuple):
-    """A clip, the path of its part, and where it comes from: read, twin or augmented."""
+    """A clip, the path of its part, and where it comes from: read, derived speaker or augmented."""
 
     clip: Clip
     path: Path
@@ -229,7 +229,7 @@ def _tasks(
     parts: Path,
     dropped: list[dict[str, Any]],
 ) -> Iterator[_Task]:
-    """Every clip, its twins, and what augmentation makes of the training clips among them; drops go into the list."""
+    """Every clip, its derived speakers, and what augmentation makes of the training clips among them; drops go into the list."""
     number, names = count(), set()
     for item in items:
         if isinstance(item, Dropped):
@@ -240,8 +240,8 @@ def _tasks(
             continue
         names.add(item.name)
         clip = replace(item, split=split_of(item), extra=select_extra(item))
-        derived_speakers = _apply_changes(clip, derivations_for(clip), "no twin", dropped)
-        for one, origin in ((clip, "read"), *((derivation, "twin") for derivation in derived_speakers)):
+        derived_speakers = _apply_changes(clip, derivations_for(clip), "no derived speaker", dropped)
+        for one, origin in ((clip, "read"), *((derivation, "derived") for derivation in derived_speakers)):
             yield _Task(one, parts / f"{next(number):07d}.npz", origin)
             for other in _apply_changes(one, changes, "not augmented", dropped) if one.split == "train" else ():
                 yield _Task(other, parts / f"{next(number):07d}.npz", "augmented")
@@ -355,7 +355,7 @@ def _assemble(
     origins = Counter(origin for *_, origin in made)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
-        reasons, tuple(dropped), origins["twin"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
+        reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:
         temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")

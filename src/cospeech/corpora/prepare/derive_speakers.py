@@ -1,4 +1,4 @@
-"""Which twins each clip of a corpus is to have, and the mean poses that they need: a first pass over the corpus."""
+"""Which derived speakers each clip of a corpus is to have, and the mean poses that they need: a first pass over the corpus."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ Change = Callable[[Clip], Clip]
 def plan_derivations(
     derived_speakers: Sequence[str], read: Callable[[], Iterator[Clip | Dropped]], mirror: bool
 ) -> Callable[[Clip], list[Change]]:
-    """From a clip to the makers of its twins.
+    """From a clip to the makers of its derived speakers.
 
     Args:
         derived_speakers: names of `DERIVATIONS`, of every speaker, or ``"speaker|name"``; none, and nothing is read.
         read: begins to read the corpus.
-        mirror: whether training clips are mirrored as well: their speakers are called as twins would be.
+        mirror: whether training clips are mirrored as well: their speakers are called as derived speakers would be.
 
     Raises:
-        InputError: no such twin or speaker, or both kinds of mirror.
+        InputError: no such derived speaker or speaker, or both kinds of mirror.
     """
     wanted = [
         (speaker, name) for speaker, _, name in (derivation.rpartition("|") for derivation in dict.fromkeys(derived_speakers))
     ]
     for _, name in wanted:
         if name not in DERIVATIONS:
-            raise InputError(f"no twin is called {name!r}", nearest(name, DERIVATIONS))
+            raise InputError(f"no derived speaker is called {name!r}", nearest(name, DERIVATIONS))
     if mirror and any(name == "mirror" for _, name in wanted):
-        raise InputError("mirror as twin and as augmentation: the same speakers twice", "choose one of them")
+        raise InputError("mirror as derived speaker and as augmentation: the same speakers twice", "choose one of them")
     means = mean_poses((clip, split_of(clip) == "train") for clip in read() if isinstance(clip, Clip)) if wanted else {}
     for speaker, _ in wanted:
         if speaker and speaker not in means:

@@ -148,7 +148,7 @@ class StyleTransfer(_Windowed):
 
     @cached_property
     def classifier(self) -> PlayableRun:
-        """Of all speakers of the store, twins among them; trained where it is not there."""
+        """Of all speakers of the store, derived speakers among them; trained where it is not there."""
         return self.runs.player(f"{CLASSIFIER}_pats")
 
     @property
@@ -171,7 +171,7 @@ class StyleTransfer(_Windowed):
         which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
         return TransferOutput(which, poses, [name for part in parts for name in part.styles])
 
-    def scored_speakers(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
+    def score(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
         """All but what is heard."""
         classes, names = self.classes(made.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]

@@ -93,7 +93,7 @@ class MixWindows:
         return [self.clip(poses, str(k), self.speaker(k)) for k, poses in rows]
 
     def centres(self) -> Array:
-        """(8, 240) centres of F1: of the training clips of all speakers, twins (``"dan|mirror"``) left out."""
+        """(8, 240) centres of F1: of the training clips of all speakers, derived speakers (``"dan|mirror"``) left out."""
         clips = [c for c in self.store.clips if c.split == "train" and "|" not in c.speaker]
         found = []
         for entry in clips:

@@ -246,7 +246,7 @@ class Runs:
         for what, path in recipe.needs.items():
             if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
                 self.run(f"{OMEGA}_{self.store.corpus}")
-        if not self._done(folder, recipe):
+        if not self._is_done(folder, recipe):
             from ...training.train import train
 
             label = " ".join([f"{name}, seed {seed}", *more])
@@ -259,7 +259,7 @@ class Runs:
             train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
         return folder
 
-    def _done(self, folder: Path, recipe: Recipe) -> bool:
+    def _is_done(self, folder: Path, recipe: Recipe) -> bool:
         """Whether a run is there, of this recipe, with all its steps."""
         if not (folder / "last.safetensors").exists():
             return False

@@ -55,7 +55,7 @@ class FrameStream:
         self._taken = self._drawn = 0
         self._rows: list[Array] = []
         self._orders: deque[Future[Pictures]] = deque()
-        self._artist: FrameRenderer | None = None
+        self._renderer: FrameRenderer | None = None
         self._helpers: queue.SimpleQueue[Helper] = queue.SimpleQueue()
         self._all_helpers: list[Helper] = []
         self._threads: ThreadPoolExecutor | None = None
@@ -93,10 +93,10 @@ class FrameStream:
                 yield self._orders.popleft().result()
 
     def _draw_here(self) -> Iterator[Pictures]:
-        self._artist = self._artist or FrameRenderer(self.look)
+        self._renderer = self._renderer or FrameRenderer(self.look)
         rows, self._rows = self._rows, []
         for row in rows:
-            yield self._artist.draw(row[None])
+            yield self._renderer.draw(row[None])
 
     def _hire(self) -> None:
         count = min(cores(), _MOST_HELPERS)

@@ -64,7 +64,7 @@ class Wav2VecSpeechEncoder(nn.Module):
 
 
 class SpeechEncoderConfig(Protocol):
-    """What ears are told of a network's settings."""
+    """What a speech encoder needs of a network's settings."""
 
     @property
     def latent(self) -> int: ...
@@ -79,7 +79,7 @@ def _own(config: SpeechEncoderConfig, audio: int, conv: Conv) -> OwnSpeechEncode
 def _wav2vec(config: SpeechEncoderConfig, audio: int, conv: Conv) -> Wav2VecSpeechEncoder:
     if conv is CausalConv:
         raise InputError(
-            "wav2vec 2.0 hears all of a speech before it says anything", "a network that streams has the ear 'own'"
+            "wav2vec 2.0 hears all of a speech before it says anything", "a network that streams has the speech encoder 'own'"
         )
     return Wav2VecSpeechEncoder(config.encoder, config.latent)
 

@@ -30,7 +30,7 @@ class Windowed(nn.Module):
     styles: int
     """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
     modes: int
-    """Sub-generators whose logits can be nudged; 0: none."""
+    """Sub-generators whose logits can be shifted by noise; 0: none."""
     literal: bool = False
     """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 

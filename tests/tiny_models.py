@@ -78,9 +78,7 @@ class TinyGan(Tiny):
         first = nn.Conv1d(audio, config.hidden, 3, padding=1, bias=False)
         self.encode = nn.Sequential(first, BatchNorm1d(config.hidden), nn.ReLU())
         self.decode = nn.Conv1d(config.hidden, pose, 3, padding=1)
-        self.discriminator = nn.Sequential(
-            nn.Conv1d(pose, config.hidden, 3), nn.LeakyReLU(0.2), nn.Conv1d(config.hidden, 1, 3)
-        )
+        self.discriminator = nn.Sequential(nn.Conv1d(pose, config.hidden, 3), nn.LeakyReLU(0.2), nn.Conv1d(config.hidden, 1, 3))
 
     def forward(self, audio: Tensor, speaker: Tensor) -> Tensor:
         return self.decode(self.encode(audio.mT) + self.style(speaker)[..., None]).mT

@@ -49,7 +49,7 @@ class MovingWriter(Writer):
         no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
-        self._frames_stream = FrameStream(Look(*self.size, find_view(camera), background_of(background)), self.fps, self.rate)
+        self._frame_stream = FrameStream(Look(*self.size, find_view(camera), background_of(background)), self.fps, self.rate)
 
     @abstractmethod
     def _open(self, temporary: Path) -> None: ...
@@ -64,10 +64,10 @@ class MovingWriter(Writer):
         self._open(temporary)
 
     def _write(self, motion: Motion) -> None:
-        self._take(self._frames_stream.push(as_humanoid(motion)))
+        self._take(self._frame_stream.push(as_humanoid(motion)))
 
     def _finish(self) -> None:
-        self._take(self._frames_stream.flush())
+        self._take(self._frame_stream.flush())
         self._close()
 
     def _take(self, batches: Iterable[Pictures]) -> None:
@@ -78,4 +78,4 @@ class MovingWriter(Writer):
 
     def _discard(self) -> None:
         with suppress(OSError):
-            self._frames_stream.close()
+            self._frame_stream.close()

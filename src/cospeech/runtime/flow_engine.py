@@ -186,13 +186,13 @@ class FlowEngine:
         hidden = x[:, : s.first_half] @ w[f"{k}.kept"] + past
         for layer in range(s.layers):
             if layer:
-                hidden = self._quantise_hidden(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
+                hidden = self._quantise_states(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
             hidden = self._cells(hidden, unpack(w, f"{k}.{layer}.hh"), w[f"{k}.{layer}.hh.bias"])
         out = hidden @ w[f"{k}.out"] + w[f"{k}.out.bias"]
         scale = _sigmoid(out[:, moved:]) + np.float32(SCALE_FLOOR)
         return np.concatenate([x[:, : s.first_half], (x[:, s.first_half :] + out[:, :moved]) * scale], 1)
 
-    def _quantise_hidden(self, hidden: Array) -> Array:
+    def _quantise_states(self, hidden: Array) -> Array:
         """Hidden states as the products of the graphs see them."""
         return np.round(hidden * 127) / np.float32(127) if self.sizes.int8 else hidden
 
@@ -201,7 +201,7 @@ class FlowEngine:
         size = self.sizes.hidden
         out, h, cell = np.empty((len(gates), size), np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32)
         for t, x in enumerate(gates):
-            product = self._quantise_hidden(h) @ weight + bias
+            product = self._quantise_states(h) @ weight + bias
             if self.sizes.cell == "gru":
                 both = _sigmoid(x[: 2 * size] + product[: 2 * size])
                 new = np.tanh(x[2 * size :] + both[:size] * product[2 * size :])

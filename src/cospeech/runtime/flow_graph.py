@@ -58,7 +58,7 @@ class _Builder(GraphBuilder):
     def to_bytes(self, x: str, unit: float) -> str:
         return self.node("QuantizeLinear", x, self.const(unit), self.const(128, np.uint8))
 
-    def multiply_hidden(self, state: str, name: str) -> str:
+    def multiply_states(self, state: str, name: str) -> str:
         """Hidden states (bytes, where quantised) · W + bias."""
         if not self.sizes.int8:
             return self.linear(state, name, self.weight(f"{name}.bias"))
@@ -207,8 +207,8 @@ def _cells(b: _Builder, k: int, x: str, states: dict[str, list[str]]) -> str:
     for layer in range(sizes.layers):
         at = k * sizes.layers + layer
         if layer:
-            x = b.multiply_hidden(states[seen][at - 1], f"{k}.{layer}.ih")
-        h = b.multiply_hidden(states[seen][at], f"{k}.{layer}.hh")
+            x = b.multiply_states(states[seen][at - 1], f"{k}.{layer}.ih")
+        h = b.multiply_states(states[seen][at], f"{k}.{layer}.hh")
         if sizes.cell == "gru":
             made = states["h"][at] = _gru(b, x, h, states["h"][at])
         else:

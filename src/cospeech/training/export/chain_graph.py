@@ -122,9 +122,9 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 @_poses.register
 def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
-    speech_encoder: Any = net.speech_encoder
-    speech, words = b.parts(given.rows, speech_encoder.inputs, net.word.width)
-    heard = _convs(b, speech, speech_encoder.convs)
+    encoder: Any = net.speech_encoder
+    speech, words = b.parts(given.rows, encoder.inputs, net.word.width)
+    heard = _convs(b, speech, encoder.convs)
     skipped = (net.pose + 1) * (net.config.seeds > 0) - given.seed.channels
     return _cascade(b, net.cascade, heard, words, given, skipped)
 

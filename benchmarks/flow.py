@@ -270,8 +270,8 @@ def endless(frames: int) -> None:
 
 def endless_speech(frames: int) -> None:
     """The bundle that ships on the example speech, over and over."""
-    player = load("stylised-flow")
-    system = player.system  # type: ignore[attr-defined]  # a bundle
+    decoder = load("stylised-flow")
+    system = decoder.system  # type: ignore[attr-defined]  # a bundle
     s, sizes = system.statistics, system.engine.sizes
     speech = Speech.load(EXAMPLE)
     rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)

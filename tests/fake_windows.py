@@ -17,7 +17,7 @@ NAMES = ("ada", "ben", "cleo")
 
 class FakeEngine:
     """A linear filter over 2 · ``near`` + 1 frames, a mean over each ``multiple`` of frames, a gain and an offset by the style,
-    an offset by softmax(nudge); frames beyond the window are zeros, as a convolution has them.
+    an offset by softmax(mode_noise); frames beyond the window are zeros, as a convolution has them.
 
     Args:
         sizes: of the network; its reach is ``near`` + ``multiple`` − 1.

@@ -134,7 +134,7 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
 
 
 def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
-    """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
+    """A short training makes a network that noise_gain from mean 0 and deviation 1: the bundle knows by how much."""
     player = TrainedModel.open(bundle)
     s = player.system.statistics
     assert (np.abs(s.model_mean) > 0.05).any()

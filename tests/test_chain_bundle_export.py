@@ -89,7 +89,7 @@ def run_of(store, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def player_of(run_of):
-    """Makes a bundle of each run, once, and puts it on stage."""
+    """Makes a bundle of each run, once, and opens it."""
     made = {}
 
     def player(name):
@@ -144,10 +144,10 @@ def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
 
 def test_by_how_much_noise_is_multiplied_is_measured(player_of):
     for name in MODELS:
-        strays = player_of(name).system.statistics.noise_gain
-        assert strays.shape == (2,)
-        assert ((strays >= 1) & (strays <= 5)).all()
-        assert name in NOISY or (strays == 1).all()
+        noise_gain = player_of(name).system.statistics.noise_gain
+        assert noise_gain.shape == (2,)
+        assert ((noise_gain >= 1) & (noise_gain <= 5)).all()
+        assert name in NOISY or (noise_gain == 1).all()
 
 
 def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):

@@ -1,4 +1,4 @@
-"""Chains on stage: the calls of every gesturer; words, emotions and speakers given or heard; streams to the bit; files."""
+"""Chains that play: the calls of every model; words, emotions and speakers given or heard; streams to the bit; files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bundles on stage: the calls of every gesturer, streams and takes to the bit, parts, options."""
+"""Bundles that play: the calls of every model, streams and takes to the bit, parts, options."""
 
 from __future__ import annotations
 

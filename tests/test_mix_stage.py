@@ -235,8 +235,8 @@ def test_a_curriculum_goes_from_pose_to_speech():
 def test_the_adversarial_terms_are_those_of_equation_7_or_of_the_authors():
     data = batch()
     judged = network().eval().discriminator_loss(data, 0)
-    fooled = network().eval().generator_loss(data, 0)["adv"]
-    assert torch.allclose(judged["false"], -fooled)  # what D maximises, the others minimise
+    generator_loss = network().eval().generator_loss(data, 0)["adv"]
+    assert torch.allclose(judged["false"], -generator_loss)  # what D maximises, the others minimise
     net = network(adversarial_loss="distance", growth=0.1).eval()
     first, later, last = (net.discriminator_loss(data, step)["false"] for step in (0, 301, 10**6))
     assert torch.allclose(later, 1.1 * first)

@@ -376,7 +376,7 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
 
 
 @pytest.mark.parametrize("name", windowed())
-def test_nudges_move_the_modes_and_only_them(name):
+def test_mode_noise_moves_the_modes_and_only_them(name):
     net = trained_windowed(name)
     audio, style = speech(net, 1, 64), styles(net, 1, 64)
     with torch.no_grad():

@@ -18,7 +18,7 @@ from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
 from cospeech.training.export.window_graph import lower  # noqa: E402
 from runtime_bundles import random_arrays, small_sizes  # noqa: E402
 from test_chain_onnx_export import network  # noqa: E402
-from windowed_networks import KINDS, given, made_by, make_network  # noqa: E402
+from windowed_networks import KINDS, given, make_network, run_network  # noqa: E402
 
 torch.set_num_threads(1)
 EDGE = 1e3  # bounds that no pose comes near
@@ -41,7 +41,7 @@ def test_a_graph_makes_what_its_network_makes(name, audio):
     engine = engine_of(net)
     for takes, frames in ((1, 64), (3, 96), (2, 32)):
         inputs = given(net, takes, frames, seed=frames)
-        wanted = made_by(net, *inputs)
+        wanted = run_network(net, *inputs)
         assert wanted.std() > 0.05
         assert off(engine.make(*inputs), wanted) <= 1e-4
 

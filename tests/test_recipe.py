@@ -160,7 +160,14 @@ def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     from cospeech.training.checkpoint import network
 
-    theirs = {"soft": True, "curriculum": 1000, "judging": "distance", "growth": 0.1, "id_freezes": True, "alternate": True}
+    theirs = {
+        "soft": True,
+        "curriculum": 1000,
+        "adversarial_loss": "distance",
+        "growth": 0.1,
+        "id_freezes": True,
+        "alternate": True,
+    }
     names = ("mix_stage", "stage", "cmix_gan", "speech2gesture", "munit", "speaker_classifier", "mix_stage_authors")
     for name in names:
         base = name.removesuffix("_authors")

@@ -61,7 +61,7 @@ def codes_of(frames: np.ndarray, track: list[tuple[int, np.ndarray]]) -> np.ndar
 
 
 def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int = 64) -> np.ndarray:
-    """What the network makes of the whole speech at once, with silence around it and without a nudge."""
+    """What the network makes of the whole speech at once, with silence around it and without noise."""
     fill = -len(rows) % SIZES.multiple
     heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around + fill, 0)])
     style = codes_of(np.arange(len(heard)) - around, track)[None]
@@ -433,7 +433,7 @@ def test_networks_are_played_as_they_are(name):
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
     from cospeech.runtime.window_engine import WindowEngine
     from cospeech.training.export.window_graph import lower
-    from windowed_networks import given, made_by, make_network
+    from windowed_networks import given, make_network, run_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
     low = lower(net)
@@ -458,5 +458,5 @@ def test_networks_are_played_as_they_are(name):
         heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % low.sizes.multiple, 0)])
         style = np.zeros((1, len(heard), low.sizes.styles), np.float32)
         style[..., 1:2] = 1
-        wanted = made_by(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
+        wanted = run_network(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
         np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

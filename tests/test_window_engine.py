@@ -75,7 +75,7 @@ def test_the_same_in_the_same_out():
     assert engine().make(*inputs).tobytes() == engine().make(*inputs).tobytes()
 
 
-def test_a_nudge_draws_a_mode():
+def test_mode_noise_draws_a_mode():
     """With a logit far above the others, the mixture is that mode alone: it is the corner of what mixtures can be."""
     rows, style, _ = material(1, 32)
     alone = [engine().make(rows, style, np.eye(MODES)[None, [m] * 32] * LIMIT) for m in range(MODES)]

@@ -1,4 +1,4 @@
-"""Systems of windows on stage: the calls of every gesturer, styles, examples, changes of style, streams to the bit."""
+"""Systems of windows that play: the calls of every model, styles, examples, changes of style, streams to the bit."""
 
 from __future__ import annotations
 

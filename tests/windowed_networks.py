@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from cospeech.training.checkpoint import network
 from cospeech.training.recipe import build
 
-__all__ = ["KINDS", "given", "made_by", "make_network"]
+__all__ = ["KINDS", "given", "make_network", "run_network"]
 
 _MIX = {"modes": 4, "channels": 16, "depth": 3, "style": 4, "patch_channels": 4}
 KINDS: dict[str, dict[str, Any]] = {
@@ -45,7 +45,7 @@ def make_network(name: str, *, pose: int = 6, audio: int = 20, speakers: int = 3
 
 
 def given(net: Any, takes: int, frames: int, seed: int = 0) -> list[np.ndarray]:
-    """Speech (T, A), styles (N, T, styles) and nudges (N, T, modes) of normal noise; one style throughout where the network
+    """Speech (T, A), styles (N, T, styles) and mode noise (N, T, modes) of normal noise; one style throughout where the network
     takes one."""
     rng = np.random.default_rng(seed)
     shapes = [(frames, net.audio), (takes, frames, net.styles), (takes, frames, net.modes)]
@@ -56,7 +56,7 @@ def given(net: Any, takes: int, frames: int, seed: int = 0) -> list[np.ndarray]:
 
 
 @torch.no_grad()
-def made_by(net: Any, rows: np.ndarray, style: np.ndarray, mode_noise: np.ndarray) -> np.ndarray:
+def run_network(net: Any, rows: np.ndarray, style: np.ndarray, mode_noise: np.ndarray) -> np.ndarray:
     """What PyTorch makes of it: (N, T, D)."""
     heard = torch.from_numpy(rows)[None].expand(len(style), -1, -1)
     made: Tensor = net.make(heard, torch.from_numpy(style), torch.from_numpy(mode_noise))

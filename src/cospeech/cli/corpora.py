@@ -32,8 +32,8 @@ DerivedSpeakers = Annotated[
     list[str] | None,
     Option("--derive-speaker", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
 ]
-Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]
-"""The name of ``--derive-speaker`` in 0.1.0: an error says the new one."""
+Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]  # old name
+"""What 0.1.0 called ``--derive-speaker``: an error says the new name."""
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
 Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
@@ -78,7 +78,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         speed: Speeds = None,
         pitch: Pitches = None,
         derivation: DerivedSpeakers = None,
-        twin: Twin = None,
+        twin: Twin = None,  # old name
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
@@ -96,10 +96,12 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         """
         from ..corpora.prepare import prepare as make
 
-        if twin:
+        if twin:  # old name
             from ..errors import InputError
 
-            raise InputError("there is no option --twin", f"it is called --derive-speaker now: --derive-speaker {twin[0]}")
+            hint = f"it is called --derive-speaker now: --derive-speaker {twin[0]}"  # old name
+            raise InputError("there is no option --twin", hint)  # old name
+
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),

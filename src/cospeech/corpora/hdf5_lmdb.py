@@ -185,6 +185,6 @@ def _dtype(described: Any) -> np.dtype[Any]:
 
 
 def read_lmdb(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """`Vault.lmdb` of one folder, with a process of its own that ends with the iterator."""
+    """`Hdf5LmdbReader.lmdb` of one folder, with a process of its own that ends with the iterator."""
     with Hdf5LmdbReader("lmdb") as reader:
         yield from reader.lmdb(folder)

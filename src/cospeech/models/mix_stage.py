@@ -288,10 +288,10 @@ class MixGan(Windowed):
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
         judged = self.style.identity(decoded.own, decoded.judged, batch["speaker"])
         terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
-        fooled = ADVERSARIAL_LOSSES[self.config.adversarial_loss].generator_loss(
+        generator_loss = ADVERSARIAL_LOSSES[self.config.adversarial_loss].generator_loss(
             self._score(decoded.judged, batch)
         )  # equation 7: log(1 − D)
-        terms["adv"] = self.config.adversarial * self._growing(step) * fooled
+        terms["adv"] = self.config.adversarial * self._growing(step) * generator_loss
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------

@@ -15,9 +15,7 @@ from .onnx_session import open_session, run_session
 
 __all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes", "check_weights"]
 
-LIMIT = (
-    1e3  # ours: standardised speech, weights of styles and nudges come nowhere near; keeps what is absurd out of the network
-)
+LIMIT = 1e3  # ours: standardised speech, style weights and noise are far smaller; absurd values stay out of the network
 LARGEST = 1e6  # ours: no weight of a trained network comes near
 STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by Mix-StAGE's encoder leave one
 
@@ -138,7 +136,7 @@ class WindowEngine:
         s, takes, frames = self.sizes, len(style), len(rows)
         wanted = [(frames, s.audio), (takes, frames, s.styles), (takes, frames, s.modes)]
         if [np.shape(x) for x in (rows, style, mode_noise)] != wanted or not takes or not frames or frames % s.multiple:
-            problem = f"speech {np.shape(rows)}, styles {np.shape(style)}, nudges {np.shape(mode_noise)}"
+            problem = f"speech {np.shape(rows)}, styles {np.shape(style)}, mode noise {np.shape(mode_noise)}"
             raise InputError(problem, f"(F, {s.audio}), (N, F, {s.styles}), (N, F, {s.modes}), F a multiple of {s.multiple}")
         feed = {"rows": _sane(rows)[None]}
         feed |= {"style": _sane(style)} if s.styles else {}

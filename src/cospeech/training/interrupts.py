@@ -12,7 +12,7 @@ __all__ = ["SignalWatch", "Stopped", "defer_signals"]
 
 
 class Stopped(BaseException):
-    """A signal has asked to stop, within `Heed.raise_at_once`; as KeyboardInterrupt no `Exception`."""
+    """A signal has asked to stop, within `SignalWatch.raise_at_once`; as KeyboardInterrupt no `Exception`."""
 
 
 class SignalWatch:

@@ -17,6 +17,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from ..errors import InputError, nearest
 from ..files import parse_toml, read_regular
 from ..limits import RECIPE_BYTES
+from .renamed import suggest_key
 
 __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "list_changes", "list_recipes", "load_recipe", "read_recipe"]
 
@@ -26,16 +27,6 @@ SHIPPED = Path(__file__).with_name("recipes")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
-
-RENAMED = {
-    "ear": ("speech_encoder",), "wordless": ("word_dropout",), "unseeded": ("seed_dropout",),
-    "labelled": ("label_conditioning",),
-    "faced": ("face_teacher_forcing",), "borrowed": ("speech_swap",), "manner": ("motion_statistics",),
-    "gain": ("gain_augmentation",), "taught": ("distillation",), "pooled": ("pooling_window",), "styled": ("style_injection",),
-    "judging": ("adversarial_loss",), "judge_poses": ("pose_discriminator",), "judge_channels": ("discriminator_channels",),
-    "judge": ("discriminator_channels", "discriminator"), "by_clip": ("per_clip_normalisation",),
-}  # fmt: skip
-"""Key, or objective, of recipes and runs of 0.1.0 → its names since, of which a model has one."""
 
 _LARGEST = 2**1000  # ours: whole numbers beyond are no floats
 T = TypeVar("T")
@@ -207,19 +198,6 @@ def _fit(value: Any, hint: Any, where: str) -> Any:
     elif hint is Any or type(value) is hint:
         return value
     raise InputError(f"{where} is {value!r}"[:200], f"it takes {_kind(hint)}")
-
-
-def suggest_key(name: str, known: Iterable[str]) -> str:
-    """A hint for a key or an objective that there is not: its new name, or the most similar one.
-
-    >>> suggest_key("by_clip", ["corpus", "per_clip_normalisation"])
-    "it is called 'per_clip_normalisation' now; change the name in the recipe, or train the run again"
-    """
-    known = list(known)
-    for new in RENAMED.get(name, ()):
-        if new in known:
-            return f"it is called {new!r} now; change the name in the recipe, or train the run again"
-    return nearest(name, known)
 
 
 def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:

@@ -30,7 +30,8 @@ from .dataset import check_same, open_set
 from .interrupts import SignalWatch, Stopped, defer_signals
 from .objective_optimiser import ObjectiveOptimiser, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
-from .recipe import Recipe, Train, suggest_key
+from .recipe import Recipe, Train
+from .renamed import suggest_key
 from .run_log import Board, RunLog
 from .running_average import RunningAverage
 from .signals import let_signals_in

@@ -1,4 +1,4 @@
-"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator that wants it fooled."""
+"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class AdversarialLoss(NamedTuple):
     Args:
         true: of D, for poses of people.
         false: of D, for poses that were made.
-        fooled: of the generator, for poses that were made.
+        generator_loss: of the generator, for poses that were made.
     """
 
     true: Loss

@@ -103,11 +103,11 @@ class ManyInputs(Windowed):
             weights_of(speaker, self.speakers), torch.cat([pose * begun, begun], -1),
         )  # fmt: skip
 
-    def collect_training_inputs(self, batch: Batch, unseeded: float) -> ModalityInputs:
+    def collect_training_inputs(self, batch: Batch, seed_dropout: float) -> ModalityInputs:
         """A batch as inputs, in training a share of it without poses to begin with."""
-        if not (unseeded and self.training):
+        if not (seed_dropout and self.training):
             return self.collect_inputs(batch.arrays)
-        known = batch.chance.uniform(len(batch)) >= unseeded
+        known = batch.chance.uniform(len(batch)) >= seed_dropout
         return self.collect_inputs(batch.arrays, known=known.to(batch["audio"]))
 
     @torch.no_grad()

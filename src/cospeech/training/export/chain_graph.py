@@ -1,10 +1,10 @@
 """Networks of many inputs as graphs that play without PyTorch: Chain of Generation, CaMN, multi-context; nothing trained.
 
-    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), nudge (N, T, Z), left out where Z is 0;
+    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), mode_noise (N, T, Z), left out where Z is 0;
               and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
               seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
-    live      the same of one frame, rows (1, A + W), style (N, S + 8), nudge (N, Z), and states → poses (N, D), states after
+    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), states → poses (N, D), next states
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
 What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.

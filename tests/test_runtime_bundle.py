@@ -309,7 +309,13 @@ def test_the_size_that_ships_is_small(tmp_path):
     from cospeech.runtime.flow_bundle import write_flow
 
     sizes = replace(
-        small_sizes("expmap-humanoid", "mel20-prosody"), steps=8, hidden=128, history=5, heard=11, feature=16, channels=32
+        small_sizes("expmap-humanoid", "mel20-prosody"),
+        steps=8,
+        hidden=128,
+        history=5,
+        speech_frames=11,
+        feature=16,
+        channels=32,
     )
     path = tmp_path / "large.cospeech"
     arrays = random_arrays(sizes)

@@ -123,7 +123,7 @@ def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapp
         found["hands"] = hand_columns(store.names["pose"])
     if "text" in takes:
         found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
-    if "louder" in takes and getattr(config, "gain", 0.0) > 0 and data.audio is not None:
+    if "louder" in takes and getattr(config, "gain_augmentation", 0.0) > 0 and data.audio is not None:
         found["louder"] = (np.array(louder(data.audio)) / standards["audio"].std).tolist()
     return found
 

@@ -97,7 +97,7 @@ def material(who: ChainEngine, takes: int, frames: int) -> list[np.ndarray]:
 
 
 @torch.no_grad()
-def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """(N, T, D) of PyTorch."""
     heard = torch.from_numpy(rows).expand(len(style), -1, -1)
     made: np.ndarray = net.make(heard, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
@@ -109,7 +109,7 @@ def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) ->
 def test_windows(name, frames):
     net, who = network(name), engine(name)
     given = material(who, 3, frames)
-    wanted = made_by(getattr(net, "teacher", net), *given)
+    wanted = run_exported(getattr(net, "teacher", net), *given)
     made = who.windows.make(*given)
     assert wanted.std() > 0.01
     np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
@@ -159,7 +159,7 @@ def test_frame_by_frame(name):
     net, who = network(name), engine(name)
     frames, delay = 60, who.sizes.look_ahead
     rows, style, noise = material(who, 3, frames)
-    wanted, under_way, made = made_by(net, rows, style, noise), who.live(3), []
+    wanted, under_way, made = run_exported(net, rows, style, noise), who.live(3), []
     for k in range(frames + delay):
         k = min(k, frames - 1)
         made.append(under_way.frame(rows[k], style[:, k], noise[:, k]))

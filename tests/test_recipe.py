@@ -208,6 +208,8 @@ def test_a_setting_of_ours_names_the_network_that_has_it():
     ):  # fmt: skip
         with pytest.raises(InputError, match=f'"{name}-extended" has it'):
             build_config(name, {key: value})
+        with pytest.raises(InputError, match="has it, as 'speech_swap'"):
+            build_config("chain-of-generation", {"borrowed": 0.5})  # old name
         assert vars(build_config(f"{name}-extended", {key: value}))[key] == value
         with pytest.raises(InputError, match=f"no key model.{key}s"):
             build_config(name, {f"{key}s": value})

@@ -283,7 +283,7 @@ class SpeechSource:
         self._fresh = False
         decoder = self._decoder
         try:
-            yield from self._resampled(self._mono(decoder))
+            yield from self._resample(self._mono(decoder))
         finally:
             decoder.close()
 

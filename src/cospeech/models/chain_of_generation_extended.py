@@ -6,11 +6,12 @@ off by default:
 
     noise                        smooth Gumbel noise for both decoders: takes of one speech differ
     adversarial                  ℓ_D of a discriminator that sees poses, their motion, the speech, speaker and emotion
-    manner                       ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
-    borrowed                     clips that are played to the speech of another clip, in the style of their own labels
-    wordless, seed_dropout           clips without words, without seed poses: what may be missing when it plays
-    labelled, faced              clips with the style of their labels, with their recorded face: what may be given when it plays
-    gain                         louder or softer speech: the level of a microphone says nothing about the emotion
+    motion_statistics            ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
+    speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
+    word_dropout, seed_dropout   clips without words, without seed poses: what may be missing when it plays
+    label_conditioning           clips with the style of their labels: style and emotion may be given when it plays
+    face_teacher_forcing         clips with their recorded face: a face may be given when it plays
+    gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
     ℓ = equation 9 + λ_M ℓ_M + λ_D (D(P) − 1)²,      D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
@@ -73,7 +74,7 @@ class ChainExtendedConfig(ChainConfig):
 
 
 class Turn(NamedTuple):
-    """Of a batch in a step: what is made of it, and for whom it is judged."""
+    """Of a batch in a step: what the cascade makes of it, and whose style and speech the discriminator compares it with."""
 
     made: CascadeOutput
     """Of the clip's own frames."""
@@ -226,10 +227,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         seeds = self.mask_seeds(batch["pose"].mT, coins[:, 1] >= self.config.seed_dropout)
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
         face = torch.where(coins[:, 2] < self.config.face_teacher_forcing, face, torch.nan)
-        made, speech_encoder = self(
-            played[self.speech_encoder.array].mT, words, style, self.extra(seeds, noise), Memory(), face
-        )
-        return Turn(self._cut(made), speech_encoder, made.features, recorded, played, own, style, words, noise)
+        made, features = self(played[self.speech_encoder.array].mT, words, style, self.extra(seeds, noise), Memory(), face)
+        return Turn(self._cut(made), features, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""

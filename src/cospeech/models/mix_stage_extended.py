@@ -4,8 +4,9 @@ With the paper's loss and few steps the generator soon stands nearly still: log(
 what is left, the distance to one recording, is least for the mean of all motions. What we add, each off by default:
 
     reconstruction    weight of L_rec and L_joint
-    judging           "squares": least squares, whose gradient does not vanish
-    pose_discriminator       D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
+    adversarial_loss  "squares": least squares, whose gradient does not vanish
+    pose_discriminator
+                      D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
                       clip count as false too
     persistence       L_adv and the second term of L_id are of poses as they are played, with priors of H and smooth noise:
 

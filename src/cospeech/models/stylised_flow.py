@@ -250,8 +250,8 @@ class StylisedFlow(Trainable):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu), "residual": False, "inertia": 0.0,
-            "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu),
+            "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
             "channels": c.encoder_channels if c.encoder else 0, "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
         }  # fmt: skip
 

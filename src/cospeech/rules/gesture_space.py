@@ -13,7 +13,7 @@ from .repertoire import FORMS, Form
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["GestureSpace", "reach_time", "stroke_time"]
+__all__ = ["GesturePlacement", "reach_time", "stroke_time"]
 
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
@@ -21,7 +21,7 @@ _ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those 
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
 
-class GestureSpace:
+class GesturePlacement:
     """The gesture space of one take.
 
     Args:

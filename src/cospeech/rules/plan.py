@@ -20,7 +20,7 @@ from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .gesture_space import GestureSpace, reach_time, stroke_time
+from .gesture_space import GesturePlacement, reach_time, stroke_time
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack
 from .posture import Posture
@@ -82,7 +82,7 @@ class Planner:
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [_HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
-        self._gesture_space = GestureSpace(style, self._random, intensity, temperature)
+        self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
         self._last_accent = -1.0

@@ -29,6 +29,7 @@ from ..limits import RUN_BYTES
 from ..models import NETWORKS
 from ..models.nn.trainable import Trainable
 from .recipe import build
+from .renamed import RENAMED
 
 __all__ = [
     "FORMAT",
@@ -75,9 +76,12 @@ def build_config(name: str, values: Mapping[str, Any]) -> Any:
     """
     kind, more = network(name), f"{name}-extended"
     own = {field.name for field in fields(kind.Config)}
-    unknown = [key for key in values if key not in own]
-    if unknown and more in NETWORKS and {*unknown} <= {field.name for field in fields(network(more).Config)}:
-        raise InputError(f"the published {name!r} has no key model.{unknown[0]}", f'model.name = "{more}" has it')
+    unknown = {key: {key, *RENAMED.get(key, ())} for key in values if key not in own}
+    theirs = {field.name for field in fields(network(more).Config)} if unknown and more in NETWORKS else set()
+    if unknown and all(theirs & names for names in unknown.values()):
+        key, names = next(iter(unknown.items()))
+        hint = f'model.name = "{more}" has it' + ("" if key in theirs else f", as {min(theirs & names)!r}")
+        raise InputError(f"the published {name!r} has no key model.{key}", hint)
     return build(kind.Config, values, "model")
 
 

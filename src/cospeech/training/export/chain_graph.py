@@ -4,7 +4,7 @@
               and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
               seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
-    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), and states → poses (N, D), states after
+    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), states → poses (N, D), next states
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
 What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.

@@ -204,7 +204,8 @@ def test_a_setting_of_ours_names_the_network_that_has_it():
     from cospeech.training.checkpoint import build_config
 
     for name, key, value in (
-        ("chain-of-generation", "adversarial", 1.0), ("mix-stage", "pose_discriminator", True), ("stylised-flow", "residual", True),
+        ("chain-of-generation", "adversarial", 1.0), ("mix-stage", "pose_discriminator", True),
+        ("stylised-flow", "residual", True),
     ):  # fmt: skip
         with pytest.raises(InputError, match=f'"{name}-extended" has it'):
             build_config(name, {key: value})

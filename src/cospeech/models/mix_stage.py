@@ -213,9 +213,9 @@ class MixGan(Windowed):
         logits = self._logits(z)
         made = self.generators(z)
         mixed = mix(made, self._priors(logits, batch["cluster"]))
-        return _Decoded(key, own, seen, logits, mixed, self._judged(batch, made, logits, mixed))
+        return _Decoded(key, own, seen, logits, mixed, self._draw_poses(batch, made, logits, mixed))
 
-    def _judged(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
+    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
         """Ŷ (B, D, T) of L_adv and L_id, of the sub-generators' (B, M, D, T), H's logits (B, M, T) and Ŷ of L_rec."""
         return mixed
 

@@ -63,7 +63,7 @@ class MixStageExtended(MixStage):
             return super()._make_discriminator()
         return PoseDiscriminator(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
 
-    def _judged(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
+    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
         """As it is played, with priors of H and noise, where there is ``persistence``."""
         if not self.config.persistence:
             return mixed

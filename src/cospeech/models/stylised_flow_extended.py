@@ -104,14 +104,14 @@ class StylisedFlowExtended(StylisedFlow):
 
     def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
         """As of the paper, of (B, S + τ + F + l, D) poses and as much speech; the first S are the stretch for the style."""
-        x, c = self._conditioned(pose, audio)
+        x, c = self._condition_poses(pose, audio)
         return self.flow.log_prob(x, c)
 
     def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
-        return self.flow(*self._conditioned(pose, audio))[0]
+        return self.flow(*self._condition_poses(pose, audio))[0]
 
-    def _conditioned(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
+    def _condition_poses(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
         """What the flow gives for recorded poses, and under which conditions."""
         x, histories, heard = self._windows(pose, audio)
         return x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))

@@ -108,12 +108,8 @@ class StylisedFlow(Trainable):
                 pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
                 oldest=config.encoder_oldest,
             )  # fmt: skip
-        context = (
-            config.history * pose
-            + self.speech_frames * audio
-            + (config.feature if config.encoder else 0)
-            + self._add_encoders()
-        )
+        context = config.history * pose + self.speech_frames * audio + (config.feature if config.encoder else 0)
+        context += self._add_encoders()
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
         extractor = omega.omega if isinstance(omega, GestureAutoencoder) else omega  # its fourth layer
         self.omega = [extractor.eval().requires_grad_(False)] if extractor is not None else []  # a list: no part of this model
@@ -251,8 +247,9 @@ class StylisedFlow(Trainable):
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
             "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu),
-            "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
-            "channels": c.encoder_channels if c.encoder else 0, "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
+            "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0,
+            "blocks": c.encoder_blocks if c.encoder else 0, "channels": c.encoder_channels if c.encoder else 0,
+            "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

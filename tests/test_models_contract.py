@@ -37,7 +37,7 @@ _PLAYED |= {
     "label_conditioning": 0.5,
     "face_teacher_forcing": 0.5,
     "speech_swap": 0.3,
-    "manner": 1.0,
+    "motion_statistics": 1.0,
 }
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},

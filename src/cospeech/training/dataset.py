@@ -170,7 +170,7 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
     models, known = {}, {}
     for name, folder in recipe.needs.items():
         if not (Path(folder) / "config.json").is_file():
-            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            first = f"`cospeech train {Path(folder).name}` makes it; --set needs.{name}=RUN names another"
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")

@@ -120,7 +120,7 @@ def _check_given(context: typer.Context, table: str | None) -> None:
     idle = _OF_TABLES if table is None else _OF_CONTESTS
     for option in context.command.params:
         if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
-            where = "works only with --table" if table is None else "does not work with --table, which has its own"
+            where = "without --table, to which it belongs" if table is None else "beside --table, which sets this itself"
             raise InputError(f"{option.opts[0]} {where}", "it would change nothing; leave it out")
 
 

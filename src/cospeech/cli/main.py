@@ -222,11 +222,7 @@ def list_(
 
 
 @app.command()
-def demo(
-    folder: Folder = Path("demo"),
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
+def demo(folder: Folder = Path("demo"), quiet: Quiet = False, debug: Debug = False) -> None:
     """Generate every kind of file from the example speech.
 
     The formats are those of `cospeech list formats` without .gif. The .mp4 needs the extra `av`.

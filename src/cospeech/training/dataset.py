@@ -202,7 +202,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         found += changed({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+        raise InputError(f"the run began with {found[0]}{more}", "a run keeps its recipe and store; --out begins another")
     for name, value in now.items():
         array = name.rpartition("_")[0]
         if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):

@@ -174,9 +174,7 @@ def register(app: typer.Typer) -> None:
         _check_given(context, table)
         if table is not None:
             if systems:
-                raise InputError(
-                    f"system {systems[0]!r} is named together with --table", "leave it out: the table has its own rows"
-                )
+                raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
             from ..experiments.tables import to_text
 
             made = _table(

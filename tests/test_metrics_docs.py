@@ -24,7 +24,7 @@ def test_every_metric_has_a_page_with_control_rows(module):
             assert f"`{name}`" in table, f"{name} is not measured: python tools/measure_metrics.py SPEECH"
     assert all(f"\n| {row} |" in table for row in CONTROLS)
     assert "Synthetic" in table
-    assert "rule-based gesturer" in table
+    assert "rule-based model" in table
     assert "uirk" in text
 
 

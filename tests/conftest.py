@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,30 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("cospeech")
+
+# A fixture that reaches for outside material → the marker of the tests that use it.
+OUTSIDE = {"shared": "shared", "blender_python": "blender", "node": "node"}
+ASKS = r"pytest\.importorskip\(\"(?:torch|onnx)\""  # onnx: to write graphs, which is training's
+
+
+@cache
+def source_of(thing: object) -> str:
+    return inspect.getsource(thing)  # type: ignore[arg-type]
+
+
+def needs_torch(item: pytest.Item) -> bool:
+    """Whether the module of a test, the test or a fixture that it uses asks for torch."""
+    fixtures = [definitions[-1].func for definitions in item._fixtureinfo.name2fixturedefs.values()]
+    whole = re.search(rf"^(?:(?:\w+ = )?{ASKS}|(?:import|from) torch\b)", source_of(item.module), re.M)
+    return bool(whole) or any(re.search(ASKS, source_of(part)) for part in (item.function, *fixtures))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What a test needs is its marker. Only `slow`, and `torch` where a command needs it, are written at the test."""
+    for item in items:
+        needs = {marker for fixture, marker in OUTSIDE.items() if fixture in item.fixturenames}
+        for marker in sorted(needs | ({"torch"} if needs_torch(item) else set())):
+            item.add_marker(marker)
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,7 @@ import soundfile
 
 from cospeech import InputError, Speech
 from cospeech.audio import decoding
+from cospeech.audio.worker import message
 
 RATE = 16_000
 MUTANTS = 260  # of each of the eight files below
@@ -110,7 +111,7 @@ def run_decoder(paths: list[Path]) -> list[str]:
     timer = threading.Timer(STALLED, decoder.kill)
     timer.start()
     try:
-        decoder.stdin.write(b"".join(os.fsencode(path) + b"\0" for path in paths))
+        decoder.stdin.write(b"".join(message(b"P", os.fsencode(path)) for path in paths))
         decoder.stdin.close()
         while len(head := decoder.stdout.read(5)) == 5:
             kind, size = head[:1], struct.unpack("<I", head[1:])[0]

@@ -45,9 +45,9 @@ def test_all_of_a_file(file):
 def test_a_crash_costs_one_file(file):
     with Vault("hdf5") as vault:
         vault.hdf5(file)
-        assert vault._process is not None
-        vault._process.kill()
-        vault._process.wait()
+        assert vault._worker is not None
+        vault._worker.process.kill()
+        vault._worker.process.wait()
         with pytest.raises(InputError, match=r"the reader crashed on 'some\.h5'"):
             vault.hdf5(file)
         assert set(vault.hdf5(file, ["b"])[0]) == {"b/alone", "b/pairs"}
@@ -55,11 +55,11 @@ def test_a_crash_costs_one_file(file):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped on this system")
 def test_a_hang_is_ended(file, monkeypatch):
-    monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
     with Vault("hdf5") as vault:
         vault.hdf5(file)
-        assert vault._process is not None
-        os.kill(vault._process.pid, signal.SIGSTOP)
+        monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
+        assert vault._worker is not None
+        os.kill(vault._worker.process.pid, signal.SIGSTOP)
         with pytest.raises(InputError, match=r"the reader hangs on 'some\.h5'"):
             vault.hdf5(file)
 

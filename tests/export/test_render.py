@@ -292,13 +292,13 @@ def test_helpers_end_with_the_film(look):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert film._all_helpers
-    assert all(helper._process.poll() is not None for helper in film._all_helpers)
+    assert all(helper._worker.process.poll() is not None for helper in film._all_helpers)
 
 
 def test_a_dead_helper_is_an_internal_error(look):
     helper = Helper(look)
-    helper._process.kill()
-    helper._process.wait()
+    helper._worker.process.kill()
+    helper._worker.process.wait()
     with pytest.raises(Exception, match="ended early"):
         helper.draw(np.zeros((1, 443), np.float32))
     helper.close()
@@ -308,7 +308,7 @@ def test_helpers_end_when_their_parent_is_killed(tmp_path):
     code = (
         "from cospeech.export.render.worker import Helper, Look\n"
         "from cospeech.export.render.camera import view_named; import time\n"
-        "h = Helper(Look(48, 40, view_named('body'), (9, 9, 9))); print(h._process.pid, flush=True); time.sleep(60)"
+        "h = Helper(Look(48, 40, view_named('body'), (9, 9, 9))); print(h._worker.process.pid, flush=True); time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     child = int(parent.stdout.readline())

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from .nn.configuration import ModelConfig
 
 __all__ = ["ChainConfig"]
 
 
 @dataclass(frozen=True)
-class ChainConfig:
+class ChainConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, those of CaMN's code, which it builds on."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {
+        "hidden": 8, "layers": 2, "word_width": 5, "latent": 8, "classifier_channels": 6, "classifier_steps": 10,
+    }  # fmt: skip
 
     frames: int = 34
     """N; section 4.1."""

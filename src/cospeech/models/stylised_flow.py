@@ -20,8 +20,9 @@ Followed, changed, not said in the paper: docs/models/stylised_flow.md, by numbe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -29,6 +30,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from .nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
+from .nn.configuration import ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
 
@@ -38,8 +40,10 @@ SHORTEST = 4  # frames that two convolutions with kernel 4 and stride 2 leave an
 
 
 @dataclass(frozen=True)
-class FlowConfig:
+class FlowConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's for TED."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16, "encoder_channels": 8, "encoder_blocks": 2}
 
     steps: int = 16
     """K; not stated, authors' code 16."""

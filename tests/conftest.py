@@ -90,3 +90,18 @@ def cli(monkeypatch, capsys):
         return int(ended.value.code or 0), said.out, said.err
 
     return run
+
+
+@pytest.fixture(scope="session")
+def long_speech(tmp_path_factory) -> Path:
+    """Ten minutes of speech: enough to be killed or interrupted in."""
+    import soundfile
+
+    from cospeech.cli.demo import EXAMPLE
+
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    path = tmp_path_factory.mktemp("long") / "long.wav"
+    with soundfile.SoundFile(path, "w", rate, 1) as file:
+        for _ in range(int(600 / (len(samples) / rate))):
+            file.write(samples)
+    return path

@@ -6,7 +6,6 @@ import json
 import os
 import pty
 import re
-import signal
 import subprocess
 import sys
 import warnings
@@ -23,13 +22,6 @@ from cospeech.export import FORMATS
 from cospeech.models import PARTS
 
 COSPEECH = [sys.executable, "-m", "cospeech"]
-
-
-@pytest.fixture(autouse=True)
-def _own_signals():
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
 
 
 @pytest.fixture

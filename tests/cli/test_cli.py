@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,6 @@ from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.bundle import write_bundle
 
 SECONDS, RATE = 1.51, 16_000
-
-
-@pytest.fixture(autouse=True)
-def _own_signals():
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
 
 
 @pytest.fixture

@@ -12,22 +12,10 @@ import time
 from pathlib import Path
 
 import pytest
-import soundfile
 
 from cospeech.cli.demo import EXAMPLE
 
 COSPEECH = [sys.executable, "-m", "cospeech"]
-
-
-@pytest.fixture
-def long_speech(tmp_path):
-    """Ten minutes of speech: enough to be interrupted in."""
-    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
-    path = tmp_path / "long.wav"
-    with soundfile.SoundFile(path, "w", rate, 1) as file:
-        for _ in range(int(600 / (len(samples) / rate))):
-            file.write(samples)
-    return path
 
 
 def test_help_imports_nothing_heavy():

@@ -23,7 +23,7 @@ from cospeech.motion.rotations import quat_identity
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.rules import EMOTIONS as OURS
-from tests.support.corpus_files import WORDS, clip, damaged, same_turns, sort_out
+from tests.support.corpus_files import UNUSABLE, WORDS, clip, damaged, same_turns, sort_out, unusable
 
 
 @pytest.fixture(scope="module")
@@ -261,17 +261,10 @@ def test_known_gaps_are_listed(tmp_path):
     assert [item.name for item in beat.read(tmp_path)] == ["9_miranda_0_2_8"]
 
 
-@pytest.mark.parametrize("kind", ["gone", "file", "empty", "other"])
+@pytest.mark.parametrize("kind", UNUSABLE)
 def test_an_unusable_folder_is_an_error(tmp_path, kind):
-    root = tmp_path / "root"
-    if kind == "file":
-        root.write_text("x")
-    elif kind != "gone":
-        root.mkdir()
-    if kind == "other":
-        (root / "talk.wav").write_bytes(b"")
     with pytest.raises(InputError, match="root"):
-        beat.read(root)
+        beat.read(unusable(tmp_path, kind, "talk.wav"))
 
 
 def test_one_take_at_a_time(raw, tmp_path):

@@ -13,23 +13,8 @@ from cospeech.corpora import CORPORA, Dropped, Semantic, beat2, folder, zeroeggs
 from cospeech.corpora.beat.annotations import semantic_text
 from cospeech.corpora.layout import textgrid, write_bvh
 from cospeech.errors import InputError
-from tests.support.corpus_files import WORDS, damaged, same_turns, sort_out, tone
+from tests.support.corpus_files import UNUSABLE, WORDS, damaged, same_turns, sort_out, tone, unusable
 from tests.support.motions import gesturing
-
-UNUSABLE = ["gone", "file", "empty", "other"]
-
-
-def unusable(tmp_path, kind):
-    """A root that holds no corpus."""
-    root = tmp_path / "root"
-    if kind == "file":
-        root.write_text("x")
-    elif kind != "gone":
-        root.mkdir()
-    if kind == "other":
-        (root / "notes").mkdir()
-        (root / "notes" / "a.md").write_text("nothing")
-    return root
 
 
 def sound(path, seconds=1.0, rate=16_000):

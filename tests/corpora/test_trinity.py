@@ -14,7 +14,7 @@ from cospeech.corpora.trinity import read as trinity
 from cospeech.errors import InputError
 from cospeech.motion.skeleton import named_skeleton
 from cospeech.motion.skeletons.trinity import FULL_BODY, UPPER_BODY
-from tests.support.corpus_files import WORDS, clip, damaged, same_turns, sort_out
+from tests.support.corpus_files import UNUSABLE, WORDS, clip, damaged, same_turns, sort_out, unusable
 
 
 @pytest.fixture(scope="module")
@@ -184,17 +184,10 @@ def test_another_corpus_is_told(recording):
     assert "30 frames per second" in recording(Motion=recording.bvh.replace("0.016667", "0.033333")).reason
 
 
-@pytest.mark.parametrize("kind", ["gone", "file", "empty", "other"])
+@pytest.mark.parametrize("kind", UNUSABLE)
 def test_an_unusable_folder_is_an_error(tmp_path, kind):
-    root = tmp_path / "root"
-    if kind == "file":
-        root.write_text("x")
-    elif kind != "gone":
-        root.mkdir()
-    if kind == "other":
-        (root / "Audio").mkdir()
     with pytest.raises(InputError, match="root"):
-        trinity.read(root)
+        trinity.read(unusable(tmp_path, kind, "Audio/notes.md"))
 
 
 def test_damaged_files_are_drops_or_sound(raw, tmp_path):

@@ -30,6 +30,7 @@ from cospeech.metrics.clustering import silhouette_coefficient
 from cospeech.motion.points import Points
 from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
 from cospeech.training.recipe import SHIPPED, build, load_recipe
+from tests.support.tiny_recipes import cut_off, write_tiny_recipes
 
 torch = pytest.importorskip("torch")
 
@@ -75,23 +76,11 @@ TINY = {
 }
 
 
-def toml(value: object) -> str:
-    return json.dumps(value if not isinstance(value, tuple) else [*value])
-
-
 @pytest.fixture(scope="session")
 def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
-    folder = tmp_path_factory.mktemp("recipes")
-    for name in (*(r for r in RECIPES if "_ted" in r), f"{OMEGA}_ted", f"{FEATURES}_ted"):
-        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
-        sections["model"] |= TINY[sections["model"]["name"]]
-        sections["train"] = {"steps": 2, "batch": 4, "validate_every": 0, "save_every": 1, "threads": 1, "lr": 1e-4}
-        lines = []
-        for section, values in sections.items():
-            lines += [f"[{section}]", *(f"{key} = {toml(value)}" for key, value in values.items()), ""]
-        (folder / f"{name}.toml").write_text("\n".join(lines))
-    return folder
+    names = (*(r for r in RECIPES if "_ted" in r), f"{OMEGA}_ted", f"{FEATURES}_ted")
+    return write_tiny_recipes(tmp_path_factory.mktemp("recipes"), names, TINY.__getitem__)
 
 
 @pytest.fixture(scope="session")
@@ -351,16 +340,7 @@ def test_a_run_that_was_cut_off_goes_on(stages, tmp_path):
     whole = stages.run("flow_ted_baseline", 5)
     other = replace(stages, runs=tmp_path)
     folder = other.place("flow_ted_baseline", 5)
-
-    class Cut(Exception):
-        pass
-
-    def cut(text: str) -> None:
-        if "step 1 " in text:
-            raise Cut
-
-    with pytest.raises(Cut):
-        replace(other, tell=cut).run("flow_ted_baseline", 5)
+    cut_off(other, "flow_ted_baseline", 5)
     assert (folder / "last.safetensors").exists()
     assert other.run("flow_ted_baseline", 5) == folder
     assert (folder / "best.safetensors").read_bytes() == (whole / "best.safetensors").read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +24,7 @@ from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.poses.euler import EULER
 from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.training.recipe import SHIPPED, build, load_recipe
+from tests.support.tiny_recipes import write_tiny_recipes
 
 torch = pytest.importorskip("torch")
 
@@ -76,17 +76,8 @@ def store(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
-    folder = tmp_path_factory.mktemp("recipes")
-    for name in (*RECIPES, f"{FEATURES}_beat"):
-        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
-        sections["model"] |= TINY[sections["model"]["name"]]
-        sections["train"] = {"steps": 3, "batch": 4, "validate_every": 0, "save_every": 3, "threads": 1, "lr": 1e-4}
-        lines = []
-        for section, keys in sections.items():
-            plain = {key: [*v] if isinstance(v, tuple) else v for key, v in keys.items()}
-            lines += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in plain.items()), ""]
-        (folder / f"{name}.toml").write_text("\n".join(lines))
-    return folder
+    names = (*RECIPES, f"{FEATURES}_beat")
+    return write_tiny_recipes(tmp_path_factory.mktemp("recipes"), names, TINY.__getitem__, steps=3, save_every=3)
 
 
 @pytest.fixture(scope="session")

@@ -30,7 +30,9 @@ from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
 from cospeech.motion.skeletons.pats import JOINTS
+from cospeech.training.checkpoint import network
 from cospeech.training.recipe import SHIPPED, build, load_recipe
+from tests.support.tiny_recipes import cut_off, write_tiny_recipes
 
 torch = pytest.importorskip("torch")
 
@@ -82,29 +84,21 @@ def store(tmp_path_factory) -> Path:
     return make(tmp_path_factory.mktemp("mix") / "pats", NAMES)
 
 
+def build_config(name: str):
+    recipe = load_recipe(SHIPPED / f"{name}.toml")
+    return build(network(recipe.model).Config, recipe.config, "model")
+
+
+def tiny_sizes(model: str) -> dict[str, int]:
+    known = network(model).Config.__dataclass_fields__
+    tiny = {"channels": 8, "patch_channels": 4, "judge": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
+    return {key: value for key, value in tiny.items() if key in known}
+
+
 @pytest.fixture(scope="session")
 def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
-    folder = tmp_path_factory.mktemp("recipes")
-    tiny = {"channels": 8, "patch_channels": 4, "judge": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
-    for name in (*RECIPES, f"{CLASSIFIER}_pats"):
-        sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
-        known = {field for field in build_config(name).__dataclass_fields__}
-        sections["model"] |= {key: value for key, value in tiny.items() if key in known}
-        sections["train"] = {"steps": 2, "batch": 4, "validate_every": 0, "save_every": 1, "threads": 1, "lr": 1e-4}
-        lines = []
-        for section, values in sections.items():
-            plain = {key: [*v] if isinstance(v, tuple) else v for key, v in values.items()}
-            lines += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in plain.items()), ""]
-        (folder / f"{name}.toml").write_text("\n".join(lines))
-    return folder
-
-
-def build_config(name: str):
-    from cospeech.training.checkpoint import network
-
-    recipe = load_recipe(SHIPPED / f"{name}.toml")
-    return build(network(recipe.model).Config, recipe.config, "model")
+    return write_tiny_recipes(tmp_path_factory.mktemp("recipes"), (*RECIPES, f"{CLASSIFIER}_pats"), tiny_sizes)
 
 
 @pytest.fixture(scope="session")
@@ -441,15 +435,6 @@ def test_a_run_that_was_cut_off_goes_on(stages, name, tmp_path):
     change = of_speakers(["ann"])
     whole = stages.run(name, 7, change)
     other = replace(stages, runs=tmp_path)
-
-    class Cut(Exception):
-        pass
-
-    def cut(text: str) -> None:
-        if "step 1 " in text:
-            raise Cut
-
-    with pytest.raises(Cut):
-        replace(other, tell=cut).run(name, 7, change)
+    cut_off(other, name, 7, change)
     folder = other.run(name, 7, change)
     assert (folder / "best.safetensors").read_bytes() == (whole / "best.safetensors").read_bytes()

@@ -19,17 +19,6 @@ COSPEECH = [sys.executable, "-m", "cospeech"]
 
 
 @pytest.fixture
-def long_speech(tmp_path):
-    """Ten minutes of speech: enough to be killed in."""
-    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
-    path = tmp_path / "long.wav"
-    with soundfile.SoundFile(path, "w", rate, 1) as file:
-        for _ in range(int(600 / (len(samples) / rate))):
-            file.write(samples)
-    return path
-
-
-@pytest.fixture
 def begun(long_speech):
     """Starts runs, and returns when they are writing."""
     started: list[subprocess.Popen] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from cospeech.audio.speech import Speech, Word
 from cospeech.corpora import Clip, Dropped, Semantic
 from tests.support.motions import gesturing
 
-__all__ = ["WORDS", "clip", "damaged", "same_turns", "sort_out", "tone"]
+__all__ = ["UNUSABLE", "WORDS", "clip", "damaged", "same_turns", "sort_out", "tone", "unusable"]
 
+UNUSABLE = ["gone", "file", "empty", "other"]
 WORDS = (Word("well", 0.1, 0.3), Word("don't", 0.3, 0.55), Word("relax", 0.7, 0.95))
 _NASTY = (
     b"nan", b"inf", b"-inf", b"1e999", b"", b"{", b"}", b"]", b"\0", b"9" * 400, b"--1", b"1,5", b"\xff", b"null", b"true",
@@ -38,6 +40,19 @@ def clip(name: str = "first", frames: int = 30, **changes: object) -> Clip:
         "semantics": (Semantic(0, 0.319, 0.1, "01_beat_align"), Semantic(0.319, 0.785, 0.7, "07_iconic_h", "relax well")),
     }
     return Clip(name=name, **{**values, **changes})  # type: ignore[arg-type]
+
+
+def unusable(folder: Path, kind: str, other: str = "notes/a.md") -> Path:
+    """A root that holds no corpus; of the kind ``other`` it holds this file."""
+    root = folder / "root"
+    if kind == "file":
+        root.write_text("x")
+    elif kind != "gone":
+        root.mkdir()
+    if kind == "other":
+        (root / other).parent.mkdir(exist_ok=True)
+        (root / other).write_text("nothing")
+    return root
 
 
 def same_turns(a: np.ndarray, b: np.ndarray) -> float:

@@ -24,6 +24,13 @@ settings.load_profile("cospeech")
 # A fixture that reaches for outside material → the marker of the tests that use it.
 OUTSIDE = {"shared": "shared", "blender_python": "blender", "node": "node"}
 ASKS = r"pytest\.importorskip\(\"(?:torch|onnx)\""  # onnx: to write graphs, which is training's
+WHOLE = re.compile(rf"^(?:(?:\w+ = )?{ASKS}|(?:import|from) torch\b)", re.M)  # at the top of a module
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Whoever wants no test of torch does not wait until torch is imported."""
+    unwanted = "not torch" in config.getoption("markexpr") and collection_path.name.startswith("test_")
+    return True if unwanted and WHOLE.search(collection_path.read_text("utf-8")) else None
 
 
 @cache
@@ -34,8 +41,9 @@ def source_of(thing: object) -> str:
 def needs_torch(item: pytest.Item) -> bool:
     """Whether the module of a test, the test or a fixture that it uses asks for torch."""
     fixtures = [definitions[-1].func for definitions in item._fixtureinfo.name2fixturedefs.values()]
-    whole = re.search(rf"^(?:(?:\w+ = )?{ASKS}|(?:import|from) torch\b)", source_of(item.module), re.M)
-    return bool(whole) or any(re.search(ASKS, source_of(part)) for part in (item.function, *fixtures))
+    return bool(WHOLE.search(source_of(item.module))) or any(
+        re.search(ASKS, source_of(part)) for part in (item.function, *fixtures)
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -19,7 +19,6 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 
 from ..errors import InternalError
 
@@ -30,7 +29,7 @@ __all__ = [
 
 _HEAD = struct.Struct("<cI")
 _START = "import os, sys; sys.path[:] = sys.argv[1].split(os.pathsep); from cospeech.audio.worker import main; main()"
-_PACKAGE = str(Path(__file__).parents[2])
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))  # noqa: PTH120  pathlib takes time to import
 
 
 def message(kind: bytes, payload: bytes | memoryview) -> bytes:
@@ -57,7 +56,7 @@ class TooLong(Exception):
         self.size = size
 
 
-def worker_command(script: Path, *arguments: object, memory: int = 0, cpu_seconds: int = 0) -> list[str]:
+def worker_command(script: os.PathLike[str], *arguments: object, memory: int = 0, cpu_seconds: int = 0) -> list[str]:
     """How a script is started: isolated (-I), without site-packages hooks (-S), with our own search path and limits.
 
     Args:
@@ -72,7 +71,8 @@ def worker_command(script: Path, *arguments: object, memory: int = 0, cpu_second
     if not sys.executable:
         raise InternalError("no Python executable to start a process with", "run cospeech in an ordinary Python")
     paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # a numpy.py in the folder we work in is none of ours
-    return [sys.executable, "-I", "-S", "-c", _START, paths, str(script), str(memory), str(cpu_seconds), *map(str, arguments)]
+    limits = [str(memory), str(cpu_seconds)]
+    return [sys.executable, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]
 
 
 class Worker:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cospeech.corpora import hdf5_lmdb as module
-from cospeech.corpora.hdf5_lmdb import Vault
+from cospeech.corpora.hdf5_lmdb import Hdf5LmdbReader
 from cospeech.errors import InputError
 
 h5py = pytest.importorskip("h5py", reason="needs cospeech[corpora]")
@@ -31,7 +31,7 @@ def file(tmp_path) -> Path:
 
 
 def test_all_of_a_file(file):
-    with Vault("hdf5") as vault:
+    with Hdf5LmdbReader("hdf5") as vault:
         data, groups = vault.hdf5(file)
         assert set(data) == {"a/numbers", "a/text", "b/alone", "b/pairs"}
         assert data["a/numbers"].value.dtype == np.float32
@@ -43,7 +43,7 @@ def test_all_of_a_file(file):
 
 
 def test_a_crash_costs_one_file(file):
-    with Vault("hdf5") as vault:
+    with Hdf5LmdbReader("hdf5") as vault:
         vault.hdf5(file)
         assert vault._worker is not None
         vault._worker.process.kill()
@@ -55,7 +55,7 @@ def test_a_crash_costs_one_file(file):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped on this system")
 def test_a_hang_is_ended(file, monkeypatch):
-    with Vault("hdf5") as vault:
+    with Hdf5LmdbReader("hdf5") as vault:
         vault.hdf5(file)
         monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
         assert vault._worker is not None
@@ -66,18 +66,18 @@ def test_a_hang_is_ended(file, monkeypatch):
 
 def test_without_the_library(file, monkeypatch):
     monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
-    with Vault("hdf5") as vault, pytest.raises(InputError, match=r"needs h5py \(pip install 'cospeech\[corpora\]'\)"):
+    with Hdf5LmdbReader("hdf5") as vault, pytest.raises(InputError, match=r"needs h5py \(pip install 'cospeech\[corpora\]'\)"):
         vault.hdf5(file)
 
 
 def test_a_file_that_would_fill_the_memory(tmp_path):
     with h5py.File(tmp_path / "bomb.h5", "w") as opened:
         opened.create_dataset("a", (1 << 20, 1 << 16), "f8", chunks=(1 << 10, 1 << 8), compression="gzip")
-    with Vault("hdf5") as vault, pytest.raises(InputError, match=r"'bomb\.h5'.* MiB"):
+    with Hdf5LmdbReader("hdf5") as vault, pytest.raises(InputError, match=r"'bomb\.h5'.* MiB"):
         vault.hdf5(tmp_path / "bomb.h5")
 
 
 @pytest.mark.parametrize("name", ["nothing.h5", ".", "x\0y"])
 def test_what_is_no_file(tmp_path, name):
-    with Vault("hdf5") as vault, pytest.raises(InputError, match="cannot read"):
+    with Hdf5LmdbReader("hdf5") as vault, pytest.raises(InputError, match="cannot read"):
         vault.hdf5(tmp_path / name)

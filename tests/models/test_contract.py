@@ -30,8 +30,8 @@ _MIX = {"depth": 3, "patch_channels": 4}
 _MANY = {"frames": 12, "speaker": 3}
 _CONTEXT = _MANY | {"adversarial_from": 2640}
 _CHAIN = {"frames": 10, "reduction": 4, "text_channels": 6, "classifier_steps": 2000}
-_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "judge_channels": 4, "reconstruction": 5.0, "face": 5.0}
-_PLAYED |= {"wordless": 0.5, "unseeded": 0.5, "labelled": 0.5, "faced": 0.5, "borrowed": 0.3, "manner": 1.0}
+_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "discriminator_channels": 4, "reconstruction": 5.0, "face": 5.0}
+_PLAYED |= {"word_dropout": 0.5, "seed_dropout": 0.5, "labelled": 0.5, "faced": 0.5, "borrowed": 0.3, "manner": 1.0}
 _BEAT = {"frames": 34, "code": 16, "widening": 2, "difference": 0.0, "velocity": 0.1}
 _STYLE = {"encoder": False, "style": 3, "style_window": 12, "residual": True, "inertia": 0.5, "steps_seen": True}
 CHANGES = {
@@ -42,7 +42,7 @@ CHANGES = {
     "stylised-flow+style": _FLOW | _STYLE,
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
     "mix-stage": _MIX,
-    "mix-stage+played": _MIX | {"judging": "squares", "judge_poses": True, "persistence": 6.0, "reconstruction": 0.5},
+    "mix-stage+played": _MIX | {"judging": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
     "mix-stage+authors": _MIX | {"soft": True, "judging": "distance", "growth": 0.1, "id_freezes": True},
     "stage": _MIX,
     "cmix-gan": _MIX,
@@ -54,10 +54,10 @@ CHANGES = {
     "speech-classifier": {"frames": 10},
     "seq2seq": {"frames": 10},
     "camn": _MANY,
-    "camn+alone": _MANY | {"semantic": False, "unseeded": 0.5},
+    "camn+alone": _MANY | {"semantic": False, "seed_dropout": 0.5},
     "multi-context": _CONTEXT,
     "multi-context+all": _CONTEXT | {"emotion": 2, "face": 4, "adversarial_from": 0, "slope": 0.2},
-    "multi-context+regression": _CONTEXT | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "unseeded": 0.5},
+    "multi-context+regression": _CONTEXT | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "seed_dropout": 0.5},
     "speech2gesture": {"frames": 20, "depth": 2, "decoder": 1},
 }
 """What differs from the network's own tiny configuration."""
@@ -364,7 +364,7 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
 
 
 @pytest.mark.parametrize("name", windowed())
-def test_nudges_move_the_modes_and_only_them(name):
+def test_mode_noise_moves_the_modes_and_only_them(name):
     net = trained_windowed(name)
     audio, style = speech(net, 1, 64), styles(net, 1, 64)
     with torch.no_grad():

@@ -198,7 +198,7 @@ def test_statistics_that_make_no_sense(tmp_path):
     arrays = Bundle("x", manifest, members).arrays("statistics.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"pose_low": arrays["pose_high"] + 1}, {"histories": arrays["histories"][:0]},
-        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"centres": arrays["centres"][:, 1:]},
+        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"speaker_mean": arrays["speaker_mean"][:, 1:]},
         {"histories": arrays["histories"][0]}, {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

@@ -1,4 +1,4 @@
-"""Bundles on stage: the calls of every gesturer, streams and takes to the bit, parts, options."""
+"""Bundles that play: the calls of every model, streams and takes to the bit, parts, options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from tests.support.runtime_bundles import changed, cut, same, talk, write_small
@@ -102,7 +102,7 @@ def test_parts_rest():
     assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
     face = gesturer().generate(speech, parts=("face",))
     assert (face.rotations[:, BODY + FINGERS] == rest).all()
-    ruled = RuleBasedModel(shipped_mouth).generate(speech, parts=("face",))
+    ruled = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
     assert np.array_equal(face.face, ruled.face)
     assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
 
@@ -143,7 +143,7 @@ def test_style_controls(tmp_path):
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
     session = controlled.session(style="hand_speed:0.25")
     table = controlled.system.statistics.controls
-    np.testing.assert_allclose(session._listener.quiet[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
+    np.testing.assert_allclose(session._frontend.quiet[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
             controlled.session(style=wrong)
@@ -264,7 +264,7 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     made = [player.push(rows[:start])]
     player.restyle(mixed, start)
     made += [player.push(rows[start:40])]
-    placed = player.units(np.concatenate(made, 1), at := np.arange(40 - after))
+    placed = player.denormalise(np.concatenate(made, 1), at := np.arange(40 - after))
     made = np.concatenate([*made, player.push(rows[40:]), player.finish(quiet)], 1)
 
     sources = casting(ada)
@@ -300,7 +300,7 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     player = AutoregressiveDecoder(system, casting, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
-    found = (player.units(poses, at) - s.pose_mean) / s.pose_std
+    found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
     for k, share in enumerate((0.0, 0.5, 1.0)):
         centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.centres, s.spreads))
         wanted = centre + (poses[:, k] - s.made_mean) / s.made_std * spread
@@ -316,7 +316,7 @@ def test_style_controls_change_with_the_style(tmp_path):
     table, session = player.system.statistics.controls, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")
-    listener = session._listener
+    listener = session._frontend
     rows = np.concatenate([listener.push(cut(speech, [16_000])[1]), listener.finish()])
     first = listener.frames - len(rows)
     assert rows[20 - first, -1] == table[50, 1]  # at the change itself nothing has changed yet

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cospeech.experiments.tables.stages import Runs
+from cospeech.experiments.tables.runs import Runs
 from cospeech.training.recipe import SHIPPED, load_recipe
 
 __all__ = ["cut_off", "write_tiny_recipes"]

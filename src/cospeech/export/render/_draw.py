@@ -12,7 +12,7 @@ import numpy as np
 
 from cospeech.audio.worker import requests, send
 from cospeech.export.render.camera import View
-from cospeech.export.render.worker import ROW, Artist, Look
+from cospeech.export.render.worker import ROW, FrameRenderer, Look
 
 __all__ = ["serve"]
 
@@ -20,6 +20,6 @@ __all__ = ["serve"]
 def serve(look: str) -> None:
     """Draw the batches that are asked for; ``look`` is a `Look` as JSON."""
     values = json.loads(look)
-    artist = Artist(Look(values["width"], values["height"], View(**values["view"]), tuple(values["background"])))
+    renderer = FrameRenderer(Look(values["width"], values["height"], View(**values["view"]), tuple(values["background"])))
     for _, rows in requests():
-        send(b"P", artist.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)).data.cast("B"))
+        send(b"P", renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)).data.cast("B"))

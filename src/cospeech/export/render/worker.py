@@ -21,7 +21,7 @@ from ...motion.skeletons.arkit import ARKIT
 from .camera import View
 from .framing import FramedPose
 
-__all__ = ["ROW", "Artist", "Helper", "Look", "pack"]
+__all__ = ["ROW", "FrameRenderer", "Helper", "Look", "pack"]
 
 Pictures = NDArray[np.uint8]
 _WIDTHS = (4 * len(humanoid()), 3 * len(humanoid()), len(ARKIT), 6)  # of a row: rotations, positions, face, box
@@ -52,7 +52,7 @@ def pack(pose: FramedPose, box: Array) -> Array:
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
-class Artist:
+class FrameRenderer:
     """Draws our mannequin, in this process."""
 
     def __init__(self, look: Look) -> None:
@@ -84,7 +84,7 @@ class Helper:
         self._worker = Worker(command, settings, quiet=False)
 
     def draw(self, rows: Array) -> Pictures:
-        """As `Artist.draw`.
+        """As `FrameRenderer.draw`.
 
         Raises:
             InternalError: the process died.

@@ -57,7 +57,7 @@ def test_synthesise_and_prepare(app, tmp_path):
     ]
     done = CliRunner().invoke(app, line, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "of twins: 5, by augmentation: 24" in done.output
+    assert "of derived speakers: 5, by augmentation: 24" in done.output
     assert Store(store).fps == 10
     assert app.told == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):

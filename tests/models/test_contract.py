@@ -31,7 +31,14 @@ _MANY = {"frames": 12, "speaker": 3}
 _CONTEXT = _MANY | {"adversarial_from": 2640}
 _CHAIN = {"frames": 10, "reduction": 4, "text_channels": 6, "classifier_steps": 2000}
 _PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "discriminator_channels": 4, "reconstruction": 5.0, "face": 5.0}
-_PLAYED |= {"word_dropout": 0.5, "seed_dropout": 0.5, "labelled": 0.5, "faced": 0.5, "borrowed": 0.3, "manner": 1.0}
+_PLAYED |= {
+    "word_dropout": 0.5,
+    "seed_dropout": 0.5,
+    "label_conditioning": 0.5,
+    "face_teacher_forcing": 0.5,
+    "speech_swap": 0.3,
+    "motion_statistics": 1.0,
+}
 _BEAT = {"frames": 34, "code": 16, "widening": 2, "difference": 0.0, "velocity": 0.1}
 _STYLE = {"encoder": False, "style": 3, "style_window": 12, "residual": True, "inertia": 0.5, "steps_seen": True}
 CHANGES = {
@@ -42,15 +49,16 @@ CHANGES = {
     "stylised-flow+style": _FLOW | _STYLE,
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
     "mix-stage": _MIX,
-    "mix-stage+played": _MIX | {"judging": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
-    "mix-stage+authors": _MIX | {"soft": True, "judging": "distance", "growth": 0.1, "id_freezes": True},
+    "mix-stage+played": _MIX
+    | {"adversarial_loss": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
+    "mix-stage+authors": _MIX | {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True},
     "stage": _MIX,
     "cmix-gan": _MIX,
     "speaker-classifier+plain": {"plain": True},
     "chain-of-generation": _CHAIN,
     "chain-of-generation+played": _CHAIN | _PLAYED,
-    "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooled": 5},
-    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooled": 5},
+    "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooling_window": 5},
+    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooling_window": 5},
     "speech-classifier": {"frames": 10},
     "seq2seq": {"frames": 10},
     "camn": _MANY,

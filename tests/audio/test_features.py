@@ -29,6 +29,7 @@ def tone(frequency: float, seconds: float = 1.0, harmonics: int = 1) -> np.ndarr
     return sum(np.sin(2 * np.pi * frequency * h * t) / h for h in range(1, harmonics + 1)).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_mels", [40, 80, 128])
 def test_mel_filters_are_librosas(n_mels):
     np.testing.assert_allclose(mel_filters(n_mels), librosa.filters.mel(sr=RATE, n_fft=400, n_mels=n_mels), atol=1e-8)
@@ -41,6 +42,7 @@ def test_overlapping_pieces_are_all_that_fit(count, length, hop):
     np.testing.assert_array_equal(overlapping(samples, length, hop), np.array(wanted).reshape(-1, length))
 
 
+@pytest.mark.slow
 def test_log_mel_is_librosas(speech):
     theirs = librosa.feature.melspectrogram(y=speech.samples, sr=RATE, n_fft=400, hop_length=160, n_mels=80)
     np.testing.assert_allclose(log_mel(speech.samples), np.log(np.maximum(theirs.T, 1e-10)), atol=1e-4)
@@ -91,12 +93,14 @@ def pitch_differences(speech: Speech) -> np.ndarray:
     return np.abs(ours.pitch / yin - 1)[sure]
 
 
+@pytest.mark.slow
 def test_pitch_agrees_with_librosas_yin(speech):
     off = pitch_differences(speech)
     assert np.median(off) < 0.01
     assert (off > 0.2).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_pitch_agrees_with_librosas_yin_on_people(shared):
     for name in ("jfk/jfk", "ljspeech/LJ001-0002", "a2f_emotional/Claire_anger", "speechbrain/ASR_spk1_snt1"):
         off = pitch_differences(Speech.load(shared / "data" / "speech" / f"{name}.flac"))
@@ -129,6 +133,7 @@ def test_an_onset_is_where_sound_begins():
     assert onset.max() > 20 * onset[60:].mean()
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.data())
 def test_streamed_equals_whole_to_the_bit(speech, data):

@@ -67,6 +67,7 @@ def test_against_the_definition():
     np.testing.assert_array_equal(heard(speech, 15.0), whole[last].astype(np.float32))
 
 
+@pytest.mark.slow
 def test_against_librosa():
     librosa = pytest.importorskip("librosa", reason="needs librosa, to compare with")
     speech = Speech.load(example()[0]).window(2, 5)
@@ -131,6 +132,7 @@ def test_names_of_audio_choose_the_front_end():
         open_features("log-mel", 15.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [16_000, 44_100])
 @pytest.mark.parametrize("seconds", [4.0, 11.4])
 def test_a_store_of_pats_has_what_the_front_end_hears(tmp_path: Path, rate: int, seconds: float):

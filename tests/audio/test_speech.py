@@ -63,6 +63,7 @@ def test_a_frame_rate_that_is_none(fps):
         Speech(np.zeros(10, np.float32)).frames(fps)
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(st.integers(1, 5000), st.sampled_from([8000, 11_025, 16_000, 44_100, 48_000, 192_000, 384_000]))
 def test_a_files_length_is_that_of_the_file(tmp_path_factory, count, rate):
@@ -115,6 +116,7 @@ def test_speech_starts_together_with_the_file(tmp_path, kind, subtype, tolerance
     assert speech.seconds == pytest.approx(2.0, abs=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "subtype"), [("WAV", "PCM_24"), ("FLAC", "PCM_16"), ("OGG", "VORBIS"), ("OGG", "OPUS"), ("MP3", "MPEG_LAYER_III")]
 )
@@ -166,6 +168,7 @@ WIDTHS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "subtype"), WIDTHS)
 def test_every_width_of_uncompressed_sound(tmp_path, kind, subtype):
     tone = 0.5 * np.sin(2 * np.pi * 200 * np.arange(RATE // 4) / RATE)
@@ -189,6 +192,7 @@ def encode(path: Path, container: str, codec: str, rate: int = 48_000) -> None:
         out.mux(stream.encode(None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("container", "codec"), [("mp4", "aac"), ("ipod", "aac"), ("adts", "aac"), ("webm", "libopus"), ("matroska", "aac")]
 )
@@ -325,6 +329,7 @@ def grown(what: str, short: Path, long: Path, seconds: int) -> int:
     return kib
 
 
+@pytest.mark.slow
 def test_ten_hours_in_two_megabytes_take_no_memory(tmp_path):
     long = silence(tmp_path / "long.flac", 10 * 3600, 16_000)
     assert long.stat().st_size < 2_500_000
@@ -333,6 +338,7 @@ def test_ten_hours_in_two_megabytes_take_no_memory(tmp_path):
         Speech.load(long)
 
 
+@pytest.mark.slow
 def test_analysing_a_stream_takes_no_memory(tmp_path):
     long = silence(tmp_path / "long.flac", 900, 44_100)
     assert grown("analyse", silence(tmp_path / "short.flac", 60, 44_100), long, 900) < 20_000

@@ -201,6 +201,7 @@ BAD: dict[str, tuple[Make, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_bad_files_give_one_line(tmp_path, name):
     make, message = BAD[name]
@@ -249,6 +250,7 @@ ODD: dict[str, tuple[Make, float]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODD)
 def test_odd_files_are_read(tmp_path, name):
     make, seconds = ODD[name]
@@ -277,6 +279,7 @@ def test_unreadable(tmp_path):
 LONG = np.tile(TONE, 10) + np.random.default_rng(0).standard_normal(10 * RATE).astype(np.float32) * 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "subtype"), [("FLAC", None), ("OGG", "VORBIS"), ("OGG", "OPUS"), ("MP3", None), ("AIFF", None)]
 )

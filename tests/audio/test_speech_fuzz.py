@@ -134,6 +134,7 @@ def run_decoder(paths: list[Path]) -> list[str]:
         decoder.stdout.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_mutants_end_as_sound_or_as_an_error(tmp_path, name):
     paths = mutants(tmp_path, name)

@@ -21,6 +21,8 @@ from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS
 from cospeech.models import PARTS
 
+pytestmark = pytest.mark.slow
+
 COSPEECH = [sys.executable, "-m", "cospeech"]
 
 

@@ -15,6 +15,8 @@ import pytest
 
 from cospeech.cli.demo import EXAMPLE
 
+pytestmark = pytest.mark.slow
+
 COSPEECH = [sys.executable, "-m", "cospeech"]
 
 

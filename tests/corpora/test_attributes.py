@@ -274,6 +274,7 @@ def made(raw, tmp_path_factory):
     return folder, prepare("pats", raw, folder, derived_speakers=("cleo|leftarm", "cleo|rightarm", "dan|mirror"))
 
 
+@pytest.mark.slow
 def test_twins_are_speakers_in_every_split(made):
     store, report = Store(made[0]), made[1]
     assert set(store.speakers) == {"ann", "cleo", "dan", "cleo|leftarm", "cleo|rightarm", "dan|mirror"}
@@ -316,6 +317,7 @@ def test_twins_are_not_taken_for_augmented_clips(made):
     assert not said[0] & said[1], "what is held out is heard in no derived speaker either"
 
 
+@pytest.mark.slow
 def test_twins_are_augmented_like_anybody(raw, tmp_path):
     report = prepare("pats", raw, tmp_path / "s", derived_speakers=["cleo|leftarm"], mirror=True)
     store = Store(tmp_path / "s")
@@ -324,6 +326,7 @@ def test_twins_are_augmented_like_anybody(raw, tmp_path):
     assert {c.split for c in store.clips if c.speaker.endswith("|mirror")} == {"train"}
 
 
+@pytest.mark.slow
 def test_the_sound_of_a_twin_is_found(made, raw):
     clips = {clip.name: clip for clip in load_stored_clips(made[0], split="test", raw=raw)}
     derived_speakers = [name for name in clips if "|derived-" in name]

@@ -71,6 +71,7 @@ def test_what_is_written_comes_back(tmp_path):
         assert (back.speech is None) == (k > 0)
 
 
+@pytest.mark.slow
 def test_sound_and_its_features(tmp_path):
     librosa = pytest.importorskip("librosa")
     speech = Speech.load(Path(__file__).parents[2] / "src/cospeech/assets/example/example.ogg").window(2, 6)

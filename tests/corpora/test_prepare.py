@@ -32,6 +32,8 @@ from cospeech.motion.skeleton import Skeleton, find_skeleton
 from cospeech.rules import EMOTIONS
 from tests.support.leftovers import abandoned
 
+pytestmark = pytest.mark.slow
+
 
 def voice(seconds: float, seed: int = 0, pitch: float = 140.0) -> Speech:
     """A buzz with pauses."""

@@ -22,6 +22,8 @@ from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
 from cospeech.corpora.synthetic.speakers import choose_speakers
 from cospeech.errors import CospeechWarning, InputError, InternalError
 
+pytestmark = pytest.mark.slow
+
 ENGINES = [name for name in voices.ENGINES if shutil.which(name)]
 NEEDS = {"ted": "lmdb", "pats": "h5py"}
 

@@ -191,6 +191,7 @@ def test_the_file_is_as_the_authors_scripts_expect(tmp_path):
     assert np.allclose(clip["skeletons_3d"], original * [-1, -1, 1], atol=1e-3), "x to the person's right, y down"
 
 
+@pytest.mark.slow
 def test_audio_feat_is_librosas():
     librosa = pytest.importorskip("librosa")
     from cospeech.corpora.ted.write import _audio_feat

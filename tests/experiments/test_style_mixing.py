@@ -17,6 +17,8 @@ from cospeech.experiments.style_mixing import MEASURES, Mixing, draw_mixing, fal
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 
+pytestmark = pytest.mark.slow
+
 FPS = 30.0
 SPEECH = Speech(np.zeros(12 * 16000, np.float32), 16000)
 PARENTS = {"slow": (0.5, 0.5, 0.0), "quick": (1.0, 0.0, 0.5)}  # strokes' frequency in Hz, swing of the right and the left arm

@@ -175,6 +175,7 @@ def test_pieces_and_whole_give_the_same_bytes(tmp_path):
         assert (tmp_path / "c.bvh").read_text("ascii") == whole
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_length(tmp_path):
     piece = wild(200)
     peaks = []

@@ -102,6 +102,7 @@ def damaged(data: bytes, rng: np.random.Generator) -> bytes:
     return data
 
 
+@pytest.mark.slow
 def test_damaged_files_are_read_or_refused(tmp_path):
     rng, sound, seen, told = np.random.default_rng(20), bodies(tmp_path), Counter(), set()
     path = tmp_path / "mutant.bvh"

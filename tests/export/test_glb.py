@@ -30,6 +30,7 @@ def small(suffix: str) -> dict:
     return {"character": stand_in()} if suffix == ".glb" else {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".glb", ".vrma"])
 @pytest.mark.parametrize("fps", [15, 30, 30000 / 1001, 60])
 @pytest.mark.parametrize("frames", [1, 2, 31, 1500])

@@ -116,6 +116,7 @@ def test_building_is_quick_and_cached(character):
     assert time.perf_counter() - start < 1.5
 
 
+@pytest.mark.slow
 def test_the_kept_file_is_what_the_code_sculpts(character):
     again = sculpt()
     assert [p.name for p in again.parts] == [p.name for p in character.parts]

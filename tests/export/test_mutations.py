@@ -112,6 +112,7 @@ def glb_of(document: dict, data: bytes) -> bytes:
     return header + text + struct.pack("<II", len(data), 0x004E4942) + data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".glb", ".vrma", ".json"])
 def test_documents(sources, tmp_path, suffix):
     chance, outcomes = random.Random(suffix + "d"), []
@@ -127,6 +128,7 @@ def test_documents(sources, tmp_path, suffix):
     assert outcomes.count("read") > EACH / 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [0, 1])
 def test_vrm_extensions(sources, tmp_path, version):
     """The extension alone is damaged; what is still taken for a character is also driven."""

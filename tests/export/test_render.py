@@ -242,6 +242,7 @@ def look():
     return Look(48, 40, find_view("body"), BACKDROP)
 
 
+@pytest.mark.slow
 def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
     motion = gesturing(40)
     helped = frames_of(motion, (), look, 30)
@@ -281,6 +282,7 @@ def test_unknown_camera_lists_those_known():
         find_view("drone")
 
 
+@pytest.mark.slow
 def test_helpers_end_with_the_film(look):
     frames = FrameStream(look, 30, 30)
 

@@ -58,6 +58,7 @@ def jumping(frames, when, fps=30.0):
     return Motion(fps=fps, rotations=rotations, root=np.repeat(motion.root, frames, 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fps", "frames"), [(30.0, 20), (25.0, 13), (29.97, 20), (60.0, 21)])
 def test_mp4_has_a_picture_per_frame(tmp_path, fps, frames):
     gesturing(frames, fps).save(tmp_path / "a.mp4", **SMALL)
@@ -146,6 +147,7 @@ def test_gif_plays_at_the_right_speed_and_loops(tmp_path):
     assert max(moving) > 0.3
 
 
+@pytest.mark.slow
 def test_gif_pictures_are_those_drawn(tmp_path, monkeypatch):
     from cospeech.export.gif import Writer
 

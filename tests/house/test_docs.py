@@ -45,6 +45,7 @@ def commands(path: Path) -> list[str]:
     return [line.removeprefix(".venv/bin/") for line in lines if re.match(r"(\.venv/bin/)?cospeech ", line)]
 
 
+@pytest.mark.slow
 def test_generated_pages_are_up_to_date():
     stale = [
         str(path.relative_to(ROOT)) for path, text in tool("write_docs").pages().items() if path.read_text("utf-8") != text

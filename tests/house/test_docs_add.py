@@ -14,6 +14,8 @@ import soundfile
 from cospeech.cli.demo import EXAMPLE
 from tests.house.test_docs import ROOT, run
 
+pytestmark = pytest.mark.slow
+
 TITLED = re.compile(r'^```python title="([\w.]+)"\n(.*?)^```', re.S | re.M)
 
 

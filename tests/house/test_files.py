@@ -15,6 +15,8 @@ from cospeech.cli.demo import EXAMPLE
 from cospeech.files import ABANDONED, PREFIX, atomic, sweep, workplace
 from tests.support.leftovers import abandoned
 
+pytestmark = pytest.mark.slow
+
 COSPEECH = [sys.executable, "-m", "cospeech"]
 
 

@@ -61,6 +61,8 @@ from tests.support.hostile_files import (
 from tests.support.motions import gesturing, stand_in
 from tests.support.runtime_bundles import write_small
 
+pytestmark = pytest.mark.slow
+
 EACH = 170
 MOST_MEMORY = 300  # MiB of a process that refuses a file; Python with numpy and this package has some 60
 SOON = 3.0  # seconds; each takes milliseconds, and took ten seconds or more

@@ -18,6 +18,8 @@ from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
 from cospeech.metrics.wasserstein import distance
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -16,6 +16,8 @@ from cospeech.motion.motion import Motion
 from cospeech.training.recipe import SHIPPED, list_recipes, load_recipe
 from tests.house.test_docs import FENCE, ROOT
 
+pytestmark = pytest.mark.slow
+
 PAGE = ROOT / "docs" / "tutorials" / "train_a_model.md"
 LESS = {
     "synthesise": "--hours 0.03 --speakers 2 --no-act",

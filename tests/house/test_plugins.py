@@ -26,6 +26,8 @@ from cospeech.models import ENTRIES
 from cospeech.motion.poses import find_pose
 from cospeech.rules import RuleBasedModel
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 TOYS = ROOT / "examples" / "plugins"
 FPS = 15.0

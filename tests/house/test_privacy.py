@@ -20,6 +20,8 @@ from cospeech.models import BUNDLE, SHIPPED
 from tests.cli.test_train import RECIPE
 from tests.support.tiny_store import make_store
 
+pytestmark = pytest.mark.slow
+
 MODELS = ["rules", *sorted(path.stem for path in SHIPPED.glob(f"*{BUNDLE}"))]
 OUTPUTS = {name: ["csv", "json"] if name == "speech-to-face" else ["bvh", "glb", "csv"] for name in MODELS}
 COMMANDS = [

@@ -22,6 +22,8 @@ from cospeech.export import FORMATS
 from cospeech.files import all_or_none, atomic
 from tests.support.motions import gesturing
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "cospeech"]
 posix = pytest.mark.skipif(os.name != "posix", reason="links, pipes and signals as POSIX has them")
 

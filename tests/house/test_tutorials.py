@@ -13,6 +13,8 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.skeletons.arkit import ARKIT
 from tests.house.test_docs import ROOT, commands, fences, run
 
+pytestmark = pytest.mark.slow
+
 VOICE = ROOT / "docs" / "tutorials" / "voice_to_blender.md"
 ASKED = """
 import json

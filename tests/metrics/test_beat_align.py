@@ -20,6 +20,7 @@ FORMS = ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat")
 FPS = 15.0  # of TED, PATS and BEAT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [16000, 22050])
 def test_onsets_are_those_of_librosa(rate):
     import librosa

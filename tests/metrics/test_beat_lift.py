@@ -60,6 +60,7 @@ def test_gestures_on_accents_score_and_their_lead_is_found(lead):
     assert result.beaten == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["other speech", "white noise", "frozen with jitter"])
 def test_what_does_not_follow_the_speech_earns_nothing(kind, seed):

@@ -95,6 +95,7 @@ def test_ratios_are_of_pairs():
         against(twice[:2], plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOLLOW)
 def test_gestures_show_the_emotion(name, speech):
     """Happiness is wider and faster than neutral, sadness and fear are narrower and slower, beyond chance."""

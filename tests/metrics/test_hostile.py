@@ -9,6 +9,8 @@ from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.metrics import METRICS, FeatureNet, Sample, Score, Tools, Track, load_metric
 
+pytestmark = pytest.mark.slow
+
 FPS = 15.0
 NET = FeatureNet("means", lambda w: np.concatenate([w.mean(1), w.std(1)], 1)[:, :5], 10, 5)
 TOOLS = Tools(

@@ -33,6 +33,7 @@ def combination(number: int) -> tuple[Speech, dict]:
     return Speech(babble(number), 16000), options
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", range(GROUPS))
 def test_laws_of_the_body(group):
     broken = {}

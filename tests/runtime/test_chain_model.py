@@ -32,6 +32,8 @@ from cospeech.runtime.style import CodeSource
 from tests.support.chain_bundles import LOOK_AHEAD, NAMES, write_small_chain
 from tests.support.runtime_bundles import changed, cut, same, talk
 
+pytestmark = pytest.mark.slow
+
 BODY = ("body", "hands")
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
 WORDS = (Word("yes", 1.0, 1.3), Word("we", 1.4, 1.6), Word("mountains", 1.65, 2.5))

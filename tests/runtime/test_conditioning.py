@@ -25,6 +25,8 @@ from cospeech.runtime.model import TrainedModel
 from tests.support.chain_bundles import write_small_chain
 from tests.support.runtime_bundles import cut, same, talk, write_small
 
+pytestmark = pytest.mark.slow
+
 BODY, SEEDS, FPS = ("body", "hands"), 4, 15.0
 WHOLE = {"look_ahead": inf, "seed": 3}
 

@@ -24,6 +24,8 @@ from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from tests.support.runtime_bundles import changed, cut, same, talk, write_small
 
+pytestmark = pytest.mark.slow
+
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
 FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
 BODY = [k for k in range(len(humanoid())) if k not in {*FINGERS, *EYES}]

@@ -23,6 +23,8 @@ from cospeech.rules import session as rule_session
 from cospeech.runtime.seam import Seam
 from tests.support.runtime_bundles import same
 
+pytestmark = pytest.mark.slow
+
 MODELS = ("rules", "stylised-flow", "mix-stage", "chain-of-generation", "speech-to-face")
 OFFLINE = {"look_ahead": inf}
 

@@ -29,6 +29,8 @@ from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styl
 from cospeech.runtime.style_measures import embed_flow_speaker, example, latents_of
 from tests.support.runtime_bundles import write_small
 
+pytestmark = pytest.mark.slow
+
 WAYS = {
     "code": CodeSource,
     "segments": SegmentSource,

@@ -14,6 +14,8 @@ from cospeech.generate import generate_files, take_path
 from cospeech.models import load
 from tests.support.runtime_bundles import write_small
 
+pytestmark = pytest.mark.slow
+
 BUNDLE = "small.cospeech"
 PLAYERS = (BUNDLE, "rules")
 FILES = ("talk.bvh", "talk.npz")

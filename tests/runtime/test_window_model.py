@@ -27,6 +27,8 @@ from cospeech.runtime.window_style import embed_window_speaker, example_window, 
 from tests.support.fake_windows import whole_system
 from tests.support.runtime_bundles import changed, cut, same, talk
 
+pytestmark = pytest.mark.slow
+
 BODY = ("body", "hands")
 
 

@@ -104,7 +104,7 @@ class Speech2Gesture(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
         self.out = nn.Conv1d(config.channels, pose, 1)
-        self.discriminator = PatchDiscriminator(pose, config.discriminate)
+        self.discriminator = PatchDiscriminator(pose, config.discriminator_channels)
 
     @property
     def window(self) -> int:

@@ -19,9 +19,10 @@ Followed, changed, not said in the paper: docs/models/camn.md, by number.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -30,6 +31,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
+from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -46,8 +48,10 @@ HEARD = 7  # ours: with four convolutions in a row each frame hears 25, as each 
 
 
 @dataclass(frozen=True)
-class CamnConfig:
+class CamnConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4}
 
     frames: int = 34
     """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""

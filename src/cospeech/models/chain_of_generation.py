@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
@@ -38,6 +39,7 @@ from torch.nn import functional as F
 from ..errors import InputError, nearest
 from .nn.cascade import EMOTIONS, Cascade, CascadeOutput, Layers, Signals, Through, Widths
 from .nn.channel_attention import ChannelAttention
+from .nn.configuration import ModelConfig
 from .nn.contrast import RhythmIdentity
 from .nn.modalities import INPUTS
 from .nn.objective import Batch, Objective
@@ -52,8 +54,12 @@ __all__ = ["INPUTS", "ChainConfig", "ChainOfGeneration"]
 
 
 @dataclass(frozen=True)
-class ChainConfig:
+class ChainConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, those of CaMN's code, which it builds on."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {
+        "hidden": 8, "layers": 2, "word_width": 5, "latent": 8, "classifier_channels": 6, "classifier_steps": 10,
+    }  # fmt: skip
 
     frames: int = 34
     """N; section 4.1."""

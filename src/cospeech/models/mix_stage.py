@@ -37,8 +37,9 @@ code; what we add to it is in `cospeech.models.mix_stage_extended`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -46,6 +47,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError, nearest
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
+from .nn.configuration import ModelConfig
 from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
@@ -61,8 +63,10 @@ HALVINGS = 3  # of AudioContent, which the U-Net's multiple of frames has to cov
 
 
 @dataclass(frozen=True)
-class MixGanConfig:
+class MixGanConfig(ModelConfig):
     """Sizes and weights without those of style; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"modes": 4, "channels": 8}
 
     frames: int = 64
     """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""
@@ -92,6 +96,8 @@ class MixGanConfig:
 @dataclass(frozen=True)
 class MixStageConfig(MixGanConfig):
     """And those of style."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {**MixGanConfig.TINY, "style": 4}
 
     style: int = 10
     """D, length of a style embedding; not stated, authors' code 10."""

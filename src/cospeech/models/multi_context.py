@@ -16,8 +16,9 @@ Followed, changed, not said in the papers: docs/models/multi_context.md, by numb
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -25,6 +26,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
+from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -42,8 +44,12 @@ JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT = 64, 4, 0.3  # of its GRU; authors' c
 
 
 @dataclass(frozen=True)
-class MultiContextConfig:
+class MultiContextConfig(ModelConfig):
     """Sizes and weights; the defaults are those of BEAT's code."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {
+        "hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4, "adversarial_from": 5,
+    }  # fmt: skip
 
     frames: int = 34
     """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""

@@ -20,15 +20,17 @@ Followed, changed, not said in the papers: docs/models/munit.md, by number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.objective import Batch, Objective
 from .nn.settings import check_least
 from .nn.unet1d import SLOPE
@@ -45,8 +47,10 @@ MADE = 4 * 2**DOWN  # frames that can be made at least: of fewer, what is left a
 
 
 @dataclass(frozen=True)
-class MunitConfig:
+class MunitConfig(ModelConfig):
     """Sizes and weights; the defaults are those of the authors' configurations for images. Mix-StAGE's paper gives none."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "style": 2, "mlp": 8, "blocks": 1}
 
     frames: int = 64
     """T of a training window; Mix-StAGE's 64."""

@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
+from .nn.configuration import ModelConfig
 from .nn.modalities import INPUTS, SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -34,8 +36,10 @@ __all__ = ["Seq2Seq", "Seq2SeqConfig"]
 
 
 @dataclass(frozen=True)
-class Seq2SeqConfig:
+class Seq2SeqConfig(ModelConfig):
     """Sizes and weights; those of the authors' later code (of Yoon et al. 2020, who compare with it)."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "word_width": 5}
 
     frames: int = 34
     """T of a training window; later code 34 at 15 per second, of which 4 are given."""

@@ -17,7 +17,9 @@ Followed, changed, not said in the paper: docs/models/speech2gesture.md, by numb
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -25,6 +27,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
+from .nn.configuration import ModelConfig
 from .nn.content import AudioContent
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
@@ -39,8 +42,10 @@ _LOSS = ADVERSARIAL_LOSSES["squares"]  # authors' code
 
 
 @dataclass(frozen=True)
-class Speech2GestureConfig:
+class Speech2GestureConfig(ModelConfig):
     """Sizes; the defaults are those of the form in Mix-StAGE's code."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 8, "discriminator_channels": 4}
 
     frames: int = 64
     """T of a training window; authors' code 64, at 15 per second (4.3 s)."""

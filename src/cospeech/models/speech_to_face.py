@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -28,6 +29,7 @@ from ..audio.features.mel import FLOOR
 from ..errors import InputError
 from ..motion.poses.face import FACE, MIRROR
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .nn.configuration import ModelConfig
 from .nn.objective import Batch, Objective, StepRandom
 from .nn.settings import check_least
 from .nn.windowed import Windowed
@@ -42,8 +44,10 @@ RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 6
 
 
 @dataclass(frozen=True)
-class SpeechToFaceConfig:
+class SpeechToFaceConfig(ModelConfig):
     """Sizes and losses; all ours."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"frames": 34, "channels": 8, "dilations": (1, 2), "ahead": (2, 1)}
 
     frames: int = 96
     """T of a training window."""

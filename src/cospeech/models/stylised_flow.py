@@ -21,8 +21,9 @@ is in `cospeech.models.stylised_flow_extended`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -31,6 +32,7 @@ from torch import Tensor, nn
 from ..errors import InputError
 from .gesture_autoencoder import GestureAutoencoder
 from .nn.conditioning import GlobalEncoder, drop_history, frame_windows
+from .nn.configuration import ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective, StepRandom
 from .nn.trainable import Trainable
@@ -41,8 +43,10 @@ SHORTEST = 4  # frames that two convolutions with kernel 4 and stride 2 leave an
 
 
 @dataclass(frozen=True)
-class FlowConfig:
+class FlowConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's for TED."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16, "encoder_channels": 8, "encoder_blocks": 2}
 
     steps: int = 16
     """K; not stated, authors' code 16."""

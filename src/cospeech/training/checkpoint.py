@@ -168,7 +168,7 @@ def stands_for(folder: Path, which: str = "best") -> str:
         raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
     there = {name for name in WHICH if (folder / f"{name}.safetensors").exists()}
     if not there:
-        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` goes on with it")
+        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` continues it")
     return which if which in there or which == "last" else "last"
 
 

@@ -222,7 +222,7 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
     models, known = dict[str, nn.Module](), {}
     for name, folder in recipe.needs.items():
         if not (Path(folder) / "config.json").is_file():
-            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            first = f"`cospeech train {Path(folder).name}` makes it; --set needs.{name}=RUN names another"
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
@@ -257,7 +257,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         found += list_changes({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+        raise InputError(f"the run began with {found[0]}{more}", "a run keeps its recipe and store; --out begins another")
     for name, value in now.items():
         array = name.rpartition("_")[0]
         if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):

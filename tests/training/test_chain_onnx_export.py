@@ -136,7 +136,7 @@ def test_faces_and_seed_poses(name):
     plain = who.windows.make(rows, style, noise)
     for names in (("face",), ("seed",), ("face", "seed")):
         own = seeds if "seed" in names else torch.zeros_like(seeds)
-        wanted = net._whole(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
+        wanted = net.poses(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
         made = who.windows.make(rows, style, noise, more={key: given[key] for key in names})
         np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
         assert np.abs(made - plain).max() > 1e-3

@@ -198,7 +198,7 @@ def test_rows_are_independent_of_each_other(name):
     def apart(batch: Batch):
         """Without what sets a row's poses against the speech of another row on purpose (models/nn/pose_discriminator.py)."""
         terms = [objective.loss(batch, 0) for objective in net.objectives().values()]
-        return sum(value for each in terms for name, value in each.items() if name != "strange")
+        return sum(value for each in terms for name, value in each.items() if name != "mismatched")
 
     with torch.no_grad():
         whole = apart(data)

@@ -371,7 +371,7 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
     stretches = torch.randn(speakers, 4, 128, POSE, generator=torch.Generator().manual_seed(5)).cumsum(2) / 8
     found = net.speaker_styles(stretches)
     assert found.shape == (speakers, net.styles)
-    if hasattr(net, "style_of"):
+    if net.encodes_style:
         assert net.style_of(stretches[:, 0, :64]).shape == (speakers, net.styles)
         assert len({tuple(row.tolist()) for row in found}) == speakers
     assert net.generate(speech(net, speakers, 40), found.unsqueeze(1)).isfinite().all()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.errors import InputError
 from cospeech.export import open_writer
-from cospeech.export.bvh_reader import UNITS, frame_rate
+from cospeech.export.bvh_reader import UNITS
 from cospeech.motion.bone_mapping import recognise
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import (
@@ -281,7 +281,7 @@ def test_frame_rates_behind_rounded_times(tmp_path, text, fps):
 def test_impossible_frame_times():
     for value in (0.0, -0.03, 1e-6, 1e6):
         with pytest.raises(InputError, match="Frame Time"):
-            frame_rate(value, 1e-6)
+            rate_of_step(value, 1e-6)
 
 
 # --- reading what others write

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from cospeech.errors import InputError
 from cospeech.export import open_writer
 from cospeech.export.bvh_reader import UNITS
+from cospeech.export.timing import rate_of_step
 from cospeech.motion.bone_mapping import recognise
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import (

@@ -37,7 +37,7 @@ def convert_file(
         names: a TOML file that says which joint of ``source`` is which of ours.
         audio: the speech, for pictures.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
-        avatar: a VRM or GLB character for ``.glb``.
+        avatar: a VRM or GLB character for ``.glb`` and for pictures, in place of our mannequin.
 
     Raises:
         InputError: a file cannot be read or written, or the skeleton is not recognised.

@@ -7,14 +7,14 @@ refused in one line that states the limit, before memory is taken for it.
 from typing import NamedTuple
 
 __all__ = [
-    "BLOCK_TIMEOUT", "BONE_MAP_BYTES", "BUNDLE_CARD_BYTES", "BUNDLE_GRAPH_BYTES", "BUNDLE_MANIFEST_BYTES", "BUNDLE_MEMBERS",
+    "AVATAR_METRES", "AVATAR_SHAPE_NUMBERS", "AVATAR_VERTICES", "BLOCK_TIMEOUT", "BONE_MAP_BYTES", "BUNDLE_CARD_BYTES", "BUNDLE_GRAPH_BYTES", "BUNDLE_MANIFEST_BYTES", "BUNDLE_MEMBERS",
     "BUNDLE_WEIGHTS_BYTES", "CHANNELS", "CORPUS_TABLE_BYTES", "CORPUS_TEXT_BYTES", "DECODER_CPU_SECONDS", "DECODER_MEMORY",
     "EMOTION_BYTES", "EMOTION_ROWS", "FACE_JSON_BYTES", "FREE_JOINT_FRAMES", "GLTF_JSON_VALUES", "GLTF_NODES",
     "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES",
     "JOINT_FRAMES_PER_BYTE", "JSON_VALUES", "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES",
     "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES", "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAUSIBLE_SECONDS",
     "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY", "SOUND_RATES", "SPEECH_RATES", "STORE_INDEX_BYTES",
-    "TENSORS_HEAD_BYTES", "TOML_DOTS", "TRANSCRIPT_BYTES", "TRANSCRIPT_JSON_VALUES", "VAULT_TIMEOUT", "WORDS",
+    "TENSORS_HEAD_BYTES", "TEXTURES_PIXELS", "TEXTURE_PIXELS", "TOML_DOTS", "TRANSCRIPT_BYTES", "TRANSCRIPT_JSON_VALUES", "VAULT_TIMEOUT", "WORDS",
     "WORD_VECTOR_WIDTH", "Limit", "most_joint_frames",
 ]  # fmt: skip
 
@@ -60,6 +60,16 @@ GLTF_NODES = 20_000
 """Nodes of a glTF file."""
 GLTF_JSON_VALUES = 4_000_000
 """Commas, lists and objects in the JSON of a glTF file; a dressed VRM character has some 100,000."""
+AVATAR_VERTICES = 400_000
+"""Of all meshes of a character that is drawn; those of games have 20,000 to 100,000."""
+AVATAR_SHAPE_NUMBERS = 60_000_000
+"""Shapes × vertices × 3 of a character that is drawn; 52 shapes of 100,000 vertices have 16 million."""
+AVATAR_METRES = 2.4
+"""From the middle of a character that is drawn to its farthest point; a staff or wings stay within."""
+TEXTURE_PIXELS = 1 << 26
+"""Of one texture: 8192 × 8192."""
+TEXTURES_PIXELS = 1 << 28
+"""Of all textures of a character: sixteen of 4096 × 4096."""
 JSON_VALUES = 40_000_000
 """Commas, lists and objects in face weights; 5 hours at 30 fps have 30 million."""
 NPZ_BYTES = 1 << 30
@@ -172,6 +182,11 @@ LIMITS = (
     Limit("glTF accessor without data", GLTF_ZEROS, "numbers", "zeros cost the file nothing"),
     Limit("glTF file", GLTF_NODES, "nodes", "characters have some hundreds"),
     Limit("JSON of a glTF file", GLTF_JSON_VALUES, "commas, lists and objects", "a dressed character has some 100,000"),
+    Limit("character that is drawn", AVATAR_VERTICES, "vertices", "those of games have 20,000 to 100,000"),
+    Limit("character that is drawn, shapes", AVATAR_SHAPE_NUMBERS, "numbers", "52 shapes of 100,000 vertices have 16 million"),
+    Limit("character that is drawn, reach", AVATAR_METRES, "metres", "at a stature of 1.72 m; staffs and wings stay within"),
+    Limit("texture", TEXTURE_PIXELS, "pixels", "8192 × 8192"),
+    Limit("textures of a character", TEXTURES_PIXELS, "pixels", "sixteen of 4096 × 4096"),
     Limit(".npz, unpacked", NPZ_BYTES, "bytes", "11 hours of poses at 30 fps"),
     Limit(".npz", NPZ_MEMBERS, "arrays", "ours have nine"),
     Limit("time in a file", PLAUSIBLE_SECONDS, "seconds", "115 days; beyond it is a mistake"),

@@ -180,6 +180,7 @@ def render(
     ],
     audio: Drawn = None,
     camera: View = None,
+    avatar: Avatar = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -196,7 +197,7 @@ def render(
     if suffix not in FORMATS or not FORMATS[suffix].picture:
         known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio, camera=camera)
+    convert_file(source, target, audio=audio, camera=camera, avatar=avatar)
     if not quiet:
         print(f"{target}  ({format_of(target).opens})")
 

@@ -102,6 +102,16 @@ class GltfFile:
                 raise InputError(f"{self.name} keeps data in {str(uri)[:60]!r}", "export it as one .glb file")
         return self._buffers[index]
 
+    def view(self, index: int) -> bytes:
+        """The bytes of a buffer view, an embedded image's say.
+
+        Raises:
+            InputError: it is out of bounds.
+        """
+        with report_damage(self.name):
+            length = _natural(self.list("bufferViews")[_natural(index)]["byteLength"])
+            return self._view(index, 0, 1, length, length).tobytes()
+
     def _view(self, index: int, offset: int, count: int, size: int, stride: int | None = None) -> Array:
         """(count, size) bytes out of a buffer view, bounds checked."""
         view = self.list("bufferViews")[_natural(index)]

@@ -7,11 +7,16 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.skeleton import Skeleton, humanoid
 from . import save
 from .registry import FORMATS, suffixes
+from .render.camera import View
 from .render.frames import BACKDROP
+from .render.framing import fit_view
+from .render.worker import find_character
+from .to_humanoid import as_humanoid
 
-__all__ = ["background_of", "no_avatar", "render_motion", "size_of"]
+__all__ = ["Subject", "background_of", "render_motion", "size_of"]
 
 
 def render_motion(
@@ -23,6 +28,7 @@ def render_motion(
     camera: str | None = None,
     fps: float | None = None,
     background: tuple[int, int, int] | None = None,
+    avatar: str | PathLike[str] | None = None,
 ) -> None:
     """Draw ``motion`` of any skeleton that can be retargeted, as a video, a moving picture or a strip; the suffix decides.
 
@@ -34,11 +40,12 @@ def render_motion(
         camera: ``body``, ``full``, ``face`` or ``hands``.
         fps: pictures per second of a video or moving picture.
         background: sRGB colour of the backdrop, 0 … 255 each.
+        avatar: a ``.vrm`` or ``.glb`` character to show in place of our mannequin.
 
     What is not given is chosen by the format.
 
     Raises:
-        InputError: unknown suffix or camera, a size or rate out of range, or the audio cannot be read.
+        InputError: unknown suffix or camera, a size or rate out of range, the audio or the avatar cannot be read.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS or not FORMATS[suffix].picture:
@@ -46,7 +53,7 @@ def render_motion(
         raise InputError(f"cannot draw {str(path)!r}", f"name a file that ends in {known}")
     if suffix == ".png" and fps is not None:
         raise InputError(f"{fps} pictures per second of a strip", "leave fps out for .png")
-    options = {"audio": audio, "size": size, "camera": camera, "rate": fps, "background": background}
+    options = {"audio": audio, "size": size, "camera": camera, "rate": fps, "background": background, "avatar": avatar}
     save(motion, path, **{name: value for name, value in options.items() if value is not None})
 
 
@@ -80,11 +87,33 @@ def background_of(colour: tuple[int, int, int] | None) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def no_avatar(avatar: str | PathLike[str] | None) -> None:
-    """Pictures show our own character only.
+class Subject:
+    """Whom pictures show, and motion as it moves.
+
+    Args:
+        avatar: a ``.vrm`` or ``.glb`` file; our mannequin where None.
+
+    Attributes:
+        path: of the file; empty for the mannequin.
+        character: read from it; None for the mannequin.
 
     Raises:
-        InputError: another one was asked for.
+        InputError: the file is no character that can be drawn.
     """
-    if avatar is not None:
-        raise InputError(f"cannot draw {str(avatar)!r}", "pictures show our mannequin; write a .glb to see other avatars move")
+
+    def __init__(self, avatar: str | PathLike[str] | None) -> None:
+        self.path = "" if avatar is None else str(Path(avatar).absolute())
+        self.character = find_character(self.path) if self.path else None
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """That of the character, with our humanoid's names."""
+        return humanoid() if self.character is None else self.character.skeleton
+
+    def fit(self, view: View) -> View:
+        """A view made for our mannequin, as this character needs it."""
+        return view if self.character is None else fit_view(view, self.character)
+
+    def pose(self, motion: Motion) -> Motion:
+        """Motion of any skeleton that is recognised, on that of the character."""
+        return as_humanoid(motion) if self.skeleton is humanoid() else motion.retarget(self.skeleton)

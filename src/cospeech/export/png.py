@@ -11,14 +11,13 @@ import numpy as np
 from ..audio.speech import Word, open_speech
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.skeleton import Skeleton, humanoid
+from ..motion.skeleton import Skeleton
 from . import Writer as BaseWriter
-from .pictures import background_of, no_avatar, size_of
+from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
-from .render.framing import PoseStage, box_of
+from .render.framing import PoseStage, boxes_of
 from .render.keyframes import Keyframes
 from .render.worker import FrameRenderer, Look, pack
-from .to_humanoid import as_humanoid
 
 __all__ = ["Writer"]
 
@@ -38,7 +37,7 @@ class Writer(BaseWriter):
         background: sRGB colour of the backdrop.
         pictures: how many moments to show, 1 … 24.
         words: of the speech, written below the waveform.
-        avatar: must be None, see `no_avatar`.
+        avatar: file of somebody's character, in place of our mannequin.
     """
 
     def __init__(
@@ -55,7 +54,6 @@ class Writer(BaseWriter):
         words: Sequence[Word] = (),
         avatar: str | PathLike[str] | None = None,
     ) -> None:
-        no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self._size, self._view, self._background = size_of(size), find_view(camera), background_of(background)
         if not (200 <= self._size[0] <= 8192 and 160 <= self._size[1] <= 4096):
@@ -63,7 +61,10 @@ class Writer(BaseWriter):
         if not 1 <= pictures <= 24:
             raise InputError(f"a strip of {pictures} pictures", "1 … 24")
         self._pictures, self._words = pictures, tuple(words)
-        self._stage, self._moments = PoseStage(humanoid(), self.fps), Keyframes(humanoid(), self.fps)
+        self._subject = Subject(avatar)
+        self._view = self._subject.fit(self._view)
+        self._stage = PoseStage(self._subject.skeleton, self.fps)
+        self._moments = Keyframes(self._subject.skeleton, self.fps)
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
@@ -71,7 +72,7 @@ class Writer(BaseWriter):
             open_speech(self.audio).close()
 
     def _write(self, motion: Motion) -> None:
-        self._moments.push(self._stage.place(as_humanoid(motion)))
+        self._moments.push(self._stage.place(self._subject.pose(motion)))
 
     def _finish(self) -> None:
         from PIL import Image
@@ -80,9 +81,11 @@ class Writer(BaseWriter):
 
         moments = self._moments.best(self._pictures)
         layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
-        box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
-        renderer = FrameRenderer(Look(*layout.cell, self._view, self._background))
-        drawn = renderer.draw(np.stack([pack(pose, box) for _, pose in moments]))
+        poses = [pose for _, pose in moments]
+        boxes = boxes_of(self._view, self._subject.skeleton, poses)
+        look = Look(*layout.cell, self._view, self._background, self._subject.path)
+        renderer = FrameRenderer(look, self._subject.character)
+        drawn = renderer.draw(np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)]))
         times = [frame / self.fps for frame, _ in moments]
         duration = self._moments.frames / self.fps
         sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)

@@ -73,12 +73,12 @@ _OURS = {
         "SMPL-X: numpy.load, or the SMPL-X add-on for Blender", readable=True,
     ),
     ".mp4": Format(
-        "cospeech.export.mp4", "preview video with the speech", "any video player", picture=True, sound="heard", needs="av"
+        "cospeech.export.mp4", "preview video with the speech", "any video player", wears_avatar=True, picture=True, sound="heard", needs="av",
     ),
-    ".gif": Format("cospeech.export.gif", "animated preview picture", "any web browser", picture=True),
+    ".gif": Format("cospeech.export.gif", "animated preview picture", "any web browser", wears_avatar=True, picture=True),
     ".png": Format(
         "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames over the waveform",
-        picture=True, sound="drawn", words=True,
+        wears_avatar=True, picture=True, sound="drawn", words=True,
     ),
 }  # fmt: skip
 FORMATS: Registry[Format] = Registry(_OURS, group="cospeech.formats", kind=Format, prefix=".")

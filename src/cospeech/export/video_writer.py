@@ -11,11 +11,10 @@ from pathlib import Path
 from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton
 from . import Writer
-from .pictures import background_of, no_avatar, size_of
+from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
 from .render.frames import FrameStream
 from .render.worker import Look, Pictures
-from .to_humanoid import as_humanoid
 
 __all__ = ["MovingWriter"]
 
@@ -30,7 +29,7 @@ class MovingWriter(Writer):
         camera: name of a view (`cospeech.export.render.camera.CAMERAS`).
         rate: pictures per second.
         background: sRGB colour of the backdrop, 0 … 255 each.
-        avatar: must be None, see `no_avatar`.
+        avatar: file of somebody's character, in place of our mannequin.
     """
 
     def __init__(
@@ -46,10 +45,11 @@ class MovingWriter(Writer):
         background: tuple[int, int, int] | None = None,
         avatar: str | PathLike[str] | None = None,
     ) -> None:
-        no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
-        self._frame_stream = FrameStream(Look(*self.size, find_view(camera), background_of(background)), self.fps, self.rate)
+        self._subject, view, colour = Subject(avatar), find_view(camera), background_of(background)
+        look = Look(*self.size, self._subject.fit(view), colour, self._subject.path)
+        self._frame_stream = FrameStream(look, self.fps, self.rate, self._subject.character)
 
     @abstractmethod
     def _open(self, temporary: Path) -> None: ...
@@ -64,7 +64,7 @@ class MovingWriter(Writer):
         self._open(temporary)
 
     def _write(self, motion: Motion) -> None:
-        self._take(self._frame_stream.push(as_humanoid(motion)))
+        self._take(self._frame_stream.push(self._subject.pose(motion)))
 
     def _finish(self) -> None:
         self._take(self._frame_stream.flush())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from ...motion.rotations import Array, quat_to_matrix
 from ...motion.skeleton import Skeleton
-from ...motion.skeletons.arkit import ARKIT_INDEX
+from ...motion.skeletons.arkit import ARKIT
+from ..surface import Surface
 
 __all__ = ["Character", "Part", "skin", "skin_with_normals"]
 
@@ -30,7 +31,9 @@ class Part:
         weights: (V, 4) float32, each row sums to 1.
         colour: (3,) or per vertex (V, 3), linear RGB.
         roughness: 0 mirror … 1 chalk.
-        morphs: ARKit name → (V, 3) float32 displacement in the T-pose at weight 1; names that move nothing here are absent.
+        morphs: name of a shape → (V, 3) float32 displacement in the T-pose at weight 1; shapes that move nothing here are
+            absent.
+        surface: texture and holes; None for a closed surface of plain colour.
     """
 
     name: str
@@ -42,14 +45,24 @@ class Part:
     colour: Array
     roughness: float = 0.8
     morphs: Mapping[str, Array] = field(default_factory=dict)
+    surface: Surface | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Character:
-    """A skinned figure: the skeleton it follows and its parts."""
+    """A skinned figure.
+
+    Args:
+        skeleton: what it follows; the rest rotations are identities.
+        parts: its surfaces.
+        shapes: the names of its morphs.
+        drive: ARKit weights (52,) → weights of ``shapes``; None where these are ARKit's.
+    """
 
     skeleton: Skeleton
     parts: tuple[Part, ...]
+    shapes: tuple[str, ...] = ARKIT
+    drive: Callable[[Array], Array] | None = None
 
     def __getitem__(self, name: str) -> Part:
         """The part called ``name``."""
@@ -69,7 +82,7 @@ class Tables:
     vertices: Array  # (V, 4), last column 1
     normals: Array  # (V, 3)
     moving: Array  # (R,) vertices that some morph moves
-    morphs: Array  # (52, R * 3)
+    morphs: Array  # (S, R * 3), by shape
     triangles: Array  # (F, 3) faces that touch a moving vertex, indices into ``touched``
     touched: Array  # (U,) vertices of those faces
     neutral: Array  # (U, 3) their face-averaged normals without any morph
@@ -84,11 +97,12 @@ class Tables:
         weights = np.zeros((total, len(character.skeleton)), np.float32)
         joints = np.concatenate([p.joints for p in parts])
         np.add.at(weights, (np.arange(total)[:, None], joints), np.concatenate([p.weights for p in parts]))
-        dense = np.zeros((len(ARKIT_INDEX), total, 3), np.float32)
+        index = {name: k for k, name in enumerate(character.shapes)}
+        dense = np.zeros((len(index), total, 3), np.float32)
         for part, where in zip(parts, bounds, strict=True):
             for name, delta in part.morphs.items():
-                dense[ARKIT_INDEX[name], where] = delta
-        moving = np.flatnonzero(np.abs(dense).max((0, 2)) > 0)
+                dense[index[name], where] = delta
+        moving = np.flatnonzero(dense.any((0, 2)))
         triangles = np.concatenate([p.triangles + b.start for p, b in zip(parts, bounds, strict=True)])
         touched, local = np.unique(triangles[np.isin(triangles, moving).any(1)], return_inverse=True)
         local = local.reshape(-1, 3)
@@ -98,7 +112,7 @@ class Tables:
             vertices=np.concatenate([vertices, np.ones((total, 1), np.float32)], 1),
             normals=np.concatenate([p.normals for p in parts]),
             moving=moving,
-            morphs=np.ascontiguousarray(dense[:, moving].reshape(len(dense), -1)),
+            morphs=dense[:, moving].reshape(len(dense), 3 * len(moving)),
             triangles=local,
             touched=touched,
             neutral=_face_normals(vertices[touched], local),
@@ -128,10 +142,11 @@ def skin_with_normals(
     """
     tables = character._tables
     vertices, normals = tables.vertices, tables.normals
-    if face is not None and np.abs(face).max() > _REST:
-        used = np.flatnonzero(np.abs(face) > _REST)
+    weights = face if face is None or character.drive is None else character.drive(face)
+    if weights is not None and np.abs(weights).max(initial=0) > _REST:
+        used = np.flatnonzero(np.abs(weights) > _REST)
         vertices, normals = vertices.copy(), normals.copy()
-        delta = np.asarray(face, np.float32)[used] @ tables.morphs[used]
+        delta = np.asarray(weights, np.float32)[used] @ tables.morphs[used]
         vertices[tables.moving, :3] += delta.reshape(-1, 3)
         bent = _face_normals(vertices[tables.touched, :3], tables.triangles) - tables.neutral
         normals[tables.touched] += bent

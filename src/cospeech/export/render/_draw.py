@@ -20,6 +20,7 @@ __all__ = ["serve"]
 def serve(look: str) -> None:
     """Draw the batches that are asked for; ``look`` is a `Look` as JSON."""
     values = json.loads(look)
-    renderer = FrameRenderer(Look(values["width"], values["height"], View(**values["view"]), tuple(values["background"])))
+    look = Look(values["width"], values["height"], View(**values["view"]), tuple(values["background"]), values["avatar"])
+    renderer = FrameRenderer(look)
     for _, rows in requests():
         send(b"P", renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)).data.cast("B"))

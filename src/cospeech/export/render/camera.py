@@ -71,6 +71,7 @@ class View:
         yaw: degrees by which the camera stands to the character's left.
         pitch: degrees by which it looks down.
         angle: degrees from the bottom to the top of the picture.
+        follows: name of a joint with which the box goes, smoothly; the box is then that of the T-pose.
     """
 
     joints: tuple[str, ...]
@@ -80,6 +81,7 @@ class View:
     yaw: float
     pitch: float
     angle: float
+    follows: str = ""
 
     def joints_of(self, skeleton: Skeleton) -> list[int]:
         """Indices of the joints that must stay in the picture."""
@@ -117,7 +119,7 @@ _ARMS = (*_HANDS, "leftUpperArm", "rightUpperArm", "leftLowerArm", "rightLowerAr
 CAMERAS: dict[str, View] = {
     "body": View(("head", *_ARMS), (-0.50, 0.66, -0.15), (0.50, 1.82, 0.30), 0.06, 14, 3, 24),
     "full": View((), (-0.42, -0.05, -0.20), (0.42, 1.80, 0.30), 0.06, 14, 5, 22),
-    "face": View(("head",), (-0.13, 1.42, -0.10), (0.13, 1.77, 0.14), 0.02, 12, 0, 18),
+    "face": View(("head",), (-0.13, 1.42, -0.10), (0.13, 1.77, 0.14), 0.02, 12, 0, 18, "head"),
     "hands": View(_HANDS, (-0.32, 0.88, 0.00), (0.32, 1.34, 0.35), 0.06, 14, 8, 24),
 }
 """Name → way of looking. Boxes are ours: what a standing speaker of 1.72 m uses while gesturing."""

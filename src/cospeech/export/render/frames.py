@@ -16,6 +16,7 @@ from ...errors import InputError
 from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
+from ..mannequin.character import Character
 from .framing import FramedPose, Framing, PoseStage
 from .worker import FrameRenderer, Helper, Look, Pictures, pack
 
@@ -29,7 +30,7 @@ _SIDES = (16, 4096)  # pixels; ours
 
 
 class FrameStream:
-    """Draws motion of our humanoid.
+    """Draws motion of a character's skeleton.
 
     A context manager: leaving it ends all helper processes, also after an error or Ctrl-C.
 
@@ -37,12 +38,13 @@ class FrameStream:
         look: size, view and backdrop.
         motion_fps: of the motion to come.
         fps: of the pictures to give: the frame at or before each moment is drawn.
+        character: that of ``look``, where it is no mannequin.
 
     Raises:
         InputError: size or fps make no sense.
     """
 
-    def __init__(self, look: Look, motion_fps: float, fps: float) -> None:
+    def __init__(self, look: Look, motion_fps: float, fps: float, character: Character | None = None) -> None:
         for side in (look.width, look.height):
             if not _SIDES[0] <= side <= _SIDES[1]:
                 raise InputError(f"pictures of {look.width} × {look.height}", f"sides of {_SIDES[0]} … {_SIDES[1]} pixels")
@@ -50,8 +52,9 @@ class FrameStream:
             raise InputError(f"{fps} pictures per second", "0 … 240, such as 30")
         self.look, self.fps = look, fps
         self._step = Fraction(motion_fps).limit_denominator(1001) / Fraction(fps).limit_denominator(1001)
-        self._stage = PoseStage(humanoid(), motion_fps)
-        self._framing = Framing(look.view, humanoid(), fps)
+        skeleton = humanoid() if character is None else character.skeleton
+        self._stage, self._character = PoseStage(skeleton, motion_fps), character
+        self._framing = Framing(look.view, skeleton, fps)
         self._taken = self._drawn = 0
         self._rows: list[Array] = []
         self._orders: deque[Future[Pictures]] = deque()
@@ -93,7 +96,7 @@ class FrameStream:
                 yield self._orders.popleft().result()
 
     def _draw_here(self) -> Iterator[Pictures]:
-        self._renderer = self._renderer or FrameRenderer(self.look)
+        self._renderer = self._renderer or FrameRenderer(self.look, self._character)
         rows, self._rows = self._rows, []
         for row in rows:
             yield self._renderer.draw(row[None])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
 
@@ -11,14 +12,18 @@ import numpy as np
 
 from ...motion.motion import Motion
 from ...motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
-from ...motion.skeleton import Skeleton
+from ...motion.skeleton import Skeleton, humanoid
 from ...motion.skeletons.arkit import ARKIT
+from ...motion.skeletons.humanoid import HEIGHT
+from ..mannequin.character import Character
 from .camera import View
 
-__all__ = ["FramedPose", "Framing", "PoseStage", "box_of"]
+__all__ = ["FramedPose", "Framing", "PoseStage", "box_of", "boxes_of", "fit_view"]
 
 _SLACK = 0.12  # metres that the hips may wander before the camera follows; ours: swaying is seen, walking is followed
 _HURRY = 0.16  # share of the remaining way that the camera goes in 1/30 s; ours
+_TURNING = 0.5  # seconds before and after over which the camera averages the way of a head that it follows; ours
+_ROOM = 0.03  # metres that such a head may be off before the picture widens; ours
 _ASTRAY = 0.30  # metres between feet and floor in the first frame above which the file has another floor than ours
 
 
@@ -74,7 +79,8 @@ class PoseStage:
 class Framing:
     """Decides frame by frame what box the camera must show, so that nothing the view cares for leaves the picture.
 
-    The box covers the first ten seconds from the start, and widens, smoothly and in time, for what needs more room later.
+    The box covers the first ten seconds from the start, and widens, smoothly and in time, for what needs more room later. It
+    goes with the joint that the view follows, if any.
 
     Args:
         view: what to look at.
@@ -88,17 +94,23 @@ class Framing:
         self._view, self._skeleton = view, skeleton
         self._settle, self._ahead = max(1, round(self.SETTLE * fps)), max(1, round(self.AHEAD * fps))
         self._box: Array | None = None
-        self._waiting: deque[FramedPose] = deque()
+        self._waiting: deque[tuple[FramedPose, Array]] = deque()
+        self._tracker = _Tracker(view, skeleton, fps)
         self._boxes: deque[Array] = deque()
         self._sum = np.zeros(6)
         self._settled = False
 
     def push(self, pose: FramedPose) -> Iterator[tuple[FramedPose, Array]]:
         """Take a pose; give those whose box (6,) — low corner, high corner — is now known."""
-        box = box_of(self._view, self._skeleton, pose.positions[None])
+        for tracked in self._tracker.push(pose):
+            yield from self._take(*tracked)
+
+    def _take(self, pose: FramedPose, place: Array) -> Iterator[tuple[FramedPose, Array]]:
+        """A pose, and where the camera's point of rest is."""
+        box = _box_around(self._view, self._skeleton, pose, place)
         old = box if self._box is None else self._box
         self._box = np.concatenate([np.minimum(old[:3], box[:3]), np.maximum(old[3:], box[3:])])
-        self._waiting.append(pose)
+        self._waiting.append((pose, place))
         if self._settled:
             self._see()
             yield self._next()
@@ -107,6 +119,8 @@ class Framing:
 
     def flush(self) -> Iterator[tuple[FramedPose, Array]]:
         """The rest, at the end of the motion."""
+        for tracked in self._tracker.flush():
+            yield from self._take(*tracked)
         if self._box is None:
             return
         if not self._settled:
@@ -130,7 +144,84 @@ class Framing:
             self._sum = self._sum - self._boxes.popleft()
 
     def _next(self) -> tuple[FramedPose, Array]:
-        return self._waiting.popleft(), self._sum / len(self._boxes)
+        pose, place = self._waiting.popleft()
+        return pose, self._sum / len(self._boxes) + np.tile(place, 2)
+
+
+class _Tracker:
+    """The way of the camera's point of rest: that of the joint it follows, averaged over a second, later by half of it."""
+
+    def __init__(self, view: View, skeleton: Skeleton, fps: float) -> None:
+        self._view, self._skeleton = view, skeleton
+        self._half = max(1, round(_TURNING * fps)) if view.follows else 0
+        share = 1 + self._half - np.abs(np.arange(-self._half, self._half + 1.0))
+        self._share = share / share.sum()
+        self._places: deque[Array] = deque(maxlen=len(share))
+        self._waiting: deque[FramedPose] = deque()
+
+    def push(self, pose: FramedPose) -> Iterator[tuple[FramedPose, Array]]:
+        """Take a pose; give the one whose place is now known."""
+        place = _place_of(self._view, self._skeleton, pose)
+        self._waiting.append(pose)
+        self._places.extend([place] * (1 if self._places else self._half + 1))
+        yield from self._give()
+
+    def flush(self) -> Iterator[tuple[FramedPose, Array]]:
+        """The rest: the joint stays where it was last."""
+        while self._waiting:
+            self._places.append(self._places[-1])
+            yield from self._give()
+
+    def _give(self) -> Iterator[tuple[FramedPose, Array]]:
+        if len(self._places) == len(self._share):
+            yield self._waiting.popleft(), self._share @ np.array(self._places)
+
+
+def _place_of(view: View, skeleton: Skeleton, pose: FramedPose) -> Array:
+    """(3,) the middle of the view's box as the joint that it follows carries it; the origin for views that stay."""
+    if not view.follows:
+        return np.zeros(3)
+    joint = skeleton.index[view.follows]
+    middle = (np.array(view.low) + view.high) / 2 - skeleton.tpose[joint]
+    return np.asarray(pose.positions[joint] + quat_rotate(pose.rotations[joint], middle))
+
+
+def _box_around(view: View, skeleton: Skeleton, pose: FramedPose, place: Array) -> Array:
+    """Low and high corner (6,), as seen from ``place``, of the box that the camera must show for one pose."""
+    if not view.follows:
+        return box_of(view, skeleton, pose.positions[None])
+    half = (np.array(view.high) - view.low) / 2
+    off = _place_of(view, skeleton, pose) - place
+    return np.concatenate([np.minimum(-half, off - half + _ROOM), np.maximum(half, off + half - _ROOM)])
+
+
+def boxes_of(view: View, skeleton: Skeleton, poses: Sequence[FramedPose]) -> list[Array]:
+    """A box (6,) for each of a few poses that are shown side by side: the same one, or that of the joint the view follows."""
+    if not view.follows:
+        return [box_of(view, skeleton, np.stack([pose.positions for pose in poses]))] * len(poses)
+    half = (np.array(view.high) - view.low) / 2
+    return [np.concatenate([place - half, place + half]) for place in (_place_of(view, skeleton, pose) for pose in poses)]
+
+
+def fit_view(view: View, character: Character) -> View:
+    """The view for a character of other size or other head than our mannequin's.
+
+    The box of a view that follows the head spans from below its chin to above its crown, hair and hat included.
+    """
+    skeleton = character.skeleton
+    if skeleton is humanoid():
+        return view
+    joints = [skeleton.index[name] for name in ("head", "jaw", "leftEye", "rightEye")]
+    mine = [p.vertices[np.isin(p.joints[np.arange(len(p.joints)), p.weights.argmax(1)], joints)] for p in character.parts]
+    points, base = np.concatenate(mine), skeleton.tpose[skeleton.index["head"]]
+    crown = float(points[:, 1].max()) if len(points) else HEIGHT
+    if not view.follows:
+        scale = crown / HEIGHT
+        return replace(view, low=tuple(scale * v for v in view.low), high=tuple(scale * v for v in view.high))
+    ours = humanoid().tpose[humanoid().index["head"]]
+    scale = max((crown - base[1]) / (HEIGHT - ours[1]), 0.1)
+    low, high = base + scale * (np.array(view.low) - ours), base + scale * (np.array(view.high) - ours)
+    return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
 
 
 def box_of(view: View, skeleton: Skeleton, positions: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KEY", "backdrop", "develop", "from_srgb", "shade"]
+__all__ = ["KEY", "backdrop", "develop", "from_srgb", "scatter", "shade"]
 
 Floats = NDArray[np.float32]
 
@@ -46,12 +46,8 @@ def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open
         open_sky: (N,) 0 … 1, how much of the surroundings the point sees.
         lit: (N,) 0 … 1, how much of the key it sees.
     """
-    facing = KEY @ normal
-    wrapped = np.maximum((facing + _WRAP) / (1 + _WRAP), 0)
-    up = np.float32(0.5) + np.float32(0.5) * normal[1]
-    out = (_GROUND + (_SKY - _GROUND) * up) * open_sky
+    out = scatter(normal, open_sky, lit)
     lit = _STRAY * open_sky + (1 - _STRAY) * lit
-    out += _KEY_COLOUR * (wrapped * lit)
     out *= colour
     edge = 1 - np.clip(_dot(normal, sight), 0, 1)
     rim = np.maximum(_RIM @ normal + np.float32(0.25), 0) * (edge * edge * edge) * open_sky
@@ -60,8 +56,17 @@ def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open
     half /= np.sqrt(_dot(half, half))
     sharp = 2 / np.maximum(roughness, np.float32(0.12)) ** 4  # Blinn–Phong exponent of a GGX lobe (Walter et al. 2007)
     gloss = np.exp(sharp * (_dot(normal, half) - 1)) * (sharp + 8)  # cosine power as a spherical Gaussian
-    gloss *= np.maximum(facing, 0) * lit * np.float32(0.04 / 8 / np.pi)  # 0.04: reflectance of skin, cloth and plastics
+    gloss *= np.maximum(KEY @ normal, 0) * lit * np.float32(0.04 / 8 / np.pi)  # 0.04: reflectance of skin, cloth, plastics
     out += _KEY_COLOUR * gloss
+    return out
+
+
+def scatter(normal: Floats, open_sky: Floats, lit: Floats) -> Floats:
+    """What a white surface would send to all sides, (3, N); arguments as of `shade`."""
+    wrapped = np.maximum((KEY @ normal + _WRAP) / (1 + _WRAP), 0)
+    up = np.float32(0.5) + np.float32(0.5) * normal[1]
+    out: Floats = (_GROUND + (_SKY - _GROUND) * up) * open_sky
+    out += _KEY_COLOUR * (wrapped * (_STRAY * open_sky + (1 - _STRAY) * lit))
     return out
 
 

@@ -13,6 +13,7 @@ order, so every sample along it belongs to one of them: there are no cracks.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ __all__ = ["SAMPLES", "VisibleSamples", "front_facing", "sample_positions", "see
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
+
+Keeps = Callable[[Ints, Ints], NDArray[np.bool_]]
 
 SAMPLES = 4  # per pixel
 _SHIFT = np.array([0.25, 0.75], np.float32)  # where a sample lies in its half pixel, in rows above and below; ours
@@ -74,17 +77,21 @@ def front_facing(screen: Floats, triangles: Ints) -> NDArray[np.bool_]:
     return (turn < 0) & (inverse[0] > 0) & (inverse[1] > 0) & (inverse[2] > 0)
 
 
-def see(screen: Floats, triangles: Ints, width: int, height: int) -> VisibleSamples:
+def see(screen: Floats, triangles: Ints, width: int, height: int, keeps: Keeps | None = None) -> VisibleSamples:
     """Find the nearest triangle at every sample of a picture of ``width × height`` pixels.
 
     Args:
         screen: (V, 3) x and y in pixels, y down, and inverse depth, > 0 for every vertex used.
         triangles: (F, 3) vertex indices; both faces are drawn, see `front_facing`.
+        keeps: tells of samples (N,) and the triangles (N,) that cover them which are no holes; None where there are none.
 
     Triangles partly outside the picture are clipped to it. At equal depth the same triangle wins on every run.
     """
     runs = _runs(screen, triangles, width, height)
     place, inverse, run = _spread(runs)
+    if keeps is not None:
+        kept = np.flatnonzero(keeps(place, runs.triangle.take(run)))
+        place, inverse, run = place[kept], inverse[kept], run[kept]
     owner = _settle(place, inverse, width * height * SAMPLES)
     sample = np.flatnonzero(owner >= 0).astype(np.int32)
     winner = owner.take(sample)

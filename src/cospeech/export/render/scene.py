@@ -17,6 +17,7 @@ from ..mannequin import Character, skin_with_normals
 from . import light, raster
 from .camera import Camera
 from .shadow import floor_shadow, measure_light, openness
+from .texture import SurfaceTable
 
 __all__ = ["Scene"]
 
@@ -35,6 +36,20 @@ class _Points(NamedTuple):
     x: raster.Floats
     y: raster.Floats
     triangle: raster.Ints
+
+
+class _Posed(NamedTuple):
+    """The character before the camera.
+
+    Attributes:
+        screen: (V, 3) its vertices in the picture, as `raster.see` takes them.
+        shine: what `light.shade` wants to know of them.
+        levels: (F,) as `texture.SurfaceTable.levels` gives them.
+    """
+
+    screen: raster.Floats
+    shine: _Shine
+    levels: raster.Ints
 
 
 class Scene:
@@ -57,6 +72,8 @@ class Scene:
         self._colour = np.concatenate(colours).T.copy()  # (3, V)
         self._roughness = np.concatenate([np.full(len(p.vertices), p.roughness, np.float32) for p in parts])
         self._glossy = np.array([p.roughness < _GLOSSY for p in parts])[self._part]
+        self._surfaces = SurfaceTable(character)
+        self._casting = self._triangles[_casting(character)]
         self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
         self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
@@ -73,10 +90,12 @@ class Scene:
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
-        lit = measure_light(vertices, normals, self._triangles, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
+        lit = measure_light(vertices, normals, self._casting, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
         screen = camera.project(vertices)
+        levels = self._surfaces.levels(screen, self._corners)
         front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
-        seen = raster.see(screen, self._triangles[front], camera.width, camera.height)
+        keeps = self._holes(screen, levels, front, camera.width) if self._surfaces.open.any() else None
+        seen = raster.see(screen, self._triangles[front], camera.width, camera.height, keeps)
         seen = seen._replace(triangle=front.take(seen.triangle))
         picture, backdrop = self._blank.copy(), self._backdrop
         shadow = floor_shadow(camera, vertices)
@@ -89,12 +108,12 @@ class Scene:
             sight = (axes @ (camera.position - vertices).T).astype(np.float32)
             sight /= np.sqrt(_dot(sight, sight))
             shine = (axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit)
-            pixel, colour = self._resolve(camera, seen, screen, shine, backdrop)
+            pixel, colour = self._resolve(camera, seen, _Posed(screen, shine, levels), backdrop)
             picture.reshape(-1, 3)[pixel] = light.develop(colour).T
         return picture
 
     def _resolve(
-        self, camera: Camera, seen: raster.VisibleSamples, screen: Array, shine: _Shine, backdrop: Array
+        self, camera: Camera, seen: raster.VisibleSamples, posed: _Posed, backdrop: Array
     ) -> tuple[raster.Ints, raster.Floats]:
         """Pixels that show the character, and their linear colours (3, P)."""
         width = camera.width
@@ -118,7 +137,7 @@ class Scene:
             np.concatenate([middle_y, edge_y]),
             np.concatenate([seen.triangle[first[smooth]], seen.triangle[rough]]),
         )
-        colour = self._shade(points, screen, shine)
+        colour = self._shade(points, posed)
         middles = len(middle_x)
         out = np.empty((3, len(pixel)), np.float32)
         out[:, smooth] = colour[:, :middles]
@@ -130,17 +149,43 @@ class Scene:
             out[:, ~smooth] = (total + behind * (raster.SAMPLES - counts)) * np.float32(1 / raster.SAMPLES)
         return pixel, out
 
-    def _shade(self, points: _Points, screen: Array, shine: _Shine) -> raster.Floats:
+    def _holes(self, screen: Array, levels: raster.Ints, front: raster.Ints, width: int) -> raster.Keeps:
+        """What tells which samples of surfaces with holes are seen; triangles are those of ``front``."""
+
+        def keeps(sample: raster.Ints, triangle: raster.Ints) -> NDArray[np.bool_]:
+            kept = np.ones(len(sample), bool)
+            asked = np.flatnonzero(self._surfaces.open.take(front).take(triangle))
+            whole, places = front.take(triangle[asked]), sample[asked]
+            corner = self._corners.take(whole, axis=1)
+            weight = _weights(screen, corner, *raster.sample_positions(places, width))
+            looked = self._surfaces.look(whole, corner, weight, levels)
+            kept[asked] = self._surfaces.shown(whole, places, looked.opacity)
+            return kept
+
+        return keeps
+
+    def _shade(self, points: _Points, posed: _Posed) -> raster.Floats:
         """Linear colours (3, N) of surface points: of glossy parts point by point, of others from vertex to vertex."""
+        shine = posed.shine
         corner = self._corners.take(points.triangle, axis=1)  # (3, N)
-        weight = _weights(screen, corner, points.x, points.y)
+        weight = _weights(posed.screen, corner, points.x, points.y)
         colour = _mix(light.shade(*shine), corner, weight)
+        textured = np.flatnonzero(self._surfaces.textured.take(points.triangle))
+        texture = np.ones((3, 0), np.float32)
+        if len(textured):
+            own = corner[:, textured], weight[:, textured]
+            texture = self._surfaces.look(points.triangle[textured], *own, posed.levels).colour
+            normal, _, albedo, _, open_sky, lit = shine
+            colour[:, textured] += _mix(light.scatter(normal, open_sky, lit) * albedo, *own) * (texture - 1)
         glossy = np.flatnonzero(self._glossy.take(points.triangle))
         if len(glossy):
             corner, weight = corner[:, glossy], weight[:, glossy]
-            normal, sight, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
+            normal, sight, albedo, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
             normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
-            colour[:, glossy] = light.shade(normal, sight, *(values if len(values) > 1 else values[0] for values in others))
+            both = np.searchsorted(textured, glossy)
+            has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
+            albedo[:, has] *= texture[:, both[has]]
+            colour[:, glossy] = light.shade(normal, sight, albedo, *(values[0] for values in others))
         return colour
 
 
@@ -150,11 +195,17 @@ def _triangles(character: Character) -> raster.Ints:
     return np.concatenate([p.triangles + s for p, s in zip(character.parts, starts, strict=True)]).astype(np.int32)
 
 
+def _casting(character: Character) -> NDArray[np.bool_]:
+    """(F,) which triangles keep light away: all but those that are seen through in proportion."""
+    solid = [part.surface is None or part.surface.cutoff is not None for part in character.parts]
+    return np.repeat(solid, [len(part.triangles) for part in character.parts])
+
+
 @lru_cache(2)
 def _openness(character: Character) -> raster.Floats:
     """`shadow.openness` of the character in its T-pose; kept, because it takes a third of a second."""
     vertices, normals = (np.concatenate([getattr(p, what) for p in character.parts]) for what in ("vertices", "normals"))
-    return openness(vertices, normals, _triangles(character))
+    return openness(vertices, normals, _triangles(character)[_casting(character)])
 
 
 def _weights(screen: Array, corner: NDArray[np.integer], x: raster.Floats, y: raster.Floats) -> raster.Floats:

@@ -18,10 +18,11 @@ from ...errors import InternalError
 from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
 from ...motion.skeletons.arkit import ARKIT
+from ..mannequin.character import Character
 from .camera import View
 from .framing import FramedPose
 
-__all__ = ["ROW", "FrameRenderer", "Helper", "Look", "pack"]
+__all__ = ["ROW", "FrameRenderer", "Helper", "Look", "find_character", "pack"]
 
 Pictures = NDArray[np.uint8]
 _WIDTHS = (4 * len(humanoid()), 3 * len(humanoid()), len(ARKIT), 6)  # of a row: rotations, positions, face, box
@@ -39,12 +40,14 @@ class Look:
         height: pixels.
         view: how the character is looked at.
         background: 8-bit sRGB colour of the backdrop.
+        avatar: the file of the character that is drawn; our mannequin where empty.
     """
 
     width: int
     height: int
     view: View
     background: tuple[int, int, int]
+    avatar: str = ""
 
 
 def pack(pose: FramedPose, box: Array) -> Array:
@@ -52,15 +55,34 @@ def pack(pose: FramedPose, box: Array) -> Array:
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
-class FrameRenderer:
-    """Draws our mannequin, in this process."""
+def find_character(avatar: str) -> Character:
+    """The character that is drawn: that of the file ``avatar``, or our mannequin.
 
-    def __init__(self, look: Look) -> None:
-        from ..mannequin import build
+    Raises:
+        InputError: the file is no character that can be drawn.
+    """
+    if avatar:
+        from ..avatar_character import load_character
+
+        return load_character(avatar)
+    from ..mannequin import build
+
+    return build()
+
+
+class FrameRenderer:
+    """Draws pictures, in this process.
+
+    Args:
+        look: of the pictures.
+        character: whom they show, if `find_character` has found it already.
+    """
+
+    def __init__(self, look: Look, character: Character | None = None) -> None:
         from .scene import Scene
 
         self._look = look
-        self._scene = Scene(build(), look.width, look.height, look.background)
+        self._scene = Scene(character or find_character(look.avatar), look.width, look.height, look.background)
 
     def draw(self, rows: Array) -> Pictures:
         """Rows (N, …) of `pack` → (N, H, W, 3) 8-bit sRGB."""

@@ -1,0 +1,114 @@
+"""Somebody's character as one that is drawn: body, surfaces and face of an `Avatar` made into a `Character`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from os import PathLike
+
+import numpy as np
+
+from ..errors import InputError
+from ..limits import AVATAR_METRES
+from ..motion.rotations import Array
+from ..motion.skeleton import Skeleton
+from ..motion.skeletons.humanoid import HEIGHT
+from .avatar import Avatar, load_avatar
+from .avatar_mesh import MeshBaker
+from .avatar_skeleton import pose_nodes
+from .face_rig import FaceRig
+from .gltf import report_damage
+from .mannequin.character import Character, Part
+
+__all__ = ["load_character"]
+
+_STATURES = (1.2, 2.3)  # metres; ours: characters outside are drawn at our humanoid's height, others as tall as they are
+_SOLE = 5e-3  # metres; ours: soles that are nearer to the floor than that stay
+
+
+def load_character(path: str | PathLike[str]) -> Character:
+    """Read a character that is to be drawn: a ``.vrm`` or ``.glb`` with a humanoid.
+
+    Returns:
+        its skeleton has our 55 names and its own proportions; its soles are at height 0.
+
+    Raises:
+        InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
+    """
+    avatar = load_avatar(path)
+    with report_damage(avatar.file.name):
+        return _build(avatar)
+
+
+def _build(avatar: Avatar) -> Character:
+    drive = _Drive.of(avatar.face)
+    names = {(node, target): name for name, (node, target) in zip(drive.names, drive.targets, strict=True)}
+    by_node: dict[int, dict[int, str]] = {}
+    for (node, target), name in names.items():
+        by_node.setdefault(node, {})[target] = name
+    tpose = pose_nodes(avatar)
+    parts = MeshBaker(avatar.file, tpose, by_node, avatar.face.base).parts()
+    if not parts:
+        raise InputError(f"{avatar.file.name} has no surface that can be drawn", "a skinned character is needed")
+    scale, lift = _place(parts, tpose.skeleton(1.0, 0.0))
+    skeleton = tpose.skeleton(scale, lift)
+    placed = tuple(_move(part, scale, lift) for part in parts)
+    middle = np.array([0.0, HEIGHT / 2, 0.0])
+    reach = max(float(np.abs(part.vertices - middle).max()) for part in placed)
+    if not reach < AVATAR_METRES:  # also true of what is not finite
+        raise InputError(f"{avatar.file.name} reaches {reach:.1f} m beside its middle", "is it one character, its scales applied?")
+    return Character(skeleton, placed, drive.names, drive.weights)
+
+
+def _place(parts: list[Part], skeleton: Skeleton) -> tuple[float, float]:
+    """How much larger the character is drawn, and by how many metres it is then lifted."""
+    feet = [skeleton.index[side + part] for side in ("left", "right") for part in ("Foot", "Toes")]
+    head = [skeleton.index["head"]]
+    soles, crown = _heights(parts, feet, min), _heights(parts, head, max)
+    stature = crown - soles
+    if not stature > 1e-3:
+        raise InputError("a character without height between soles and crown cannot be drawn", "is it a humanoid?")
+    scale = 1.0 if _STATURES[0] < stature < _STATURES[1] else HEIGHT / stature
+    return scale, -soles * scale if abs(soles * scale) > _SOLE else 0.0
+
+
+def _heights(parts: list[Part], joints: list[int], choose: object) -> float:
+    """The lowest or highest point that mostly follows one of the joints; of all points where none does."""
+    owned = [
+        part.vertices[np.isin(part.joints[np.arange(len(part.joints)), part.weights.argmax(1)], joints), 1] for part in parts
+    ]
+    found = np.concatenate(owned)
+    found = found if len(found) else np.concatenate([part.vertices[:, 1] for part in parts])
+    return float(choose(found))  # type: ignore[operator]
+
+
+def _move(part: Part, scale: float, lift: float) -> Part:
+    if scale == 1.0 and lift == 0.0:
+        return part
+    vertices = part.vertices * np.float32(scale) + np.array([0, lift, 0], np.float32)
+    return replace(part, vertices=vertices, morphs={name: delta * np.float32(scale) for name, delta in part.morphs.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """ARKit's weights made into those of the character's own shapes.
+
+    Args:
+        face: what moves its face.
+        targets: (mesh node, morph target) of each shape.
+    """
+
+    face: FaceRig
+    targets: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, face: FaceRig) -> _Drive:
+        return cls(face, tuple(sorted({(bind.node, bind.target) for bind in face.binds})))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"node {node} target {target}" for node, target in self.targets)
+
+    def weights(self, arkit: Array) -> Array:
+        """(S,) weights beyond those at rest, for ARKit's (52,)."""
+        made = self.face.weights(np.asarray(arkit, float)[None])
+        return np.array([made[node][0, target] - self.face.base[node][target] for node, target in self.targets])

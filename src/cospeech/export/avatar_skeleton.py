@@ -1,0 +1,120 @@
+"""The body of somebody's character with our 55 joints: its proportions, our names, no rest rotations.
+
+A bone that is not ours, a twist bone or a strand of hair say, moves with the nearest bone above it that is. A joint of ours
+that the character lacks is put where it would be in our humanoid at the character's size; nothing of its surface follows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_rotate, quat_to_matrix
+from ..motion.skeleton import Skeleton, humanoid
+from .avatar import Avatar
+from .rig import Rig, rotation_of, world_matrices
+
+__all__ = ["TPose", "pose_nodes"]
+
+_SPINE = ("spine", "chest", "upperChest")
+_EYES = ("leftEye", "rightEye")
+
+
+@dataclass(frozen=True, eq=False)
+class TPose:
+    """A character in its T-pose, facing +Z.
+
+    Args:
+        positions: (55, 3) metres, of the joints of our humanoid.
+        matrices: (N, 4, 4) world matrices of all nodes.
+        owners: (N,) the joint of ours that each node moves with.
+    """
+
+    positions: Array
+    matrices: Array
+    owners: Array
+
+    def skeleton(self, scale: float, lift: float) -> Skeleton:
+        """Our humanoid with the character's proportions.
+
+        Args:
+            scale: applied first.
+            lift: metres upwards, applied then.
+        """
+        ours = humanoid()
+        points = self.positions * scale + (0.0, lift, 0.0)
+        offsets = points.copy()
+        for joint, parent in enumerate(ours.parents[1:], 1):
+            offsets[joint] -= points[parent]
+        found = Skeleton(ours.names, ours.parents, offsets, kind="humanoid")
+        return ours if np.allclose(offsets, ours.offsets, atol=1e-5) else found
+
+
+def pose_nodes(avatar: Avatar) -> TPose:
+    """The T-pose of a character, from that of its rig."""
+    rig, ours = avatar.rig, humanoid()
+    file = rig.file
+    matrices = _turn_to_tpose(rig)
+    carrier = _carrier_names(rig)
+    heads = _EYES if avatar.eyes_by_shapes else ()
+    owner_of = {rig.nodes[j]: ours.index["head" if name in heads else name] for name, j in carrier.items()}
+    owners = np.zeros(len(file.parents), np.int64)
+    for node in range(len(owners)):
+        k = node
+        while k >= 0 and k not in owner_of:
+            k = file.parents[k]
+        owners[node] = owner_of.get(k, 0)
+    return TPose(_joint_positions(rig, carrier), matrices, owners)
+
+
+def _carrier_names(rig: Rig) -> dict[str, int]:
+    """Our name → joint of the rig; the last of its spine bones is our upper chest, as in retargeting: it carries the arms."""
+    names = dict(rig.bones)
+    top = next((name for name in reversed(_SPINE) if name in names), None)
+    if top is not None:
+        names["upperChest"] = names.pop(top)
+    return {name: names[name] for name in humanoid().names if name in names}
+
+
+def _turn_to_tpose(rig: Rig) -> Array:
+    """(N, 4, 4) world matrices of all nodes when the rig is in its T-pose."""
+    file, skeleton = rig.file, rig.skeleton
+    points, turned = skeleton.forward(skeleton.rest, skeleton.offsets[0])
+    front = np.eye(4)
+    front[:3, :3], front[:3, 3] = quat_to_matrix(rig.facing), rig.shift
+    matrices = front @ world_matrices(file)
+    change: dict[int, Array] = {}  # of the rig's nodes, from the file's rest pose
+    for j, node in enumerate(rig.nodes):
+        turn = quat_to_matrix(quat_multiply(turned[j], quat_conjugate(rotation_of(matrices[node]))))
+        change[node] = np.eye(4)
+        change[node][:3, :3], change[node][:3, 3] = turn, points[j] - turn @ matrices[node, :3, 3]
+    for node in range(len(matrices)):
+        k = node
+        while k >= 0 and k not in change:
+            k = file.parents[k]
+        if k >= 0:
+            matrices[node] = change[k] @ matrices[node]
+    return matrices
+
+
+def _joint_positions(rig: Rig, carrier: dict[str, int]) -> Array:
+    """(55, 3) metres: of the rig's joints, and guesses for those that it lacks."""
+    ours, theirs = humanoid(), rig.skeleton.tpose
+    known = {name: theirs[j] for name, j in carrier.items()}
+    size = (known["head"] - known["hips"])[1] / (ours.tpose[ours.index["head"]] - ours.tpose[0])[1]
+    size = float(size) if size > 1e-3 else 1.0
+    points = np.zeros((len(ours), 3))
+    for joint, name in enumerate(ours.names):
+        parent = ours.parents[joint]
+        if name in known:
+            points[joint] = known[name]
+        elif name in ("spine", "chest", "neck"):  # between the last joint that there is and the next
+            upper = ("head",) if name == "neck" else ("chest", "upperChest")
+            above = next(known[n] for n in upper if n in known and ours.index[n] > joint)
+            points[joint] = (points[parent] + above) / 2
+        elif name.endswith("Shoulder") and name.replace("Shoulder", "UpperArm") in known:
+            points[joint] = known[name.replace("Shoulder", "UpperArm")]  # it then turns and the arm stays at its place
+        else:
+            points[joint] = points[parent] + size * ours.offsets[joint]
+    return points

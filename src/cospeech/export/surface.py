@@ -1,0 +1,41 @@
+"""What a surface has beside its colour: a texture, and places where one sees through it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Surface", "Texture"]
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A picture that is laid over a surface.
+
+    Args:
+        pixels: (H, W, 4) 8-bit sRGB and opacity; the first row is at v = 0.
+        wrap: what lies beyond the edges, along u and v: ``"repeat"``, ``"mirror"`` or ``"clamp"``.
+    """
+
+    pixels: NDArray[np.uint8]
+    wrap: tuple[str, str] = ("repeat", "repeat")
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Texture and opacity of a part.
+
+    Args:
+        texture: multiplied with the colour of the part; None for plain colour.
+        places: (V, 2) float32 texture coordinates of the vertices.
+        opacity: (V,) float32, multiplied with that of the texture.
+        cutoff: opacity below which there is a hole; 0 where nothing has holes; None for a surface that is seen through in
+            proportion.
+    """
+
+    texture: Texture | None
+    places: NDArray[np.float32]
+    opacity: NDArray[np.float32]
+    cutoff: float | None = 0.0

@@ -216,11 +216,16 @@ def fit_view(view: View, character: Character) -> View:
     points, base = np.concatenate(mine), skeleton.tpose[skeleton.index["head"]]
     crown = float(points[:, 1].max()) if len(points) else HEIGHT
     if not view.follows:
-        scale = crown / HEIGHT
-        return replace(view, low=tuple(scale * v for v in view.low), high=tuple(scale * v for v in view.high))
+        low, high = crown / HEIGHT * np.array(view.low), crown / HEIGHT * np.array(view.high)
+        if len(points) and (not view.joints or "head" in view.joints):  # a hat may be broader than the room for the arms
+            low[0], high[0] = min(low[0], points[:, 0].min()), max(high[0], points[:, 0].max())
+        return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
     ours = humanoid().tpose[humanoid().index["head"]]
     scale = max((crown - base[1]) / (HEIGHT - ours[1]), 0.1)
     low, high = base + scale * (np.array(view.low) - ours), base + scale * (np.array(view.high) - ours)
+    for axis in (0, 2) if len(points) else ():  # a high hat or hairdo is not as broad
+        low[axis] = max(low[axis], float(points[:, axis].min()) - _ROOM)
+        high[axis] = min(high[axis], float(points[:, axis].max()) + _ROOM)
     return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
 
 

@@ -207,7 +207,7 @@ def test_bad_input_is_told_and_leaves_nothing(tmp_path, suffix):
             render_motion(motion, target, **options)
     with pytest.raises(InputError, match="no frames"):
         render_motion(motion[:0], target)
-    with pytest.raises(InputError, match=r"our mannequin"):
+    with pytest.raises(InputError, match=r"someone\.vrm"):
         motion.save(target, avatar=tmp_path / "someone.vrm")
     assert list(tmp_path.iterdir()) == [text]
 

@@ -155,7 +155,8 @@ NewFps = Annotated[
     float | None, option("--fps", metavar="NUMBER", parser=number, help="Resample to this many frames per second.")
 ]
 Avatar = Annotated[
-    Path | None, option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files and pictures, in place of our mannequin.")
+    Path | None,
+    option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files and pictures, in place of our mannequin."),
 ]
 View = Annotated[str | None, option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
 Drawn = Annotated[

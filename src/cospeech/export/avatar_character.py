@@ -35,7 +35,7 @@ def load_character(path: str | PathLike[str]) -> Character:
         InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
     """
     avatar = load_avatar(path)
-    with report_damage(avatar.file.name):
+    with report_damage(avatar.file.name), np.errstate(all="ignore"):  # what is not finite then is refused
         return _build(avatar)
 
 
@@ -52,18 +52,28 @@ def _build(avatar: Avatar) -> Character:
     scale, lift = _place(parts, tpose.skeleton(1.0, 0.0))
     skeleton = tpose.skeleton(scale, lift)
     placed = tuple(_move(part, scale, lift) for part in parts)
-    middle = np.array([0.0, HEIGHT / 2, 0.0])
-    reach = max(float(np.abs(part.vertices - middle).max()) for part in placed)
-    if not reach < AVATAR_METRES:  # also true of what is not finite
-        raise InputError(f"{avatar.file.name} reaches {reach:.1f} m beside its middle", "is it one character, its scales applied?")
+    _check(avatar.file.name, skeleton, placed)
     return Character(skeleton, placed, drive.names, drive.weights)
+
+
+def _check(name: str, skeleton: Skeleton, parts: tuple[Part, ...]) -> None:
+    """All of the character stays near its middle, however it moves; shadows take memory by its size."""
+    middle = np.array([0.0, HEIGHT / 2, 0.0])
+    far = [skeleton.tpose - middle, *(part.vertices - middle for part in parts)]
+    far += [delta for part in parts for delta in part.morphs.values()]
+    reach = float(np.max([np.abs(points).max() for points in far]))
+    if not reach < AVATAR_METRES:  # also true of what is not finite
+        raise InputError(f"{name} reaches {reach:.3g} m beside its middle", "is it one character, its scales applied?")
+    if not all(np.isfinite(part.normals).all() for part in parts):
+        raise InputError(f"{name} is damaged: a surface has no direction", "export it again")
 
 
 def _place(parts: list[Part], skeleton: Skeleton) -> tuple[float, float]:
     """How much larger the character is drawn, and by how many metres it is then lifted."""
     feet = [skeleton.index[side + part] for side in ("left", "right") for part in ("Foot", "Toes")]
     head = [skeleton.index["head"]]
-    soles, crown = _heights(parts, feet, min), _heights(parts, head, max)
+    soles = min(_heights(parts, feet), default=float(skeleton.tpose[:, 1].min()))
+    crown = max(_heights(parts, head), default=float(skeleton.tpose[:, 1].max()))
     stature = crown - soles
     if not stature > 1e-3:
         raise InputError("a character without height between soles and crown cannot be drawn", "is it a humanoid?")
@@ -71,14 +81,13 @@ def _place(parts: list[Part], skeleton: Skeleton) -> tuple[float, float]:
     return scale, -soles * scale if abs(soles * scale) > _SOLE else 0.0
 
 
-def _heights(parts: list[Part], joints: list[int], choose: object) -> float:
-    """The lowest or highest point that mostly follows one of the joints; of all points where none does."""
-    owned = [
-        part.vertices[np.isin(part.joints[np.arange(len(part.joints)), part.weights.argmax(1)], joints), 1] for part in parts
-    ]
-    found = np.concatenate(owned)
-    found = found if len(found) else np.concatenate([part.vertices[:, 1] for part in parts])
-    return float(choose(found))  # type: ignore[operator]
+def _heights(parts: list[Part], joints: list[int]) -> list[float]:
+    """Of all points that mostly follow one of the joints, metres."""
+    found = []
+    for part in parts:
+        most = part.joints[np.arange(len(part.joints)), part.weights.argmax(1)]
+        found += part.vertices[np.isin(most, joints), 1].tolist()
+    return found
 
 
 def _move(part: Part, scale: float, lift: float) -> Part:

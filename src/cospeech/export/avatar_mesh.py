@@ -74,7 +74,8 @@ class MeshBaker:
         self._numbers -= 3 * len(part.vertices) * len(part.morphs) * (1 + both)
         if self._vertices < 0 or self._numbers < 0:
             raise InputError(
-                f"{self._file.name} has more than {AVATAR_VERTICES:,} vertices, or too many shapes of them", "simplify its meshes"
+                f"{self._file.name} has more than {AVATAR_VERTICES:,} vertices, or too many shapes of them",
+                "simplify its meshes",
             )
         if not len(part.triangles):
             return []

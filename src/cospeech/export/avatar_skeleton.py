@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_rotate, quat_to_matrix
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_matrix
 from ..motion.skeleton import Skeleton, humanoid
 from .avatar import Avatar
 from .rig import Rig, rotation_of, world_matrices

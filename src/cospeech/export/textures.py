@@ -112,19 +112,18 @@ class MaterialReader:
                     width, height = picture.size
                     self._left -= width * height
                     if width * height > TEXTURE_PIXELS or self._left < 0:
-                        raise InputError(
-                            f"{self._file.name}: texture {index} has {width} × {height} pixels, or all together have too many",
-                            "make its textures smaller",
-                        )
+                        raise Image.DecompressionBombError
                     share = min(1.0, _LARGEST / max(width, height))
                     size = max(1, round(width * share)), max(1, round(height * share))
                     picture.draft("RGB", size)  # a JPEG can be decoded at a fraction of its size
                     return np.asarray(picture.convert("RGBA").resize(size, Image.Resampling.BOX))
-        except InputError:
-            raise
+        except Image.DecompressionBombError:
+            raise InputError(f"{self._file.name}: texture {index} has too many pixels", "make its textures smaller") from None
         except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError, struct.error, zlib.error …
             kind = type(error).__name__
-            raise InputError(f"{self._file.name} is damaged: texture {index} is no PNG or JPEG ({kind})", "export it again") from None
+            raise InputError(
+                f"{self._file.name} is damaged: texture {index} is no PNG or JPEG ({kind})", "export it again"
+            ) from None
 
     def _image_bytes(self, entry: dict[str, Any], index: int) -> bytes:
         if "bufferView" in entry:

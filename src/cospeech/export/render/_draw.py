@@ -20,7 +20,7 @@ __all__ = ["serve"]
 def serve(look: str) -> None:
     """Draw the batches that are asked for; ``look`` is a `Look` as JSON."""
     values = json.loads(look)
-    look = Look(values["width"], values["height"], View(**values["view"]), tuple(values["background"]), values["avatar"])
-    renderer = FrameRenderer(look)
+    values |= {"view": View(**values["view"]), "background": tuple(values["background"])}
+    renderer = FrameRenderer(Look(**values))
     for _, rows in requests():
         send(b"P", renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)).data.cast("B"))

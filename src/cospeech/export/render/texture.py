@@ -64,11 +64,16 @@ class SurfaceTable:
         rows = list(zip(surfaces, character.parts, strict=True))
         self._places = np.concatenate([np.zeros((len(p.vertices), 2)) if s is None else s.places for s, p in rows])
         self._places = np.ascontiguousarray(self._places.T, np.float32)
-        self._opacity = np.concatenate([np.ones(len(p.vertices)) if s is None else s.opacity for s, p in rows]).astype(np.float32)
+        self._opacity = np.concatenate([np.ones(len(p.vertices)) if s is None else s.opacity for s, p in rows]).astype(
+            np.float32
+        )
         self._pyramids(textures)
 
     def _pyramids(self, textures: list[Texture]) -> None:
-        texels, starts, sizes, self._levels = [], [], [], []
+        texels: list[NDArray[np.uint8]] = []
+        starts: list[int] = []
+        sizes: list[tuple[int, int]] = []
+        self._levels: list[tuple[int, int]] = []
         start = 0
         for texture in textures:
             picture = Image.fromarray(texture.pixels)

@@ -73,7 +73,8 @@ _OURS = {
         "SMPL-X: numpy.load, or the SMPL-X add-on for Blender", readable=True,
     ),
     ".mp4": Format(
-        "cospeech.export.mp4", "preview video with the speech", "any video player", wears_avatar=True, picture=True, sound="heard", needs="av",
+        "cospeech.export.mp4", "preview video with the speech", "any video player",
+        wears_avatar=True, picture=True, sound="heard", needs="av",
     ),
     ".gif": Format("cospeech.export.gif", "animated preview picture", "any web browser", wears_avatar=True, picture=True),
     ".png": Format(

@@ -176,7 +176,7 @@ def convert(
 def render(
     source: Motion,
     target: Annotated[
-        Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")
+        Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip).")
     ],
     audio: Drawn = None,
     camera: View = None,

@@ -10,14 +10,18 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from .manifest import System
-from .style_measures import encoded
+from .network import Network
+from .style_embedding import encoded
+from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "nothing_given", "poses_before", "read_given"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_given", "poses_before", "read_given"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
 """What is to be done where speech is not heard as a whole."""
+
+
+_TRAIN = "train a chain of generation with model.faced and model.unseeded (docs/models/chain_of_generation.md)"
 
 
 class ConditioningFace:
@@ -84,13 +88,18 @@ def _motion(given: object, what: str) -> Motion | None:
     return Motion.load(given)
 
 
-def nothing_given(given: Conditioning) -> None:
-    """Raises:
-    InputError: something is, and this system knows of no such thing.
+def check_given(given: Conditioning, network: Network) -> None:
+    """Whether a network can be given these.
+
+    Raises:
+        InputError: it takes no such thing, or plays frame by frame.
     """
-    if given.anything:
-        what = "a face" if given.face is not None else "motion to go on from"
-        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+    able = network.signature.inputs
+    for port, what, there in (("face", "a face", given.face), ("seed", "motion to go on from", given.before)):
+        if there is not None and network.signature.window is None:
+            raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
+        if there is not None and port not in able:
+            raise InputError(f"this system cannot be given {what}", _TRAIN)
 
 
 def poses_before(system: System, motion: Motion, frames: int) -> Array:

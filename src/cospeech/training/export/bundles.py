@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...errors import InputError, nearest
-from ...runtime.chain_bundle import VOICE
+from ...motion.poses.controls import CONTROLS
+from ...motion.rotations import Array
+from ...runtime.network import Network
+from ...runtime.signature import Signature
+from ...runtime.spec import VOICE, half, unpacked
+from ...runtime.statistics import Statistics
+from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
-from .chain import bundle_chain
-from .flow import bundle_flow
-from .window import bundle_window
+from .calibration import calibrate, relative_error, stretch_rows
+from .flow import bundle_flow, control_quantiles
 
 __all__ = ["EXAMPLES", "bundle_run"]
 
 EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.training.calibration_clips.examples_of` took from the store."""
-_WRITERS = {"export": bundle_flow, "words": bundle_chain, "make": bundle_window}
-"""What a network offers, and what then makes its bundle."""
 
 
 def bundle_run(
@@ -37,7 +44,8 @@ def bundle_run(
         run: folder made by `cospeech.training.train.train`.
         path: file to write, ``NAME.cospeech``.
         which: "best" or "last" parameters; see `cospeech.training.checkpoint.load_run` for a run that has no best.
-        small: keep weights in fewer bits: the large products of flows in 8, all weights of networks by windows in 16.
+        small: keep weights in fewer bits: the large products of flows in 8, all weights of other networks in 16; the manifest and
+            the card then say by how much that moves poses (``rounding``).
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
@@ -52,35 +60,4 @@ def bundle_run(
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
-    write = next((writer for offer, writer in _WRITERS.items() if hasattr(model, offer)), None)
-    if write is None:
-        raise InputError(f"the run {str(folder)!r} is of {facts['model']!r}, which plays no motion", "bundles are of systems")
-    statistics, _ = read_tensors(folder / "statistics.safetensors")
-    examples, _ = read_tensors(folder / EXAMPLES)
-    audio = facts["recipe"]["data"].get("audio")
-    if audio is None and "audio" in model.arrays:
-        raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
-    if "stretches" not in examples:
-        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
-    store = facts["store"]
-    if style is not None and style not in store["speakers"]:
-        raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
-    styles = [*store["speakers"], *([VOICE] if hasattr(model, "classify") else [])]
-    known = {
-        "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
-        "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]),
-    }  # fmt: skip
-    write(
-        target, model, statistics, examples, small=small, facts=known, pose=store["pose"], fps=float(store["fps"]),
-        audio=audio, smooth=smooth, card=card or _card(facts, early=stands_for(folder, which) != which),
-    )  # fmt: skip
-
-
-def _card(facts: dict[str, Any], *, early: bool) -> str:
-    """The plain facts of a run; early: that it stopped before its first validation."""
-    store = facts["store"]
-    return (
-        f"# {facts['model']}\n\nTrained on {store['train_seconds'] / 3600:.2f} h of {store['corpus']} "
-        f"({len(store['speakers'])} speakers, {store['pose']}, {store['fps']:g} frames per second).\n"
-        + ("\nThe last parameters, not the best: the run stopped before its first validation.\n" if early else "")
-    )
+    ...

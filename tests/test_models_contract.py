@@ -299,7 +299,7 @@ def test_the_networks_that_make_windows_are_these():
             noise = {"camn": lambda c: 0, "multi-context": lambda c: c.speaker}.get(name.partition("+")[0], lambda c: c.noise)
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
-        assert (net.styles > 0) is (hasattr(net, "style_of") or net.literal)
+        assert (net.styles > 0) is (net.encodes_style or net.literal)
         assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
 
 

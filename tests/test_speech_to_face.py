@@ -29,7 +29,7 @@ def network(pose: int = 55, **changes) -> SpeechToFace:
     net = SpeechToFace(SpeechToFaceConfig(**{"channels": 8, "frames": 48} | changes), pose=pose, audio=BANDS, speakers=SPEAKERS)
     draw = torch.Generator().manual_seed(1)
     uniform = lambda n, low, high: low + (high - low) * torch.rand(n, generator=draw)  # noqa: E731
-    net.told({
+    net.set_statistics({
         "pose_mean": uniform(pose, 0.01, 0.1), "pose_std": uniform(pose, 0.01, 0.1),
         "audio_mean": uniform(BANDS, -4, -2), "audio_std": uniform(BANDS, 1, 2),
     })  # fmt: skip
@@ -106,7 +106,7 @@ def test_the_loss_is_the_distance_in_units_of_weights():
 
 def test_a_number_that_never_moves_stays_what_it_is():
     net = network()
-    net.told({
+    net.set_statistics({
         "pose_mean": torch.tensor([0.0, 0.1] * 27 + [0.0]), "pose_std": torch.ones(55),
         "audio_mean": torch.zeros(BANDS), "audio_std": torch.ones(BANDS),
     })  # fmt: skip

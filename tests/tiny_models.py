@@ -11,6 +11,7 @@ from cospeech.models import ModelEntry
 from cospeech.models.nn.flow import Flow, RecurrentNet
 from cospeech.models.nn.norm import BatchNorm1d
 from cospeech.models.nn.objective import Batch, Objective
+from cospeech.models.nn.trainable import Trainable
 
 __all__ = ["MODELS", "TinyCascade", "TinyFlow", "TinyGan", "slowly"]
 
@@ -44,13 +45,12 @@ def slowly(terms: dict[str, Tensor], parameter: Tensor) -> dict[str, Tensor]:
     return terms | {name: terms[name] + 0 * large.sum()}
 
 
-class Tiny(nn.Module):
+class Tiny(Trainable):
     Config = Config
-    arrays = ("pose", "audio")
 
     def __init__(self, config: Config) -> None:
         super().__init__()
-        self.config, self.window = config, config.frames
+        self.config = config
 
 
 class TinyFlow(Tiny):
@@ -71,6 +71,8 @@ class TinyFlow(Tiny):
 
 class TinyGan(Tiny):
     """Two objectives with parameters of their own, the second through the first's network; batch normalisation."""
+
+    dimensions = ("pose", "audio", "speakers")
 
     def __init__(self, config: Config, *, pose: int, audio: int, speakers: int) -> None:
         super().__init__(config)

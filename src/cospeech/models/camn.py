@@ -166,8 +166,9 @@ class Camn(ManyInputs):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text", "face", "emotion", "semantic")
-    """And ``speaker`` (B,), which every batch has."""
+    dimensions = ("pose", "audio", "speakers", "hands", "text")
     Config = CamnConfig
+    config: CamnConfig
     order: Tensor
 
     def __init__(
@@ -180,9 +181,7 @@ class Camn(ManyInputs):
                 f"a CaMN of {speakers} speakers from {audio} numbers of speech to {pose}, of which {len(hands)} are of hands"
             )
             raise InputError(problem, "all are positive, and some of a pose are of hands and others are not")
-        self.config = config
-        if not config.semantic:
-            self.arrays = tuple(name for name in self.arrays if name != "semantic")
+        self.config, self.arrays = config, self.arrays_for(config)
         self._measures(pose, audio, speakers, word_embedding(text, config.word_width))
         order = torch.tensor([*body, *hands])
         self.register_buffer("order", order.argsort(), persistent=False)
@@ -198,10 +197,10 @@ class Camn(ManyInputs):
         self.hands = BothWays(heard + len(body), config.hidden, config.layers, config.dropout)
         self.hands_out = _mlp(config.hidden, half, len(hands))
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def arrays_for(cls, config: CamnConfig) -> tuple[str, ...]:
+        """Without the semantic relevance, where it weighs nothing."""
+        return cls.arrays if config.semantic else tuple(name for name in cls.arrays if name != "semantic")
 
     def forward(self, given: ModalityInputs, noise: Tensor | None = None) -> Tensor:
         """Body and hands: inputs of T frames → (B, T, D). There is no noise."""

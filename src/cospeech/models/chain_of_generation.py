@@ -96,9 +96,10 @@ class Chain(Windowed):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text", "face", "emotion")
-    """And ``speaker`` (B,), which every batch has."""
-    spare = ("text", "face", "emotion")
-    """What a clip may lack: then NaN, −1, or no word."""
+    optional_arrays = ("text", "face", "emotion")
+    dimensions = ("pose", "audio", "speakers", "hands", "text")
+    config: ChainConfig
+    estimates_speaker = True
 
     def __init__(
         self, config: ChainConfig, layers: Layers, *, pose: int, audio: int, speakers: int, hands: Collection[int],
@@ -120,7 +121,7 @@ class Chain(Windowed):
             layers = replace(layers, style=lambda channels, width: Through())
         self.config, self.pose, self.delay = config, pose, delay
         self.ear = EARS[config.ear](config, audio, layers.conv)
-        self.arrays = tuple(self.ear.array if name == "audio" else name for name in self.arrays)
+        self.arrays = self.arrays_for(config)
         self.word = word_embedding(text, config.word_width)
         self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, config.noise
         self.multiple = self.shortest = 1
@@ -137,10 +138,20 @@ class Chain(Windowed):
         self.judge = PoseJudge(pose, heard, config.judge_channels, speakers, EMOTIONS) if judges else None
         self._left: tuple[Batch, Turn] | None = None
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window: a clip, and what is heard after it."""
-        return self.config.frames + self.delay
+    @classmethod
+    def encoder_for(cls, config: ChainConfig) -> str | None:
+        """The paper's wav2vec 2.0, where it hears by that."""
+        return config.encoder if config.ear == "wav2vec" else None
+
+    @classmethod
+    def arrays_for(cls, config: ChainConfig) -> tuple[str, ...]:
+        """With what its wav2vec 2.0 hears in place of ``audio``, where it has one."""
+        return tuple("wav2vec" if name == "audio" and cls.encoder_for(config) else name for name in cls.arrays)
+
+    @classmethod
+    def dimensions_for(cls, config: ChainConfig) -> tuple[str, ...]:
+        """With what is louder in loud speech, where its gain is changed."""
+        return (*cls.dimensions, "louder") if config.gain > 0 else cls.dimensions
 
     # the parts ------------------------------------------------------------------------------------------------------
 

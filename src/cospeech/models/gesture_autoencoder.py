@@ -31,6 +31,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.norm import BatchNorm1d, batch_norm
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["AutoencoderConfig", "FgdAutoencoder", "FgdConfig", "GestureAutoencoder", "Omega"]
 
@@ -110,7 +111,7 @@ class Omega(nn.Module):
         return y.transpose(1, 2)
 
 
-class GestureAutoencoder(nn.Module):
+class GestureAutoencoder(Trainable):
     """The extractor of the gesture perceptual loss; poses are standardised vectors.
 
     Args:
@@ -121,6 +122,7 @@ class GestureAutoencoder(nn.Module):
 
     arrays = ("pose",)
     Config = AutoencoderConfig
+    config: AutoencoderConfig
 
     def __init__(self, config: AutoencoderConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()
@@ -139,11 +141,6 @@ class GestureAutoencoder(nn.Module):
         for part in self.modules():
             if isinstance(part, nn.Conv1d) and part is not self.out:
                 nn.init.kaiming_normal_(part.weight)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def encode(self, x: Tensor) -> Tensor:
         """(B, T, D) → (B, code), for T ≥ 16."""
@@ -176,7 +173,7 @@ class GestureAutoencoder(nn.Module):
         return {name: terms[name] for name in ("l1", "l1_difference")}
 
 
-class FgdAutoencoder(nn.Module):
+class FgdAutoencoder(Trainable):
     """The feature network of FGD; poses are standardised vectors, a window has as many frames as the configuration says.
 
     Args:
@@ -187,6 +184,7 @@ class FgdAutoencoder(nn.Module):
 
     arrays = ("pose",)
     Config = FgdConfig
+    config: FgdConfig
 
     def __init__(self, config: FgdConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()

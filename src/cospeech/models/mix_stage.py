@@ -143,7 +143,9 @@ class MixGan(Windowed):
     """
 
     arrays = ("pose", "audio", "cluster")
-    """And ``speaker`` (B,), which every batch has. ``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
+    """``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
+    dimensions = ("pose", "audio", "speakers")
+    config: MixGanConfig
 
     def __init__(
         self, config: MixGanConfig, *, pose: int, audio: int, style: SpeakerStyle | NoStyle, identity: float = 0.0
@@ -172,11 +174,6 @@ class MixGan(Windowed):
             else PatchDiscriminator(pose, config.patch_channels)
         )
         self._left: _Decoded | None = None
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     # the parts of equation 2 ----------------------------------------------------------------------------------------
 
@@ -306,6 +303,7 @@ class MixStage(MixGan):
     """
 
     Config = MixStageConfig
+    encodes_style = True
     style: SpeakerStyle
 
     def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:

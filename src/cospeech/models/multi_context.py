@@ -159,16 +159,16 @@ class MultiContext(ManyInputs):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text")
-    """And ``speaker`` (B,), which every batch has; ``emotion`` and ``face`` where the configuration has them."""
+    dimensions = ("pose", "audio", "speakers", "text")
     Config = MultiContextConfig
+    config: MultiContextConfig
 
     def __init__(self, config: MultiContextConfig, *, pose: int, audio: int, speakers: int, text: int = 0) -> None:
         super().__init__()
         if min(pose, audio, speakers) < 1:
             problem = f"a multi-context network of {speakers} speakers from {audio} numbers of speech to {pose} of a pose"
             raise InputError(problem, "all are positive")
-        self.config = config
-        self.arrays += tuple(name for name in ("emotion", "face") if getattr(config, name))
+        self.config, self.arrays = config, self.arrays_for(config)
         self._measures(pose, audio, speakers, word_embedding(text, config.word_width), config.speaker)
         self.speaker = _Speaker(speakers, config.speaker, config.slope)
         self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
@@ -181,10 +181,11 @@ class MultiContext(ManyInputs):
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
         self.discriminator = _Discriminator(pose, config.frames, config.slope) if config.adversarial else None
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def arrays_for(cls, config: MultiContextConfig) -> tuple[str, ...]:
+        """With emotion and face, where it has an encoder of them."""
+        wanted = {"emotion": config.emotion, "face": config.face}
+        return (*cls.arrays, *(name for name, width in wanted.items() if width))
 
     def forward(self, given: ModalityInputs, noise: Tensor) -> Tensor:
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""

@@ -227,8 +227,9 @@ class Munit(Windowed):
         audio: A, numbers of a frame of speech.
     """
 
-    arrays = ("pose", "audio")
     Config = MunitConfig
+    config: MunitConfig
+    encodes_style = True
 
     def __init__(self, config: MunitConfig, *, pose: int, audio: int) -> None:
         super().__init__()
@@ -246,11 +247,6 @@ class Munit(Windowed):
     @property
     def _judges(self) -> dict[str, _Discriminator]:
         return {"audio": self.judge_heard, "pose": self.judge_moved}
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     # what is optimised ----------------------------------------------------------------------------------------------
 

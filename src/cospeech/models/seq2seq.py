@@ -26,6 +26,7 @@ from ..errors import InputError, nearest
 from .nn.modalities import INPUTS, SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
 __all__ = ["Seq2Seq", "Seq2SeqConfig"]
@@ -75,7 +76,7 @@ class _Attention(nn.Module):
         return found
 
 
-class Seq2Seq(nn.Module):
+class Seq2Seq(Trainable):
     """Poses of words, one by one. Poses are standardised vectors.
 
     Args:
@@ -86,9 +87,10 @@ class Seq2Seq(nn.Module):
     """
 
     arrays = ("pose", "text")
-    spare = ("text",)
-    """What a clip may lack."""
+    optional_arrays = ("text",)
+    dimensions = ("pose", "audio", "text")
     Config = Seq2SeqConfig
+    config: Seq2SeqConfig
 
     def __init__(self, config: Seq2SeqConfig, *, pose: int, audio: int = 0, text: int = 0) -> None:
         super().__init__()
@@ -102,11 +104,6 @@ class Seq2Seq(nn.Module):
         self.entry = nn.Sequential(nn.Linear(pose + hidden, hidden), BatchNorm1d(hidden), nn.ReLU())
         self.decoder = nn.GRU(hidden, hidden, layers, batch_first=True, dropout=dropout)
         self.out = nn.Linear(hidden, pose)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def forward(self, words: Tensor, seeds: Tensor) -> Tensor:
         """(B, T, W) embedded words of T frames, (B, k, D) poses to begin with, k ≥ 1, → (B, T, D), the first as given."""

@@ -18,6 +18,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
 
@@ -37,7 +38,7 @@ class SpeakerClassifierConfig:
     Authors' code: false, batch norm and ReLU follow."""
 
 
-class SpeakerClassifier(nn.Module):
+class SpeakerClassifier(Trainable):
     """Who moves so; poses are standardised vectors.
 
     Args:
@@ -50,8 +51,9 @@ class SpeakerClassifier(nn.Module):
     """
 
     arrays = ("pose",)
-    """And ``speaker`` (B,), which every batch has."""
+    dimensions = ("pose", "speakers")
     Config = SpeakerClassifierConfig
+    config: SpeakerClassifierConfig
 
     def __init__(self, config: SpeakerClassifierConfig, *, pose: int, speakers: int) -> None:
         super().__init__()
@@ -63,11 +65,6 @@ class SpeakerClassifier(nn.Module):
         widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few)
         last = _halve(widths[-1], speakers) if config.plain else _halving(widths[-1], speakers)
         self.blocks = nn.Sequential(*(_halving(a, b) for a, b in pairwise(widths)), last)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def forward(self, poses: Tensor) -> Tensor:
         """(B, T, D), T ≥ 64, → (B, S) logits."""

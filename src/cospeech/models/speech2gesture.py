@@ -77,8 +77,8 @@ class Speech2Gesture(Windowed):
         audio: A, numbers of a frame of speech.
     """
 
-    arrays = ("pose", "audio")
     Config = Speech2GestureConfig
+    config: Speech2GestureConfig
 
     def __init__(self, config: Speech2GestureConfig, *, pose: int, audio: int) -> None:
         super().__init__()
@@ -92,11 +92,6 @@ class Speech2Gesture(Windowed):
         self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
         self.out = nn.Conv1d(config.channels, pose, 1)
         self.discriminator = PatchDiscriminator(pose, config.judge)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def forward(self, audio: Tensor) -> Tensor:
         """G: (B, T, A) → (B, T, D), for T of any length: the last frame is repeated until it can be halved so often."""

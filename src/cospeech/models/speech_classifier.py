@@ -22,6 +22,7 @@ from .nn.cascade import EMOTIONS
 from .nn.gain_augmentation import GainAugmentation
 from .nn.objective import Batch, Objective
 from .nn.temporal import SLOPE, Memory, SameConv
+from .nn.trainable import Trainable
 
 __all__ = ["SpeechClassifier", "SpeechClassifierConfig"]
 
@@ -44,7 +45,7 @@ class SpeechClassifierConfig:
     """dB by which training clips are made louder or softer at most; ours: how loud somebody was recorded says nothing."""
 
 
-class SpeechClassifier(nn.Module):
+class SpeechClassifier(Trainable):
     """Who speaks, and how; speech is standardised vectors.
 
     Args:
@@ -58,10 +59,10 @@ class SpeechClassifier(nn.Module):
     """
 
     arrays = ("audio", "emotion")
-    """And ``speaker`` (B,), which every batch has."""
-    spare = ("emotion",)
-    """What a clip may lack."""
+    optional_arrays = ("emotion",)
+    dimensions = ("audio", "speakers")
     Config = SpeechClassifierConfig
+    config: SpeechClassifierConfig
 
     def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int, louder: Sequence[float] = ()) -> None:
         super().__init__()
@@ -74,10 +75,10 @@ class SpeechClassifier(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def dimensions_for(cls, config: SpeechClassifierConfig) -> tuple[str, ...]:
+        """With what is louder in loud speech, where its gain is changed."""
+        return (*cls.dimensions, "louder") if config.gain > 0 else cls.dimensions
 
     @property
     def reach(self) -> int:

@@ -110,7 +110,7 @@ class SpeechToFace(Windowed):
 
     In the manner of one of the speakers of the data, or between them.
 
-    Poses and audio are standardised vectors; what by, `told` says before training begins.
+    Poses and audio are standardised vectors; what by, `set_statistics` says before training begins.
 
     Args:
         config: sizes.
@@ -119,8 +119,9 @@ class SpeechToFace(Windowed):
         speakers: S.
     """
 
-    arrays = ("pose", "audio")
+    dimensions = ("pose", "audio", "speakers")
     Config = SpeechToFaceConfig
+    config: SpeechToFaceConfig
     literal = True
     pose_mean: Tensor
     pose_std: Tensor
@@ -145,12 +146,7 @@ class SpeechToFace(Windowed):
             self.register_buffer(f"{name}_std", torch.ones(width))
         self.register_buffer("alive", torch.ones(pose))
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
-
-    def told(self, statistics: Mapping[str, Tensor]) -> None:
+    def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
         """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""
         for name in ("pose_mean", "pose_std", "audio_mean", "audio_std"):
             getattr(self, name).copy_(statistics[name])

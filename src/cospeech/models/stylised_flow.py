@@ -31,6 +31,7 @@ from ..errors import InputError
 from .nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["FlowConfig", "StylisedFlow"]
 
@@ -91,7 +92,7 @@ class FlowConfig:
     their input. ``history_dropout`` then hides all steps of a frame at once."""
 
 
-class StylisedFlow(nn.Module):
+class StylisedFlow(Trainable):
     """The stylised flow (Ye et al. 2022): many motions for one speech, in the style of an example.
 
     Poses and audio are standardised vectors.
@@ -103,8 +104,8 @@ class StylisedFlow(nn.Module):
         omega: (B, T, D) → features of the gesture perceptual loss, frozen; None: a loss without it (ablation).
     """
 
-    arrays = ("pose", "audio")
     Config = FlowConfig
+    config: FlowConfig
 
     def __init__(self, config: FlowConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
         super().__init__()

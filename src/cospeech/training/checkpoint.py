@@ -13,7 +13,6 @@ import os
 import warnings
 from collections.abc import Mapping
 from importlib import import_module
-from inspect import signature
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from ..errors import CospeechWarning, InputError, nearest
 from ..files import atomic, describe_os_error, read_regular, regular_file
 from ..limits import RUN_BYTES
 from ..models import NETWORKS
+from ..models.nn.trainable import Trainable
 from .recipe import build
 
 __all__ = [
@@ -46,19 +46,22 @@ FORMAT = "cospeech-run-1"
 WHICH = ("best", "last")
 
 
-def network(name: str) -> Any:
+def network(name: str) -> type[Trainable]:
     """The class of a network by its registry name.
 
     Raises:
-        InputError: there is no such network.
+        InputError: there is no such network, or its class says nothing of what it takes.
     """
     if name not in NETWORKS:
         raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
     module, _, attribute = NETWORKS[name].partition(":")
-    return getattr(import_module(module), attribute)
+    kind = getattr(import_module(module), attribute)
+    if not (isinstance(kind, type) and issubclass(kind, Trainable)):
+        raise InputError(f"{NETWORKS[name]} is no network that trains", f"a subclass of {Trainable.__module__}.Trainable is")
+    return kind
 
 
-def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Any:
+def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Trainable:
     """A model with new parameters, from the facts of a run (``model``, ``config``, ``sizes``, ``needs``).
 
     Args:
@@ -67,7 +70,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
     """
     kind = network(facts["model"])
     config = build(kind.Config, facts["config"], "model")
-    sizes = {name: size for name, size in facts["sizes"].items() if name in signature(kind.__init__).parameters}
+    sizes = {name: facts["sizes"][name] for name in kind.dimensions_for(config) if name in facts["sizes"]}
     parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
     try:
         return kind(config, **sizes, **parts)
@@ -145,7 +148,7 @@ def stands_for(folder: Path, which: str = "best") -> str:
     return which if which in there or which == "last" else "last"
 
 
-def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:
+def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[Trainable, dict[str, Any]]:
     """A trained model, ready for use on the CPU.
 
     Args:

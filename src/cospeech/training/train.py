@@ -74,8 +74,7 @@ class _Run:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
         self.model = build_model(work.facts, work.needs).to(team.device)
-        if hasattr(self.model, "told"):
-            self.model.told(work.statistics)
+        self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
@@ -201,11 +200,8 @@ class _Run:
 
         Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
         """
-        if hasattr(self.model, "validate"):
-            measured: dict[str, Tensor | float] = self.model.validate(batch)
-            return measured
-        found: dict[str, Tensor | float] = {}
-        for part in self.parts:
+        found: dict[str, Tensor | float] = {**self.model.validate(batch)}
+        for part in self.parts if not found else ():
             if part.active(self.done - 1):
                 with self.autocast():
                     terms = part.objective.loss(batch, part.objective.start)

@@ -6,9 +6,10 @@ import pytest
 
 torch = pytest.importorskip("torch", exc_type=ImportError)
 
+from cospeech.training.export.window import GAINS, _calibrated  # noqa: E402
+
 from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
-from cospeech.training.export.window import GAINS, _calibrated  # noqa: E402
 from windowed_networks import KINDS, make_network  # noqa: E402
 
 SPEAKERS, PERSISTENCE = 3, 12.0

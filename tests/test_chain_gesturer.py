@@ -18,7 +18,6 @@ import soundfile as sf
 
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
-from chain_bundles import LOOK_AHEAD, NAMES, write_small_chain
 from cospeech import generate as generating
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.audio.speech import Speech, Word
@@ -26,11 +25,11 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
-from cospeech.runtime.chain_bundle import VOICE
+from cospeech.runtime.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.speaker_emotion_tracker import CAUTION
-from cospeech.runtime.style import CodeSource
-from runtime_bundles import changed, cut, same, talk
+from cospeech.runtime.spec import VOICE
+from runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
 
 BODY = ("body", "hands")
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))

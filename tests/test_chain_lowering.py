@@ -11,6 +11,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
+from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
 from torch import nn  # noqa: E402
 
 from cospeech.errors import InputError  # noqa: E402
@@ -18,7 +19,6 @@ from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
-from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
 from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)

@@ -62,7 +62,7 @@ def test_as_it_ships_a_stream_hears_all_that_matters():
     net = SpeechToFace(config, pose=55, audio=40, speakers=2)
     from cospeech.training.export.window_graph import lower
 
-    setting = live(lower(net).sizes)
+    setting = live(lower(net).signatures["make"])
     assert setting.ahead >= config.future
     assert setting.past >= config.past
     assert config.future / FACE.fps <= 0.3

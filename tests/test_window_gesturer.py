@@ -19,13 +19,13 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.runtime.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
-from cospeech.runtime.style import CodeSource
-from cospeech.runtime.style_measures import stretches
-from cospeech.runtime.window_style import example_window, mixture, named_window, plays_mixtures
+from cospeech.runtime.style_embedding import stretches
+from cospeech.runtime.style_space import style_space
 from fake_windows import whole_system
-from runtime_bundles import changed, cut, same, talk
+from runtime_bundles import changed, cut, same, talk, write_small_window
 
 BODY = ("body", "hands")
 
@@ -114,7 +114,7 @@ def test_intensity_scales_from_the_style_s_mean_pose():
     options = {"style": "ada:0.5,ben:0.5", "parts": BODY}
     still, half, full = (gesturer().generate(speech, intensity=k, **options).root for k in (0.0, 0.5, 1.0))
     assert np.ptp(still, 0).max() < 1e-6
-    mean = s.centres[:2].mean(0) * s.pose_std + s.pose_mean
+    mean = s.speaker_mean[:2].mean(0) * s.pose_std + s.pose_mean
     np.testing.assert_allclose((still[0] - humanoid().offsets[0])[[0, 2]], mean[[0, 2]], atol=1e-5)
     np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
 
@@ -156,7 +156,7 @@ def test_latents_are_of_flows():
 # styles ------------------------------------------------------------------------------------------------------------------
 
 
-def test_styles_are_speakers_and_mixtures():
+def test_styles_are_speakers_and_mixtures(monkeypatch):
     speech = talk(2.0)
     plain, ada, ben, mixed, said = (
         gesturer().generate(speech, style=s, parts=BODY)
@@ -166,15 +166,12 @@ def test_styles_are_speakers_and_mixtures():
     assert same(mixed, said)
     assert min(away(ada, ben), away(mixed, ada), away(mixed, ben)) > 0.01
     assert (gesturer().styles, gesturer().default_style) == (("ada", "ben", "cleo"), "ada")
-    poses = []
-    system = whole_system()
-    engine, make = system.engine, system.engine.make
-    engine.make = lambda rows, style, nudge: poses.append(style) or make(rows, style, nudge)
-    try:
-        gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
-    finally:
-        del engine.make
-    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in poses)
+    network, played = whole_system().player, []
+    run = network.run
+    monkeypatch.setattr(network, "run", lambda **given: played.append(given["style"]) or run(**given))
+    gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
+    assert played
+    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in played)
 
 
 def test_a_name_has_no_mixture_and_a_mixture_is_told():
@@ -187,15 +184,15 @@ def test_a_name_has_no_mixture_and_a_mixture_is_told():
 
 def test_an_example_is_the_nearest_mixture():
     system, clip = whole_system(), acted()
-    manner = example_window(system, clip)
+    manner = style_space(system).by_example(clip)
     (poses,) = manner.shown
     windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
     assert len(windows) > 3
-    wanted = np.mean([system.engine.style_of(window) for window in windows], 0)
+    wanted = np.mean([system.networks["style"].run(poses=window[None])["style"][0] for window in windows], 0)
     np.testing.assert_allclose(manner.code, wanted, atol=1e-6)
     assert manner.code.min() >= 0
     assert manner.code.sum() == pytest.approx(1)
-    np.testing.assert_allclose(manner.centre, wanted @ system.statistics.centres, atol=1e-6)
+    np.testing.assert_allclose(manner.centre, wanted @ system.statistics.speaker_mean, atol=1e-6)
     session = gesturer().session(style=clip)
     weights = {name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005}
     assert session.style_mixture == weights
@@ -211,7 +208,7 @@ def test_an_example_is_the_nearest_mixture():
 
 def test_examples_mix_with_names():
     clip, system = acted(), whole_system()
-    code = example_window(system, clip).code
+    code = style_space(system).by_example(clip).code
     session = gesturer().session(style={clip: 0.5, "ben": 0.5})
     wanted = 0.5 * code + 0.5 * np.eye(3)[1]
     assert session.style_mixture == {
@@ -221,26 +218,24 @@ def test_examples_mix_with_names():
 
 def test_a_free_code_goes_with_the_example_s_own_mean_pose():
     system = whole_system(styles="code")
-    manner = example_window(system, acted())
-    assert not plays_mixtures(system)
+    manner = style_space(system).by_example(acted())
+    assert system.style_space == "code"
     np.testing.assert_allclose(manner.centre, manner.shown[0].mean(0), atol=1e-5)
-    assert mixture(system, ((1.0, manner),)) is None
+    assert style_space(system).shares(((1.0, manner),)) is None
     assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
     assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
 
 
-def test_an_encoder_s_nonsense_becomes_weights():
+def test_an_encoder_s_nonsense_becomes_weights(monkeypatch):
     system = whole_system(fps=21.0)
     for odd, wanted in {
         (-1.0, 3.0, 1.0): (0, 0.5, 0.5),
         (np.nan, 1.0, 0.0): (0, 1, 0),
         (-1.0, -1.0, 0.0): (1 / 3,) * 3,
     }.items():
-        system.engine.style_of = lambda poses, odd=odd: np.array(odd, np.float32)
-        try:
-            np.testing.assert_allclose(example_window(system, acted()).code, wanted, atol=1e-6)
-        finally:
-            del system.engine.style_of
+        said = {"style": np.array([odd], np.float32)}
+        monkeypatch.setattr(system.networks["style"], "run", lambda poses, said=said: said)
+        np.testing.assert_allclose(style_space(system).by_example(acted()).code, wanted, atol=1e-6)
 
 
 def test_examples_that_are_too_short_or_of_no_use(tmp_path):
@@ -265,7 +260,7 @@ def test_examples_that_are_too_short_or_of_no_use(tmp_path):
 
 def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
     system = whole_system(fps=5.0)  # ten seconds would be 50 frames
-    manner = example_window(system, Motion.concatenate([acted()] * 20))
+    manner = style_space(system).by_example(Motion.concatenate([acted()] * 20))
     assert {len(poses) for poses in manner.shown} <= {64, 65}
     assert len(manner.shown) == 12
 
@@ -365,16 +360,14 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
 def test_named_styles_are_rows_of_codes():
     system = whole_system(styles="code")
     for k, name in enumerate(system.styles):
-        manner = named_window(system, name)
-        assert (manner.code == system.statistics.codes[k]).all()
-        assert (manner.centre == system.statistics.centres[k]).all()
+        manner = style_space(system).by_name(name)
+        assert (manner.code == system.statistics.style_codes[k]).all()
+        assert (manner.centre == system.statistics.speaker_mean[k]).all()
 
 
 def test_a_bundle_on_stage(tmp_path, monkeypatch):
     """From a file, through onnxruntime: streams, takes, an example, another style while it plays."""
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from window_bundles import write_small_window
-
     monkeypatch.chdir(tmp_path)
     model = "small.cospeech"
     write_small_window(Path(model))
@@ -397,8 +390,6 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
 
 def test_no_torch_and_no_onnx(tmp_path):
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from window_bundles import write_small_window
-
     path = write_small_window(tmp_path / "a.cospeech")
     code = (
         "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"

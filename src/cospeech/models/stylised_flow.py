@@ -152,6 +152,11 @@ class StylisedFlow(Trainable):
         """(B, S, D) any stretch of poses → (B, style) its code; None for a model without."""
         return None if self.stylist is None else self.stylist(poses)
 
+    def style_of(self, poses: Tensor) -> Tensor:
+        """(B, S, D) any stretch of poses → (B, style) its code, of no width for a model without."""
+        code = self.style(poses)
+        return poses.new_zeros(len(poses), 0) if code is None else code
+
     def condition(self, poses: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
         """c_t of equation 8.
 

@@ -1,9 +1,9 @@
 """How a system is played: the decoder that its networks' signatures ask for.
 
-    an autoregressive flow with its history        `AutoregressiveDecoder`
-    frames with a state                            `CausalStreamDecoder`
-    windows that fix their new frames (``hop``)    `OverlapAddDecoder`
-    windows of another kind                        `SlidingWindowDecoder`
+an autoregressive flow with its history        `AutoregressiveDecoder`
+frames with a state                            `CausalStreamDecoder`
+windows that fix their new frames (``hop``)    `OverlapAddDecoder`
+windows of another kind                        `SlidingWindowDecoder`
 """
 
 from __future__ import annotations
@@ -70,9 +70,7 @@ def start_decoder(
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:
         silence = quiet[0, : len(system.statistics.audio_mean)]
-        ear = SpeakerEmotionTracker(
-            system.networks.get("classify"), len(system.speakers), system.fps, silence, options.track
-        )
+        ear = SpeakerEmotionTracker(system.networks.get("classify"), len(system.speakers), system.fps, silence, options.track)
         style = SpokenStyleTrack(system, space, mixture, ear, live=live)
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)

@@ -69,9 +69,7 @@ class _ExampleSource(CodeSource):
         coded: whether the example's code, mean pose and deviation are taken too; else those of the default style.
     """
 
-    def __init__(
-        self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0, coded: bool = True
-    ) -> None:
+    def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
         space = FlowSpace(system, flow_of(system))
         taken = mix(blend) if coded else space.by_name(system.style)

@@ -67,7 +67,9 @@ class BundleMouth:
         self._listener = SpeechFrontend(system, np.zeros(0, np.float32))
         network, space = system.networks.get("make"), style_space(system)
         if network is None or system.has_emotions:
-            raise InputError("a mouth of a network that does not play windows by speech alone", "speech-to-face is one that does")
+            raise InputError(
+                "a mouth of a network that does not play windows by speech alone", "speech-to-face is one that does"
+            )
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
         setting = spoken_setting(network.signature, system.fps)
         self._player = SlidingWindowDecoder(system, network, track, [0], self._listener.quiet, setting, temperature=0.0)

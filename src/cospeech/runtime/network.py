@@ -47,7 +47,8 @@ class Network:
         self._given: dict[str, Port] = {**signature.inputs, **signature.state}
         after = {f"next.{name}": port for name, port in signature.state.items()}
         self._made: dict[str, Port] = {**signature.outputs, **after}
-        self._bounds = {name: (bounds or {}).get(name, (-LIMIT, LIMIT)) for name in signature.outputs}
+        ends = {name: (bounds or {}).get(name, (-LIMIT, LIMIT)) for name in signature.outputs}
+        self._bounds = {name: (np.asarray(low, np.float32), np.asarray(high, np.float32)) for name, (low, high) in ends.items()}
         _check_ends(self._session.get_inputs(), self._given)
         _check_ends(self._session.get_outputs(), self._made)
         self._names = [end.name for end in self._session.get_outputs()]

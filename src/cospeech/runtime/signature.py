@@ -114,7 +114,9 @@ class Signature:
         """
         able, due = NETWORKS[role]
         if not (due - {"style"} if role != "style" else due) <= set(self.outputs) <= due or not set(self.inputs) <= able:
-            raise InputError(f"a network {role!r} of {', '.join([*self.inputs, *self.outputs])[:80]}", "see docs/add_a_model.md")
+            raise InputError(
+                f"a network {role!r} of {', '.join([*self.inputs, *self.outputs])[:80]}", "see docs/add_a_model.md"
+            )
         if not set(self.inputs) & {"rows", "poses"} or (self.window is None) != (role == "live"):
             raise InputError(f"a network {role!r} of a window of {self.window}", "only a live one has none")
         for name, port in {**self.inputs, **self.outputs}.items():
@@ -167,5 +169,7 @@ def _is_size(size: Any) -> bool:
 def matches(shape: Iterable[int], port: Port, sizes: dict[str, int]) -> bool:
     """Whether an array has the shape of a port; what N and T are is kept in ``sizes``, and is one number for all ports."""
     shape = tuple(shape)
-    wanted = [sizes.setdefault(size, found) if isinstance(size, str) else size for size, found in zip(port, shape, strict=False)]
+    wanted = [
+        sizes.setdefault(size, found) if isinstance(size, str) else size for size, found in zip(port, shape, strict=False)
+    ]
     return len(shape) == len(port) and list(shape) == wanted

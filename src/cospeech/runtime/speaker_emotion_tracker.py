@@ -38,9 +38,7 @@ class SpeakerEmotionTracker:
         given: the emotion, where it is not to be heard.
     """
 
-    def __init__(
-        self, classifier: Network | None, speakers: int, fps: float, quiet: Array, given: Moods | None = None
-    ) -> None:
+    def __init__(self, classifier: Network | None, speakers: int, fps: float, quiet: Array, given: Moods | None = None) -> None:
         self._classifier, self._speakers, self._fps, self._given = classifier, speakers, fps, given
         self._quiet = np.asarray(quiet, np.float32)
         self._reach = 0 if classifier is None else classifier.signature.reach or 0

@@ -156,7 +156,9 @@ def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
             raise InputError(f"{port!r} of {live.width(port)} and of {player.width(port)}", "networks of a bundle fit together")
     faced = player.width("face") in (0, len(ARKIT) + 1)
     if not faced or player.width("seed") != (player.width("poses") + 1 if player.seeds else 0):
-        raise InputError("a network that is given a face or poses of another size", f"{len(ARKIT) + 1}, and one more than poses")
+        raise InputError(
+            "a network that is given a face or poses of another size", f"{len(ARKIT) + 1}, and one more than poses"
+        )
     if style is not None and (style.width("poses"), style.width("style")) != (player.width("poses"), player.width("style")):
         raise InputError("a style encoder of another network", "is the bundle damaged?")
     return None, found

@@ -1,10 +1,10 @@
 """Networks of many inputs as graphs that play without PyTorch: Chain of Generation, CaMN, multi-context; nothing trained.
 
-    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), nudge (N, T, Z), left out where Z is 0;
+    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), noise (N, T, Z), left out where Z is 0;
               and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
               seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
-    live      the same of one frame, rows (1, A + W), style (N, S + 8), nudge (N, Z), and states → poses (N, D), states after
+    live      the same of one frame, rows (1, A + W), style (N, S + 8), noise (N, Z), and states → poses (N, D), states after
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
 What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.
@@ -34,7 +34,7 @@ from ...models.nn.recurrent import BothWays, Forwards
 from ...models.nn.temporal import SLOPE, CausalConv, ConvStack, SameConv, TextTcn
 from ...models.speech_classifier import SpeechClassifier
 from ...motion.rotations import Array
-from ...runtime.chain_engine import ChainSizes
+from ...runtime.signature import Port, Signature
 from .recurrent_graph import RecurrentGraph, Wave
 from .window_graph import folded
 
@@ -42,9 +42,9 @@ __all__ = ["LoweredChain", "lower_chain"]
 
 
 class LoweredChain(NamedTuple):
-    """What `cospeech.runtime.chain_engine.ChainEngine` is made of."""
+    """What `cospeech.runtime.network.Network` is made of."""
 
-    sizes: ChainSizes
+    signatures: dict[str, Signature]
     weights: dict[str, Array]
     graphs: dict[str, bytes]
 
@@ -68,38 +68,40 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
     """A network, as it evaluates, as graphs; of a `ChainLive` its teacher's and its own."""
     weights: dict[str, Array] = {}
     whole: Any = net.teacher if isinstance(net, ChainLive) else net
-    graphs = {"make": _graph(whole, weights, "make")}
+    made: Any = whole.window
+    graph, ports, _ = _graph(whole, weights, "make")
+    graphs = {"make": graph}
+    signatures = {"make": Signature(
+        ports, {"poses": ("N", "T", whole.pose)}, window=made, hop=max(1, made // 2), look_ahead=made // 4,
+        seeds=_optional(whole).get("seeds", 0),
+    )}  # fmt: skip
     if isinstance(net, ChainLive):
-        graphs["live"] = _graph(net, weights, "live")
-    reach = 0
+        graphs["live"], ports, states = _graph(net, weights, "live")
+        signatures["live"] = Signature(ports, {"poses": ("N", net.pose)}, states, look_ahead=net.delay)
     if isinstance(whole, ChainOfGeneration):
         reach = whole.classifier.reach
         b = RecurrentGraph(weights, "classify")
         b.as_rows(_classified(b, b.rows("rows", whole.ear.inputs, many=False), whole.classifier), "logits")
-        graphs["classify"] = b.made({"rows": (1, "T", whole.ear.inputs)}, {"logits": (1, "T", whole.styles)})
-    words = (whole.word if isinstance(whole, Chain) else whole.embedding).width
-    sizes = ChainSizes(
-        pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTIONS, noise=whole.modes,
-        window=whole.window, reach=reach, look_ahead=net.delay if isinstance(net, ChainLive) else 0,
-        **_optional(whole),
-    )  # fmt: skip
-    return LoweredChain(sizes, weights, graphs)
+        ports, logits = {"rows": (1, "T", whole.ear.inputs)}, {"logits": (1, "T", whole.styles)}
+        graphs["classify"] = b.made(ports, logits)
+        signatures["classify"] = Signature(ports, logits, window=2 * reach + 1, reach=reach)
+    return LoweredChain(signatures, weights, graphs)
 
 
 def _optional(net: Any) -> dict[str, int]:
-    """Of `ChainSizes`: numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
+    """Numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
     if not isinstance(net, Chain):
         return {}
     c = net.config
     return {"faces": FACE * (c.faced > 0), "seeds": c.seeds * (c.unseeded < 1)}
 
 
-def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
-    """The graph ``make``, or ``live``."""
+def _graph(net: Any, weights: dict[str, Array], name: str) -> tuple[bytes, dict[str, Port], dict[str, Port]]:
+    """The graph ``make``, or ``live``, with its inputs and states."""
     b, frames = RecurrentGraph(weights, name), name == "make"
     own = ("T",) if frames else ()
     shapes: dict[str, tuple[Any, ...]] = {"rows": (1, *own, net.audio), "style": ("N", *own, net.styles)}
-    shapes |= {"nudge": ("N", *own, net.modes)} if net.modes else {}
+    shapes |= {"noise": ("N", *own, net.modes)} if net.modes else {}
     able = _optional(net) if frames else {}
     alike = {"face": (1, "T", FACE + 1)} if able.get("faces") else {}
     alike |= {"seed": (1, "T", net.pose + 1)} if able.get("seeds") else {}
@@ -108,7 +110,7 @@ def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
     shapes |= alike
     inputs = Inputs(*given, *([] if net.modes else [Wave("", 0, True)]), **more)
     b.as_rows(_poses(net, b, inputs), "poses", frames=frames)
-    return b.made(shapes, {"poses": ("N", *own, net.pose)})
+    return b.made(shapes, {"poses": ("N", *own, net.pose)}), shapes, dict(b.states)
 
 
 # networks -----------------------------------------------------------------------------------------------------------

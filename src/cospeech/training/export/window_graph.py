@@ -2,7 +2,7 @@
 
 `lower` gives two ONNX graphs and their weights:
 
-    make    rows (1, T, A) of speech, style (N, T, styles), nudge (N, T, modes) → poses (N, T, D); inputs of no width are left
+    make    rows (1, T, A) of speech, style (N, T, styles), noise (N, T, modes) → poses (N, T, D); inputs of no width are left
             out, and N is 1 where both are
     style   poses (1, T, D) → style (1, styles), for a network that recognises styles
 
@@ -29,16 +29,16 @@ from ...models.speech2gesture import Speech2Gesture
 from ...models.speech_to_face import SLOPE as FACE_SLOPE
 from ...models.speech_to_face import SpeechToFace
 from ...motion.rotations import Array
-from ...runtime.window_engine import WindowSizes
+from ...runtime.signature import STYLE_FRAMES, Signature
 from .conv_graph import ConvGraph, Signal
 
 __all__ = ["Lowered", "folded", "lower"]
 
 
 class Lowered(NamedTuple):
-    """What `cospeech.runtime.window_engine.WindowEngine` is made of."""
+    """What `cospeech.runtime.network.Network` is made of."""
 
-    sizes: WindowSizes
+    signatures: dict[str, Signature]
     weights: dict[str, Array]
     graphs: dict[str, bytes]
 
@@ -50,7 +50,7 @@ def lower(net: Windowed) -> Lowered:
     b = ConvGraph(weights, "make", net.multiple)
     inputs: dict[str, tuple[Any, ...]] = {"rows": (1, "T", net.audio)}
     inputs |= {"style": ("N", "T", net.styles)} if net.styles else {}
-    inputs |= {"nudge": ("N", "T", net.modes)} if net.modes else {}
+    inputs |= {"noise": ("N", "T", net.modes)} if net.modes else {}
     poses = _make(net, b)
     b.as_rows(poses, "poses")
     graphs = {"make": b.made(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
@@ -59,11 +59,12 @@ def lower(net: Windowed) -> Lowered:
         _recognise(net, b, b.rows("poses", net.pose))
         graphs["style"] = b.made({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})
     window: Any = net.window
-    sizes = WindowSizes(
-        pose=net.pose, audio=net.audio, styles=net.styles, modes=net.modes, window=window, multiple=net.multiple,
-        reach=None if isinf(poses.reach) else int(poses.reach),
-    )  # fmt: skip
-    return Lowered(sizes, weights, graphs)
+    made = {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)}
+    reach = None if isinf(poses.reach) else int(poses.reach)
+    signatures = {"make": Signature(inputs, made, window=window, multiple=net.multiple, reach=reach)}
+    if net.encodes_style:
+        signatures["style"] = Signature({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)}, window=STYLE_FRAMES)
+    return Lowered(signatures, weights, graphs)
 
 
 # networks -----------------------------------------------------------------------------------------------------------
@@ -71,7 +72,7 @@ def lower(net: Windowed) -> Lowered:
 
 @singledispatch
 def _make(net: nn.Module, b: ConvGraph) -> Signal:
-    """The poses that it makes of ``rows``, ``style`` and ``nudge``."""
+    """The poses that it makes of ``rows``, ``style`` and ``noise``."""
     raise NotImplementedError(type(net).__name__)
 
 
@@ -82,7 +83,7 @@ def _(net: MixGan, b: ConvGraph) -> Signal:
     made = _sub_generators(b, content, style, net.generators)
     if net.mode_logits is None:
         return made
-    logits = b.add(_mode_logits(b, content, style, net.mode_logits), b.rows("nudge", net.modes))
+    logits = b.add(_mode_logits(b, content, style, net.mode_logits), b.rows("noise", net.modes))
     return b.mixed(made, b.softmax(logits))
 
 

@@ -1,0 +1,78 @@
+"""A trained network as graphs that play without PyTorch, with their signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from ...errors import InputError
+from ...models.chain_live import ChainLive
+from ...motion.rotations import Array
+from ...runtime.signature import Signature
+from .chain_graph import lower_chain
+from .window_graph import lower
+
+__all__ = ["ExportedModel", "export_model"]
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """Graphs, and what a bundle says of them."""
+
+    signatures: Mapping[str, Signature]
+    graphs: Mapping[str, bytes]
+    weights: Mapping[str, Array]
+    words: Array
+    """(n, W) rows of subwords; of no size for a network that reads none."""
+
+
+def export_model(model: Any, name: str) -> ExportedModel | None:
+    """A network that makes motion, as graphs; None for a flow, whose step is an engine of its own.
+
+    Args:
+        model: of a run.
+        name: of the model, for messages.
+
+    Raises:
+        InputError: it makes no motion, or what no bundle can hold.
+    """
+    if hasattr(model, "export"):
+        return None
+    if hasattr(model, "words"):
+        return _chain(model, name)
+    if not hasattr(model, "make"):
+        raise InputError(f"a run of {name!r}, which plays no motion", "bundles are of systems")
+    low = lower(model)
+    return ExportedModel(low.signatures, low.graphs, low.weights, np.zeros(0, np.float32))
+
+
+def _chain(model: Any, name: str) -> ExportedModel:
+    """A network of many inputs; a streaming one with its teacher, which plays whole files."""
+    whole = model
+    if isinstance(model, ChainLive):
+        if model.teacher is None:
+            raise InputError(f"a run of {name!r} without a teacher", "train it with [needs] teacher = …")
+        whole = model.teacher
+    if getattr(getattr(whole, "ear", None), "array", "audio") != "audio":
+        raise InputError(f"a run of {name!r} that hears with {whole.config.ear}", "bundles play without PyTorch")
+    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "styled")):
+        raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
+    words = _words(whole)
+    low = lower_chain(model)
+    return ExportedModel(low.signatures, low.graphs, low.weights, words.numpy())
+
+
+def _words(whole: Any) -> Tensor:
+    """(n, W) rows of the table of subwords."""
+    table = getattr(whole, "word", None) or whole.embedding
+    if not hasattr(table, "table"):
+        raise InputError(
+            "a run on word vectors of somebody else's", "bundles are of runs that learnt words; leave out data.words"
+        )
+    rows: Tensor = table.table.weight.detach().clone()
+    rows[0] = 0
+    return rows

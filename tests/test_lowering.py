@@ -109,7 +109,7 @@ def test_the_paper_s_size_is_what_its_layers_weigh():
 def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio):
     """By the network itself: which frames of speech move a frame of poses, for every place of it on the grid of halvings."""
     net = make_network(name, audio=audio).double()
-    sizes = lower(net.float()).sizes
+    sizes = lower(net.float()).signatures["make"]
     net = net.double()
     step, reach = sizes.multiple, sizes.reach
     frames = 2 * (-(-reach // step) + 1) * step
@@ -125,7 +125,7 @@ def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio
 
 
 def test_a_network_that_normalises_over_time_hears_all_of_a_window():
-    assert lower(make_network("munit")).sizes.reach is None
+    assert lower(make_network("munit")).signatures["make"].reach is None
 
 
 def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():

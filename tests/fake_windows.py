@@ -34,7 +34,7 @@ class FakeNetwork:
         audio, pose, styles = s.width("rows"), s.width("poses"), s.width("style")
         self.taps = rng.normal(0, 0.1, (2 * self.near + 1, audio, pose))
         self.pooled = rng.normal(0, 0.1, (audio, pose))
-        self.gains, self.offsets = rng.uniform(0.2, 1.5, styles), rng.normal(0, 0.5, (styles, pose))
+        self.style_gain, self.offsets = rng.uniform(0.2, 1.5, styles), rng.normal(0, 0.5, (styles, pose))
         self.modes = rng.normal(0, 0.5, (s.width("noise"), pose))
         self.calls: list[tuple[int, int]] = []
 
@@ -52,7 +52,7 @@ class FakeNetwork:
         out = np.repeat(heard[None], takes, 0)
         if style is not None:
             assert style.shape == (takes, frames, s.width("style"))
-            out = heard * (1 + style @ self.gains)[..., None] + style @ self.offsets
+            out = heard * (1 + style @ self.style_gain)[..., None] + style @ self.offsets
         if noise is not None:
             assert noise.shape == (takes, frames, s.width("noise"))
             weights = np.exp(noise - noise.max(-1, keepdims=True))

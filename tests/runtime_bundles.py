@@ -39,7 +39,7 @@ HIDDEN, WORDS, NOISE, LOOK_AHEAD, REACH_OF_VOICE, WINDOW = 6, 3, 2, 3, 2, 16
 def small_sizes(pose: str, audio: str) -> FlowSizes:
     sizes = {
         "pose": find_pose(pose).dimensions, "audio": audio_width(audio), "steps": 2, "hidden": 8, "layers": 2, "history": 4,
-        "heard": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2,
+        "speech_frames": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2,
     }  # fmt: skip
     return FlowSizes(**sizes)
 
@@ -47,11 +47,11 @@ def small_sizes(pose: str, audio: str) -> FlowSizes:
 def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
     """By the names of a network's ``state_dict``; nothing is zero."""
     rng = np.random.default_rng(seed)
-    context = s.kept + s.history * s.pose + s.heard * s.audio + s.feature + s.style
+    context = s.first_half + s.history * s.pose + s.speech_frames * s.audio + s.feature + s.style
     shapes: dict[str, tuple[int, ...]] = {}
     fixed: dict[str, np.ndarray] = {}
     for k in range(s.steps):
-        at, moved = f"flow.steps.{k}.", s.pose - s.kept
+        at, moved = f"flow.steps.{k}.", s.pose - s.first_half
         for layer in range(s.layers):
             rnn = f"{at}coupling.net.rnn."
             shapes |= {f"{rnn}weight_ih_l{layer}": (s.gates, s.hidden if layer else context)}
@@ -297,7 +297,7 @@ def write_small_chain(
     return path
 
 
-# on stage -----------------------------------------------------------------------------------------------------------------
+# ready to play ------------------------------------------------------------------------------------------------------------
 
 
 def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:

@@ -390,7 +390,7 @@ def test_statistics_that_make_no_sense(kind, tmp_path):
     ):
         value = arrays[key]
         cases += [{key: value[1:]}, {key: value[:, 1:]}, {key: value[0]}]
-        cases += [{key: 0 * value}, {key: -value}] if key.endswith("gain") else []
+        cases += [{key: 0 * value}, {key: -value}] if key.endswith("style_gain") else []
     if kind == "flow":
         cases += [{"histories": arrays["histories"][:0]}, {"histories": arrays["histories"][:5]}]
     if "words" in arrays:

@@ -158,19 +158,19 @@ def test_five_minutes_with_an_example():
 
 
 def test_latents_of_an_example_make_it_again():
-    manner = space().by_example(acted(0.0))
-    (poses,), sizes = manner.shown, system().flow.sizes
-    (z,) = space().latents(manner, manner.code)
+    embedding = space().by_example(acted(0.0))
+    (poses,), sizes = embedding.poses, system().flow.sizes
+    (z,) = space().latents(embedding, embedding.code)
     assert z.shape == (len(poses) - sizes.history, sizes.pose)
-    takes = system().flow.begin(poses[None, : sizes.history], manner.code[None])
-    windows = np.zeros((40, sizes.heard, sizes.audio), np.float32)
+    takes = system().flow.begin(poses[None, : sizes.history], embedding.code[None])
+    windows = np.zeros((40, sizes.speech_frames, sizes.audio), np.float32)
     np.testing.assert_allclose(takes.frames(windows, z[None, :40])[0], poses[sizes.history :][:40], atol=0.02)
 
 
 def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
-    manner = space().by_example(acted(0.0))
-    (z,) = space().latents(manner, manner.code)
-    source = SegmentSource(system(), ((1.0, manner),), seed=5)
+    embedding = space().by_example(acted(0.0))
+    (z,) = space().latents(embedding, embedding.code)
+    source = SegmentSource(system(), ((1.0, embedding),), seed=5)
     drawn = np.concatenate([source.draw(n) for n in (1, 3, 76, len(z) - 80 + 200)])
     np.testing.assert_allclose(drawn[: len(z)], z, atol=1e-4)
     seconds = drawn[len(z) :].reshape(10, 20, -1)
@@ -178,14 +178,14 @@ def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
     for place, second in zip(places, seconds, strict=True):
         np.testing.assert_allclose(second, z[place : place + 20], atol=1e-4)
     assert len(set(places)) > 5
-    still = SegmentSource(system(), ((1.0, manner),), seed=5, temperature=0.0).draw(300)
+    still = SegmentSource(system(), ((1.0, embedding),), seed=5, temperature=0.0).draw(300)
     np.testing.assert_allclose(still, np.broadcast_to(z.mean(0), still.shape), atol=1e-4)
 
 
 def test_normal_latents_have_the_examples_mean_and_covariance():
-    manner = space().by_example(acted(0.0, seconds=30.0))
-    (z,) = space().latents(manner, manner.code)
-    drawn = NormalSource(system(), ((1.0, manner),), seed=0).draw(40_000)
+    embedding = space().by_example(acted(0.0, seconds=30.0))
+    (z,) = space().latents(embedding, embedding.code)
+    drawn = NormalSource(system(), ((1.0, embedding),), seed=0).draw(40_000)
     np.testing.assert_allclose(drawn.mean(0), z.mean(0), atol=0.1 * z.std(0).max())
     trust = len(z) / (len(z) + z.shape[1])
     wanted = trust * np.cov(z.T, bias=True) + (1 - trust) * 50 / 48 * np.eye(z.shape[1])
@@ -212,13 +212,13 @@ def test_any_file(suffix, tmp_path):
     path = tmp_path / f"my clip, left{suffix}"  # a comma in the name of a file that is there
     acted(0.0).save(path)
     known = Styles(system(), space())
-    ((share, manner),) = known.blend(str(path))
+    ((share, embedding),) = known.blend(str(path))
     assert share == 1
-    assert away(manner.code, code(acted(0.0))) < 0.1
-    assert known.blend(path)[0][1] is manner  # not read again
+    assert away(embedding.code, code(acted(0.0))) < 0.1
+    assert known.blend(path)[0][1] is embedding  # not read again
     plain = path.rename(tmp_path / f"C:clip{suffix}")
     assert [share for share, _ in known.blend(f"{plain}:0.25, ben:0.5")] == [0.25, 0.5, 0.25]
-    np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, manner.code)
+    np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, embedding.code)
 
 
 def test_rate_place_and_heading_do_not_matter():
@@ -229,28 +229,28 @@ def test_rate_place_and_heading_do_not_matter():
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
     root = quat_rotate(turn, np.asarray(motion.root, float)) + np.array([5.0, 0, -3.0])
     elsewhere = Motion(motion.fps, rotations, root.astype(np.float32))
-    there, here = (space().by_example(m).shown[0] for m in (elsewhere, motion))
+    there, here = (space().by_example(m).poses[0] for m in (elsewhere, motion))
     assert np.abs(there - here).mean() < 0.02  # of a deviation: what is left is that the mean heading was not quite 0
-    ahead = space().by_example(Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).shown[0]
+    ahead = space().by_example(Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
     assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
 
 
 def test_long_examples_are_seen_in_pieces():
     motion = acted(0.0)
     long = Motion.concatenate([motion] * 40)  # six minutes
-    manner = space().by_example(long)
-    assert sum(map(len, manner.shown)) == 120 * 20
-    assert len(manner.shown) == 12
-    assert away(manner.code, code(motion)) < 0.3
+    embedding = space().by_example(long)
+    assert sum(map(len, embedding.poses)) == 120 * 20
+    assert len(embedding.poses) == 12
+    assert away(embedding.code, code(motion)) < 0.3
     half = Motion.concatenate([long] * 5)
     began = time.process_time()
-    assert sum(map(len, space().by_example(half).shown)) == 120 * 20
+    assert sum(map(len, space().by_example(half).poses)) == 120 * 20
     assert time.process_time() - began < 5
 
 
 def test_the_shortest_example():
-    manner = space().by_example(acted(0.0)[:30])
-    assert np.isfinite(manner.code).all()
+    embedding = space().by_example(acted(0.0)[:30])
+    assert np.isfinite(embedding.code).all()
     speech = talk(5.0)
     for way in WAYS:
         assert len(gesturer(way).generate(speech, style=acted(0.0)[30:60], parts=BODY)) == 150

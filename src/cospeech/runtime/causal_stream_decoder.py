@@ -37,7 +37,7 @@ class CausalStreamDecoder(NetworkDecoder):
             self._hear(row[None])
             style = self._style.codes(np.array([self._heard]))[:, 0]
             ports = {"rows": row[None], "style": np.broadcast_to(style, (self.takes, style.shape[1]))}
-            found = self._run(ports | {"noise": self._drawn(1)[:, 0]} | self._state)
+            found = self._run(ports | {"noise": self._draw_noise(1)[:, 0]} | self._state)
             self._state = {name: found[f"next.{name}"] for name in self._state}
             self._heard += 1
             if self._heard > self._look_ahead:
@@ -45,6 +45,6 @@ class CausalStreamDecoder(NetworkDecoder):
                 self._made += 1
         return np.concatenate(made, 1)
 
-    def finish(self, quiet: Array) -> Array:
+    def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
-        return self.push(np.repeat(quiet, self._look_ahead if self._heard else 0, 0))
+        return self.push(np.repeat(silence, self._look_ahead if self._heard else 0, 0))

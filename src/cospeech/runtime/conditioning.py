@@ -14,14 +14,16 @@ from .network import Network
 from .style_embedding import encoded
 from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_given", "poses_before", "read_given"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_given", "poses_before", "read_conditioning"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
 """What is to be done where speech is not heard as a whole."""
 
 
-_TRAIN = "train a chain of generation with model.faced and model.unseeded (docs/models/chain_of_generation.md)"
+_TRAIN = (
+    "train a chain of generation with model.face_teacher_forcing and model.seed_dropout (docs/models/chain_of_generation.md)"
+)
 
 
 class ConditioningFace:
@@ -68,7 +70,7 @@ class Conditioning:
 NOTHING = Conditioning()
 
 
-def read_given(face: object, before: object) -> Conditioning:
+def read_conditioning(face: object, before: object) -> Conditioning:
     """Motions, or files of them.
 
     Raises:
@@ -80,22 +82,22 @@ def read_given(face: object, before: object) -> Conditioning:
     return Conditioning(None if shown is None else ConditioningFace(shown), past)
 
 
-def _motion(given: object, what: str) -> Motion | None:
-    if given is None or isinstance(given, Motion):
-        return given
-    if not isinstance(given, str | PathLike):
-        raise InputError(f"{what}: {str(given)[:60]!r}", "a Motion, or a motion file")
-    return Motion.load(given)
+def _motion(conditioning: object, what: str) -> Motion | None:
+    if conditioning is None or isinstance(conditioning, Motion):
+        return conditioning
+    if not isinstance(conditioning, str | PathLike):
+        raise InputError(f"{what}: {str(conditioning)[:60]!r}", "a Motion, or a motion file")
+    return Motion.load(conditioning)
 
 
-def check_given(given: Conditioning, network: Network) -> None:
+def check_given(conditioning: Conditioning, network: Network) -> None:
     """Whether a network can be given these.
 
     Raises:
         InputError: it takes no such thing, or plays frame by frame.
     """
     able = network.signature.inputs
-    for port, what, there in (("face", "a face", given.face), ("seed", "motion to go on from", given.before)):
+    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to go on from", conditioning.before)):
         if there is not None and network.signature.window is None:
             raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
         if there is not None and port not in able:

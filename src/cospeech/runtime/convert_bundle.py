@@ -29,7 +29,7 @@ _NAMES = {
               "live_gains": "live_style_gain", "strays": "noise_gain"},
 }  # fmt: skip
 """Kind of format 1 → its names of statistics, and today's."""
-_NOISE = b"nudge", b"noise"  # names of an input; as long as each other, so that the graph stays whole
+_NOISE = b"mode_noise", b"noise"  # names of an input; as long as each other, so that the graph stays whole
 
 
 def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:

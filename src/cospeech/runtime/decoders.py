@@ -42,7 +42,7 @@ def start_decoder(
     system: System,
     space: StyleSpace,
     mixture: StyleMixture,
-    quiet: Array,
+    silence: Array,
     options: GenerationOptions,
     given: Conditioning,
     transfer: Transfer | None = None,
@@ -53,7 +53,7 @@ def start_decoder(
         system: the bundle, opened.
         space: its styles.
         mixture: the style to begin with.
-        quiet: (1, A) the row of silence, which is before the speech.
+        silence: (1, A) the row of silence, which is before the speech.
         options: of the session.
         given: what there is beside the speech.
         transfer: how styles become a flow's motion; the best one for it where not given.
@@ -62,19 +62,21 @@ def start_decoder(
         InputError: a look-ahead that is no number of seconds from 0 on, or what is given cannot be.
     """
     if system.flow is not None:
-        return _flow(system, system.flow, mixture, quiet, options, given, transfer)
+        return _flow(system, system.flow, mixture, silence, options, given, transfer)
     check_look_ahead(options.look_ahead)
     network = _network(system, options.look_ahead)
     check_given(given, network)
     live = network.signature.window is None
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:
-        silence = quiet[0, : len(system.statistics.audio_mean)]
-        ear = SpeakerEmotionTracker(system.networks.get("classify"), len(system.speakers), system.fps, silence, options.track)
-        style = SpokenStyleTrack(system, space, mixture, ear, live=live)
+        silence = silence[0, : len(system.statistics.audio_mean)]
+        tracker = SpeakerEmotionTracker(
+            system.networks.get("classify"), len(system.speakers), system.fps, silence, options.track
+        )
+        style = SpokenStyleTrack(system, space, mixture, tracker, live=live)
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
-    common = system, network, style, options.seeds, quiet
+    common = system, network, style, options.seeds, silence
     scales = {"temperature": options.temperature, "intensity": options.intensity}
     if live:
         return CausalStreamDecoder(*common, **scales)
@@ -89,11 +91,11 @@ def _network(system: System, seconds: float | None) -> Network:
     make, live = system.networks.get("make"), system.networks.get("live")
     if live is not None and (make is None or seconds is None or seconds * system.fps <= live.signature.look_ahead):
         return live
-    return system.player
+    return system.decoder
 
 
 def _flow(
-    system: System, flow: FlowEngine, mixture: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning,
+    system: System, flow: FlowEngine, mixture: StyleMixture, silence: Array, options: GenerationOptions, given: Conditioning,
     transfer: Transfer | None,
 ) -> AutoregressiveDecoder:  # fmt: skip
     if given.anything:
@@ -106,4 +108,4 @@ def _flow(
     def sources(mixture: StyleMixture) -> list[Source]:
         return [transfer(system, mixture, seed=seed, temperature=options.temperature) for seed in options.seeds]
 
-    return AutoregressiveDecoder(system, flow, sources, mixture, quiet, intensity=options.intensity)
+    return AutoregressiveDecoder(system, flow, sources, mixture, silence, intensity=options.intensity)

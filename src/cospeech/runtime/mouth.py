@@ -28,7 +28,7 @@ from .style_track import StyleTrack
 from .system import System, open_bundle
 from .window_layout import WindowLayout
 
-__all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "open_mouth", "shipped_mouth", "spoken_setting"]
+__all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "choose_layout", "open_default_mouth", "open_mouth"]
 
 POSE = "face"
 """The representation of poses that a mouth is read from: the ARKit weights come first."""
@@ -38,7 +38,7 @@ _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the fa
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
 
-def spoken_setting(signature: Signature, fps: float) -> WindowLayout:
+def choose_layout(signature: Signature, fps: float) -> WindowLayout:
     """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
     hop = max(signature.multiple, round(_HOP * fps) // signature.multiple * signature.multiple)
     far = round(_HOP * fps)
@@ -64,17 +64,17 @@ class BundleMouth:
         if system.pose != POSE:
             raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
         self._fps = system.fps
-        self._listener = SpeechFrontend(system, np.zeros(0, np.float32))
+        self._frontend = SpeechFrontend(system, np.zeros(0, np.float32))
         network, space = system.networks.get("make"), style_space(system)
         if network is None or system.has_emotions:
             raise InputError(
                 "a mouth of a network that does not play windows by speech alone", "speech-to-face is one that does"
             )
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
-        setting = spoken_setting(network.signature, system.fps)
-        self._player = SlidingWindowDecoder(system, network, track, [0], self._listener.quiet, setting, temperature=0.0)
-        self._sampled = PoseResampler(1, self._player.width, smooth=system.smooth, step=1.0)
-        self.latency = self._player.latency + self._listener.delay + (system.smooth + 2) / system.fps
+        setting = choose_layout(network.signature, system.fps)
+        self._decoder = SlidingWindowDecoder(system, network, track, [0], self._frontend.silence, setting, temperature=0.0)
+        self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
+        self.latency = self._decoder.latency + self._frontend.delay + (system.smooth + 2) / system.fps
         """Seconds of speech after a time that have been heard, at most, when it is known."""
         if not self.latency <= MOUTH_WAITS:
             raise InputError(f"a mouth that waits {self.latency:.2f} s", f"a face is made after {MOUTH_WAITS:.2f} s of speech")
@@ -83,23 +83,23 @@ class BundleMouth:
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.face.mouth.Sharing`."""
-        self._listener.share(prosody)
+        self._frontend.share(prosody)
 
     @property
-    def known(self) -> float:
+    def certain_until(self) -> float:
         """See `Mouth`."""
         return np.inf if self._finished else (self._first + len(self._kept) - 1) / self._fps
 
     def push(self, samples: Array) -> None:
         """See `Mouth`."""
         if len(samples):
-            self._keep(self._player.push(self._listener.push(Speech(samples))))
+            self._keep(self._decoder.push(self._frontend.push(Speech(samples))))
 
     def finish(self) -> None:
         """See `Mouth`."""
-        rest = self._player.push(self._listener.finish())
-        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
-        self._keep(rest, self._listener.frames, self._listener.frames - 1)
+        rest = self._decoder.push(self._frontend.finish())
+        rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
+        self._keep(rest, self._frontend.frames, self._frontend.frames - 1)
         self._finished = True
 
     def at(self, times: Array) -> Array:
@@ -111,8 +111,8 @@ class BundleMouth:
         places = np.asarray(times, float) * self._fps
         if not len(places) or (self._finished and not len(self._kept)):
             return np.zeros((len(places), len(ARKIT)))
-        if not places[-1] <= self.known * self._fps + 1e-6:
-            raise RuntimeError(f"the mouth is known until {self.known:.3f} s, not at {times[-1]:.3f} s")
+        if not places[-1] <= self.certain_until * self._fps + 1e-6:
+            raise RuntimeError(f"the mouth is known until {self.certain_until:.3f} s, not at {times[-1]:.3f} s")
         low = np.floor(places + 1e-6).astype(int)
         share = np.maximum(places - low, 0.0)[:, None]
         here, there = (self._kept[np.clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
@@ -125,7 +125,7 @@ class BundleMouth:
         """Weights of what further frames of the network make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            weights = np.clip(self._player.units(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
+            weights = np.clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
             self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
 
 
@@ -141,16 +141,16 @@ def open_mouth(path: Path) -> System:
 
 
 @lru_cache(maxsize=1)
-def _shipped() -> System:
+def _open_default() -> System:
     if not SHIPPED_FACE.is_file():
         raise InputError(f"no {SHIPPED_FACE.name} ships with this installation", "install cospeech again: faces speak with it")
     return open_mouth(SHIPPED_FACE)
 
 
-def shipped_mouth() -> BundleMouth:
+def open_default_mouth() -> BundleMouth:
     """A mouth of the face that ships.
 
     Raises:
         InputError: it is missing or damaged.
     """
-    return BundleMouth(_shipped())
+    return BundleMouth(_open_default())

@@ -28,17 +28,17 @@ class NetworkDecoder:
         network: the one that plays.
         style: of every frame.
         seeds: of the takes.
-        quiet: (1, A) row of silence, which is before the speech.
+        silence: (1, A) row of silence, which is before the speech.
         temperature: scale of the noise.
         intensity: how far poses stray from the style's mean one.
     """
 
     def __init__(
-        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], quiet: Array, *,
+        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], silence: Array, *,
         temperature: float = 1.0, intensity: float = 1.0,
     ) -> None:  # fmt: skip
         self.takes, self.width = len(seeds), system.pose_width
-        self._system, self._network, self._style, self._quiet = system, network, style, quiet
+        self._system, self._network, self._style, self._silent_row = system, network, style, silence
         self._intensity = np.float32(intensity)
         gain = system.statistics.noise_gain[int(network.signature.window is None)]
         self._temperature = gain * np.float32(temperature)
@@ -63,7 +63,7 @@ class NetworkDecoder:
         """See `Decoder`."""
         self._style.restyle(blend, frame)
 
-    def units(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array) -> Array:
         """See `Decoder`."""
         s, (centre, made, gain) = self._system.statistics, self._style.scales(at)
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean

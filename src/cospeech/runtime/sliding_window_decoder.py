@@ -85,12 +85,12 @@ class SlidingWindowDecoder(NetworkDecoder):
     """
 
     def __init__(
-        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], quiet: Array,
+        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], silence: Array,
         setting: WindowLayout, *, temperature: float = 1.0, intensity: float = 1.0,
     ) -> None:  # fmt: skip
-        super().__init__(system, network, style, seeds, quiet, temperature=temperature, intensity=intensity)
+        super().__init__(system, network, style, seeds, silence, temperature=temperature, intensity=intensity)
         self.setting = setting
-        self._windows = Sliding(setting, quiet, self._drawn, self._window)
+        self._windows = Sliding(setting, silence, self._draw_noise, self._window)
 
     @property
     def latency(self) -> float:
@@ -99,14 +99,14 @@ class SlidingWindowDecoder(NetworkDecoder):
 
     def push(self, rows: Array) -> Array:
         """See `Decoder`."""
-        self._style.forget(self._windows.made - self.setting.past)
+        self._style.forget(self._windows.frames - self.setting.past)
         self._hear(rows)
         return np.concatenate([self._none(), *self._windows.push(rows)], 1)
 
-    def finish(self, quiet: Array) -> Array:
+    def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
-        self._hear(np.repeat(quiet, self.setting.window, 0))
-        return np.concatenate([self._none(), *self._windows.finish(quiet)], 1)
+        self._hear(np.repeat(silence, self.setting.window, 0))
+        return np.concatenate([self._none(), *self._windows.finish(silence)], 1)
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
         """(N, window, D) where ``first`` is the first new frame."""
@@ -140,9 +140,9 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         if before is not None and len(before) > self.setting.past:
             raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
 
-    def units(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array) -> Array:
         """See `Decoder`; the first call has the first pose."""
-        found = super().units(poses, at)
+        found = super().denormalise(poses, at)
         if self._before is None or not len(at):
             return found
         if self._gap is None:

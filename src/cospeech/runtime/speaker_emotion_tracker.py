@@ -34,15 +34,17 @@ class SpeakerEmotionTracker:
         classifier: speech → logits of speakers and emotions; None: nobody knows who speaks, and how.
         speakers: how many there are.
         fps: of the frames.
-        quiet: (A,) what silence sounds like.
-        given: the emotion, where it is not to be heard.
+        silence: (A,) what silence sounds like.
+        emotions: the emotion, where it is not to be heard.
     """
 
-    def __init__(self, classifier: Network | None, speakers: int, fps: float, quiet: Array, given: Moods | None = None) -> None:
-        self._classifier, self._speakers, self._fps, self._given = classifier, speakers, fps, given
-        self._quiet = np.asarray(quiet, np.float32)
+    def __init__(
+        self, classifier: Network | None, speakers: int, fps: float, silence: Array, emotions: Moods | None = None
+    ) -> None:
+        self._classifier, self._speakers, self._fps, self._emotions = classifier, speakers, fps, emotions
+        self._silent_row = np.asarray(silence, np.float32)
         self._reach = 0 if classifier is None else classifier.signature.reach or 0
-        self._rows = np.repeat(self._quiet[None], self._reach, 0)
+        self._rows = np.repeat(self._silent_row[None], self._reach, 0)
         width = speakers + len(EMOTIONS)
         self._fade = np.ones(width)
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
@@ -58,14 +60,14 @@ class SpeakerEmotionTracker:
         self._rows = np.concatenate([self._rows, rows])
         width = 2 * self._reach + BLOCK
         while len(self._rows) >= width:
-            self._judge(self._rows[:width])
+            self._classify_block(self._rows[:width])
             self._rows = self._rows[BLOCK:]
         self._rows = self._rows.copy()
 
-    def _judge(self, rows: Array) -> None:
+    def _classify_block(self, rows: Array) -> None:
         """The frames in the middle of (2 · reach + BLOCK, A) rows."""
         middle = rows[self._reach : self._reach + BLOCK]
-        voiced = np.sqrt(np.square(middle - self._quiet).mean(1)) > VOICE
+        voiced = np.sqrt(np.square(middle - self._silent_row).mean(1)) > VOICE
         logits = None
         if self._classifier is not None and voiced.any():
             logits = self._classifier.run(rows=rows[None])["logits"][0, self._reach : self._reach + BLOCK]
@@ -97,13 +99,15 @@ class SpeakerEmotionTracker:
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
         heard: Array = now + (known - low)[..., None] * (after - now)
         moods = heard[..., self._speakers :]
-        moods[...] = _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._given is None else self._given.at(wanted / self._fps)
+        moods[...] = (
+            _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._emotions is None else self._emotions.at(wanted / self._fps)
+        )
         return heard
 
     def at(self, times: Array) -> Array:
         """(…, 8) weights of the emotions at these times in seconds."""
-        if self._given is not None:
-            return self._given.at(times)
+        if self._emotions is not None:
+            return self._emotions.at(times)
         return self.shares(np.asarray(times, float) * self._fps)[..., self._speakers :]
 
     def forget(self, before: int) -> None:
@@ -121,12 +125,12 @@ class SpeakerEmotionTracker:
     @property
     def knows(self) -> bool:
         """Whether emotions are given, or heard."""
-        return self._given is not None or self.judges
+        return self._emotions is not None or self.judges
 
     @property
     def hears(self) -> bool:
         """Whether emotions are heard."""
-        return self._given is None and self.judges
+        return self._emotions is None and self.judges
 
     @property
     def speaker(self) -> Array:

@@ -125,9 +125,9 @@ def _read(bundle: Bundle) -> BundleSpec:
         statistics = _checked_of_networks(signatures, statistics, facts)
         _check_weights(weights)
         _check_graphs(graphs, signatures, weights)
-        player = signatures.get("make") or signatures["live"]
+        decoder = signatures.get("make") or signatures["live"]
         words = statistics.words.shape[1] if statistics.words.size else 0
-        widths = player.width("poses"), player.width("rows") - words
+        widths = decoder.width("poses"), decoder.width("rows") - words
     pose, audio = facts["pose"], facts["audio"]
     if find_pose(pose).dimensions != widths[0] or audio_width(audio) != widths[1] - len(facts["controls"]):
         raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
@@ -147,19 +147,21 @@ def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
         except TypeError:
             raise InputError(f"{bundle.name!r} does not tell the sizes of its flow", "is it of another version?") from None
     found = {name: Signature.parse(name, value) for name, value in bundle.fact("networks", dict).items()}
-    player = found.get("make") or found.get("live")
-    if player is None:
+    decoder = found.get("make") or found.get("live")
+    if decoder is None:
         raise InputError(f"{bundle.name!r} has no network that plays", "make, live, or both")
-    live, style = found.get("live", player), found.get("style")
+    live, style = found.get("live", decoder), found.get("style")
     for port in ("poses", "rows", "style", "noise"):
-        if live.width(port) != player.width(port):
-            raise InputError(f"{port!r} of {live.width(port)} and of {player.width(port)}", "networks of a bundle fit together")
-    faced = player.width("face") in (0, len(ARKIT) + 1)
-    if not faced or player.width("seed") != (player.width("poses") + 1 if player.seeds else 0):
+        if live.width(port) != decoder.width(port):
+            raise InputError(
+                f"{port!r} of {live.width(port)} and of {decoder.width(port)}", "networks of a bundle fit together"
+            )
+    faced = decoder.width("face") in (0, len(ARKIT) + 1)
+    if not faced or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
         raise InputError(
             "a network that is given a face or poses of another size", f"{len(ARKIT) + 1}, and one more than poses"
         )
-    if style is not None and (style.width("poses"), style.width("style")) != (player.width("poses"), player.width("style")):
+    if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), decoder.width("style")):
         raise InputError("a style encoder of another network", "is the bundle damaged?")
     return None, found
 
@@ -226,25 +228,25 @@ def _checked_of_flow(flow: FlowSizes, s: Statistics, facts: Mapping[str, Any]) -
 
 def _checked_of_networks(signatures: Mapping[str, Signature], s: Statistics, facts: Mapping[str, Any]) -> Statistics:
     """Statistics as networks need them; and whether styles are those of these networks."""
-    player = signatures.get("make") or signatures["live"]
+    decoder = signatures.get("make") or signatures["live"]
     speakers, controls, space = len([n for n in facts["styles"] if n != VOICE]), len(facts["controls"]), facts["style_space"]
     hears = VOICE in facts["styles"]
     if hears != ("classify" in signatures) or (hears and (facts["styles"][-1] != VOICE or space != "speaker-emotion")):
         raise InputError(f"styles {', '.join(facts['styles'])[:60]}", f"speakers, and {VOICE!r} after them with a classifier")
     emotions = len(EMOTIONS) if space == "speaker-emotion" else 0
-    width = {"none": 0, "code": player.width("style")}.get(space, speakers + emotions)
-    if player.width("style") != width or (space == "code" and not width) or not speakers:
-        raise InputError(f"a style of {player.width('style')} numbers for {speakers} speakers", f"{width} for {space}")
+    width = {"none": 0, "code": decoder.width("style")}.get(space, speakers + emotions)
+    if decoder.width("style") != width or (space == "code" and not width) or not speakers:
+        raise InputError(f"a style of {decoder.width('style')} numbers for {speakers} speakers", f"{width} for {space}")
     words, shapes = s.words.shape[-1] if s.words.size else 0, dict[str, tuple[int, ...]]()
-    audio = player.width("rows") - words
+    audio = decoder.width("rows") - words
     if hears and (signatures["classify"].width("rows"), signatures["classify"].width("logits")) != (audio - controls, width):
         raise InputError("a classifier of another network", "is the bundle damaged?")
     if hears and signatures["classify"].reach is None:
         raise InputError("a classifier that hears without an end", "its reach is a whole number")
     rows = BUCKETS if facts["vocabulary"] is None else len(facts["vocabulary"])
-    shapes = _common_shapes(player.width("poses"), audio - controls, speakers, controls)
+    shapes = _common_shapes(decoder.width("poses"), audio - controls, speakers, controls)
     shapes |= dict.fromkeys(
-        ("model_mean", "style_gain", "live_model_mean", "live_style_gain"), (speakers, player.width("poses"))
+        ("model_mean", "style_gain", "live_model_mean", "live_style_gain"), (speakers, decoder.width("poses"))
     )
     shapes |= {"noise_gain": (2,), "words": (rows + 1, words), "style_codes": (speakers, width - emotions)}
     s.check(shapes)

@@ -29,7 +29,7 @@ class SpeechFrontend:
         self._features = open_features(system.audio, system.fps)
         self._silence = self._standard(_silence(system))
         self._given = 0
-        self._nothing = self.quiet[:0]
+        self._nothing = self.silence[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.audio.features.streaming.StreamingFeatures`."""
@@ -46,9 +46,9 @@ class SpeechFrontend:
         return self._features.delay
 
     @property
-    def quiet(self) -> Array:
+    def silence(self) -> Array:
         """(1, A) what silence sounds like where rows have come to."""
-        return self._controlled(self._silence)
+        return self._append_controls(self._silence)
 
     def control(self, controls: Array) -> None:
         """Other style controls (C,) from the frame on that was heard last."""
@@ -65,7 +65,7 @@ class SpeechFrontend:
     def _rows(self, columns: Array) -> Array:
         if not len(columns):
             return self._nothing
-        rows = self._controlled(self._standard(columns))
+        rows = self._append_controls(self._standard(columns))
         self._given += len(rows)
         self._controls.forget(self._given)
         return rows
@@ -76,8 +76,8 @@ class SpeechFrontend:
         rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
         return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
 
-    def _controlled(self, rows: Array) -> Array:
-        controls = self._controls.mixed(lambda row: row, self._given + np.arange(len(rows)))[0]
+    def _append_controls(self, rows: Array) -> Array:
+        controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
 
 
@@ -92,41 +92,41 @@ class SpeechTextFrontend:
     """
 
     def __init__(self, system: System, controls: Array) -> None:
-        self._system, self._listener, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
-        self._heard = self._listener.quiet[:0]
+        self._system, self._frontend, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
+        self._heard = self._frontend.silence[:0]
         self._read = np.zeros((0, system.statistics.words.shape[1]), np.float32)
 
     def share(self, prosody: SharedProsody) -> None:
         """See `SpeechFrontend`."""
-        self._listener.share(prosody)
+        self._frontend.share(prosody)
 
     @property
     def frames(self) -> int:
         """Of the model, in all that was heard."""
-        return self._listener.frames
+        return self._frontend.frames
 
     @property
     def delay(self) -> float:
         """Seconds after a frame's time until its row is there."""
-        return max(self._listener.delay, self._words.delay)
+        return max(self._frontend.delay, self._words.delay)
 
     @property
-    def quiet(self) -> Array:
+    def silence(self) -> Array:
         """(1, A + W) a row of silence."""
-        return np.concatenate([self._listener.quiet, np.zeros((1, self._read.shape[1]), np.float32)], 1)
+        return np.concatenate([self._frontend.silence, np.zeros((1, self._read.shape[1]), np.float32)], 1)
 
     def control(self, controls: Array) -> None:
         """See `SpeechFrontend`."""
-        self._listener.control(controls)
+        self._frontend.control(controls)
 
     def push(self, chunk: Speech) -> Array:
         """(n, A + W) rows that have become certain."""
-        self._heard = np.concatenate([self._heard, self._listener.push(chunk)])
+        self._heard = np.concatenate([self._heard, self._frontend.push(chunk)])
         return self._joined(self._words.push(chunk))
 
     def finish(self) -> Array:
         """The rest."""
-        self._heard = np.concatenate([self._heard, self._listener.finish()])
+        self._heard = np.concatenate([self._heard, self._frontend.finish()])
         return self._joined(self._words.finish(self.frames))
 
     def _joined(self, words: list[str | None]) -> Array:

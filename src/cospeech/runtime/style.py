@@ -52,14 +52,14 @@ class Styles:
         weights = _weights(style, self._system.styles)
         total = sum(weights.values())
         if not all(isfinite(w) and w >= 0 for w in weights.values()) or total >= MOST_WEIGHT:
-            raise InputError(f"style weights {_shown(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
+            raise InputError(f"style weights {_describe(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
         scale = max(total, 1.0) if total < ALL else total
-        parts = [(weight / scale, self._manner(who)) for who, weight in weights.items() if weight > 0]
+        parts = [(weight / scale, self._find_embedding(who)) for who, weight in weights.items() if weight > 0]
         if total < ALL:
             parts.append((1.0 - total, self._space.by_name(self._system.style)))
         return tuple(parts)
 
-    def _manner(self, who: object) -> StyleEmbedding:
+    def _find_embedding(self, who: object) -> StyleEmbedding:
         """One part of a mixture; files that were read lately are not read again."""
         if isinstance(who, str) and who in self._system.styles:
             return self._space.by_name(who)
@@ -72,10 +72,10 @@ class Styles:
             status = None  # what is wrong, the reader says better
         key = (str(path), status.st_mtime_ns, status.st_size) if status else ("", 0, 0)
         if status is None or key not in self._seen:
-            manner = self._space.by_example(Motion.load(path), repr(path.name))
+            embedding = self._space.by_example(Motion.load(path), repr(path.name))
             if status is None:
-                return manner
-            self._seen[key] = manner
+                return embedding
+            self._seen[key] = embedding
             while len(self._seen) > _KEPT:
                 self._seen.popitem(last=False)
         return self._seen[key]
@@ -104,17 +104,19 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
     if isinstance(style, Motion):
         return {style: 1.0}
     if isinstance(style, PathLike):
-        return {Path(_known(fspath(style), names)): 1.0}
+        return {Path(_check_example(fspath(style), names)): 1.0}
     if isinstance(style, Mapping) and style:
         found: dict[Any, float] = {}
         for who, weight in style.items():
             if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
-                raise InputError(f"weight {weight!r} of style {_shown(who)}", "a number")
+                raise InputError(f"weight {weight!r} of style {_describe(who)}", "a number")
             key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
             found[key] = found.get(key, 0.0) + float(weight)
         return found
     if not isinstance(style, str) or not style.strip():
-        raise InputError(f"style {_shown(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3")
+        raise InputError(
+            f"style {_describe(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
+        )
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
@@ -129,17 +131,17 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
 
 
 def _key(who: object, names: tuple[str, ...]) -> object:
-    return who if who in names else Path(_known(who, names))
+    return who if who in names else Path(_check_example(who, names))
 
 
-def _known(who: object, names: tuple[str, ...]) -> str:
+def _check_example(who: object, names: tuple[str, ...]) -> str:
     """The name of a file that may be an example.
 
     Raises:
         InputError: it is none, and nobody's name either.
     """
     if not isinstance(who, str):
-        raise InputError(f"style {_shown(who)}", "a name, a motion file or a Motion")
+        raise InputError(f"style {_describe(who)}", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
     known = " ".join(suffixes(reads_body))
@@ -161,5 +163,5 @@ def _is_file(text: str) -> bool:
         return False
 
 
-def _shown(style: object) -> str:
+def _describe(style: object) -> str:
     return "a motion" if isinstance(style, Motion) else repr(str(style)[:60])

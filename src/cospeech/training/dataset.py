@@ -33,7 +33,7 @@ from .batch_loader import (
 from .calibration_clips import examples_of
 from .checkpoint import load_run, network, read_tensors
 from .movement_modes import with_modes
-from .recipe import Data, Recipe, build, changed, read_recipe
+from .recipe import Data, Recipe, build, list_changes, read_recipe
 from .speaker_subset import of_speakers
 from .style_controls import control_quantiles, with_controls
 from .texts import with_text
@@ -132,7 +132,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         "sizes": _dimensions(kind.dimensions_for(config), store, data, standards), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
-    moments = clip_moments(store, standards["pose"]) if data.by_clip else None
+    moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
@@ -226,7 +226,10 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
-        alike = facts["store"]["pose"] == store.pose and facts["recipe"]["data"].get("by_clip", False) == recipe.data.by_clip
+        alike = (
+            facts["store"]["pose"] == store.pose
+            and facts["recipe"]["data"].get("per_clip_normalisation", False) == recipe.data.per_clip_normalisation
+        )
         if not alike or not _alike(theirs, own, "pose"):
             raise InputError(
                 f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
@@ -249,9 +252,9 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         InputError: says what differs.
     """
     new = json.loads(json.dumps(new))
-    found = changed(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
+    found = list_changes(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
     for part in ("config", "sizes", "store"):
-        found += changed({part: old[part]}, {part: new[part]})
+        found += list_changes({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")

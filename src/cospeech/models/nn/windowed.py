@@ -26,12 +26,12 @@ class Windowed(Trainable):
     shortest: int
     """The least T of `make`, a multiple too."""
     modes: int
-    """Sub-generators whose logits can be nudged; 0: none."""
+    """Sub-generators whose logits can be shifted by noise; 0: none."""
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.
 
-        ``nudge`` is added to the logits of the modes.
+        ``mode_noise`` is added to the logits of the modes.
         """
         raise NotImplementedError
 

@@ -93,7 +93,9 @@ def _bundle_networks(
 ) -> None:  # fmt: skip
     """Calibrate networks as they will play, and write them."""
     if "pose_spread" in kept:
-        raise InputError(f"a run of {facts['model']!r} on poses by_clip", "only flows play poses by their recording's moments")
+        raise InputError(
+            f"a run of {facts['model']!r} on poses per_clip_normalisation", "only flows play poses by their recording's moments"
+        )
     if exported.words.size and "texts" not in kept:
         raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
     codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()

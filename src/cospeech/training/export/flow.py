@@ -22,7 +22,7 @@ from ...runtime.system import write_flow
 __all__ = ["bundle_flow", "control_quantiles"]
 
 WARM = 24  # frames; ours: after which a network has left the poses that it was begun with
-PULLS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
+FEEDBACK_GAINS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
 LEAST = 0.2  # ours: a number that a network hardly moves is not magnified without end
 
 
@@ -48,8 +48,8 @@ def bundle_flow(
     Raises:
         InputError: a history longer than the stretches that a run keeps,
     """
-    measured, pull = _statistics(model, {name: torch.from_numpy(value) for name, value in kept.items()})
-    sizes = FlowSizes(**model.runtime_sizes(), int8=small, pull=pull)
+    measured, feedback_gain = _statistics(model, {name: torch.from_numpy(value) for name, value in kept.items()})
+    sizes = FlowSizes(**model.runtime_sizes(), int8=small, feedback_gain=feedback_gain)
     write_flow(path, model.export(), sizes, measured, facts=facts, **options)
 
 
@@ -62,9 +62,9 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statisti
     if history > stretches.shape[2]:
         raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
     codes = model.style_of(stretches.flatten(0, 1))
-    pull, made = 1.0, {}
+    feedback_gain, made = 1.0, {}
     if "pose_spread" in examples:
-        pull, made["free_mean"], made["free_std"] = _calibrate(model, examples, codes)
+        feedback_gain, made["free_mean"], made["free_std"] = _calibrate(model, examples, codes)
         made["speaker_std"] = examples["pose_spread"]
     known = {
         **{f.name: examples[f.name] for f in fields(Statistics)[:8]},
@@ -73,15 +73,15 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statisti
     }  # fmt: skip
     if model.controls:
         known["control_quantiles"] = torch.from_numpy(control_quantiles(model, {n: x.numpy() for n, x in examples.items()}))
-    return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), pull
+    return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), feedback_gain
 
 
 @torch.no_grad()
 def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``by_clip``.
+    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``per_clip_normalisation``.
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
-    too long. ``pull`` is the one of `PULLS` with which its means over some seconds wander, for the size of its movement, as
+    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of its movement, as
     much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
     number by number.
 
@@ -89,12 +89,12 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
         pull, (D,) mean, (D,) deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for pull in PULLS if model.config.residual else PULLS[:1]:
-        made = _left_alone(model, examples, codes, pull)
+    for feedback_gain in FEEDBACK_GAINS if model.config.residual else FEEDBACK_GAINS[:1]:
+        made = _generate_freely(model, examples, codes, feedback_gain)
         made = made[:, min(WARM, made.shape[1] // 2) :]
-        found.append((abs((_wandering(made) / wanted).log().item()), pull, made))
-    _, pull, made = min(found, key=lambda one: one[0])
-    return pull, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
+        found.append((abs((_wandering(made) / wanted).log().item()), feedback_gain, made))
+    _, feedback_gain, made = min(found, key=lambda one: one[0])
+    return feedback_gain, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
 
 
 def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
@@ -110,17 +110,17 @@ def _wandering(poses: torch.Tensor) -> torch.Tensor:
     return poses.mean(1).std(0).mean() / poses.std((0, 1)).mean()
 
 
-def _left_alone(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, pull: float) -> torch.Tensor:
+def _generate_freely(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, feedback_gain: float) -> torch.Tensor:
     """(N, F, D) poses with random latents."""
     stretches, audio = (examples[name].flatten(0, 1) for name in ("stretches", "speech"))
     if model.controls:
         audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
     tau, poses, states = model.config.history, stretches[:, : model.config.history], None
-    heard, style = frame_windows(audio, model.heard), [codes] if codes.shape[1] else []
+    heard, style = frame_windows(audio, model.speech_frames), [codes] if codes.shape[1] else []
     z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), heard.shape[1])
     for t in range(heard.shape[1]):
         made, states = model.step(z[:, t], poses[:, -tau:], heard[:, t], states, *style)
-        made = pull * made.clamp(examples["pose_low"], examples["pose_high"])
+        made = feedback_gain * made.clamp(examples["pose_low"], examples["pose_high"])
         poses = torch.cat([poses, made[:, None]], 1)
     return poses[:, tau:]
 

@@ -1,4 +1,4 @@
-"""Systems of windows on stage: the calls of every gesturer, styles, examples, changes of style, streams to the bit."""
+"""Systems of windows that play: the calls of every model, styles, examples, changes of style, streams to the bit."""
 
 from __future__ import annotations
 
@@ -184,21 +184,21 @@ def test_a_name_has_no_mixture_and_a_mixture_is_told():
 
 def test_an_example_is_the_nearest_mixture():
     system, clip = whole_system(), acted()
-    manner = style_space(system).by_example(clip)
-    (poses,) = manner.shown
+    embedding = style_space(system).by_example(clip)
+    (poses,) = embedding.poses
     windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
     assert len(windows) > 3
     wanted = np.mean([system.networks["style"].run(poses=window[None])["style"][0] for window in windows], 0)
-    np.testing.assert_allclose(manner.code, wanted, atol=1e-6)
-    assert manner.code.min() >= 0
-    assert manner.code.sum() == pytest.approx(1)
-    np.testing.assert_allclose(manner.centre, wanted @ system.statistics.speaker_mean, atol=1e-6)
+    np.testing.assert_allclose(embedding.code, wanted, atol=1e-6)
+    assert embedding.code.min() >= 0
+    assert embedding.code.sum() == pytest.approx(1)
+    np.testing.assert_allclose(embedding.speaker_mean, wanted @ system.statistics.speaker_mean, atol=1e-6)
     session = gesturer().session(style=clip)
     weights = {name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005}
     assert session.style_mixture == weights
     assert list(session.style_mixture.values()) == sorted(weights.values(), reverse=True)
     speech = talk(1.5)
-    spelt = dict(zip(system.styles, map(float, manner.code), strict=True))
+    spelt = dict(zip(system.styles, map(float, embedding.code), strict=True))
     np.testing.assert_allclose(
         gesturer().generate(speech, style=clip, parts=BODY).rotations,
         gesturer().generate(speech, style=spelt, parts=BODY).rotations,
@@ -218,10 +218,10 @@ def test_examples_mix_with_names():
 
 def test_a_free_code_goes_with_the_example_s_own_mean_pose():
     system = whole_system(styles="code")
-    manner = style_space(system).by_example(acted())
+    embedding = style_space(system).by_example(acted())
     assert system.style_space == "code"
-    np.testing.assert_allclose(manner.centre, manner.shown[0].mean(0), atol=1e-5)
-    assert style_space(system).shares(((1.0, manner),)) is None
+    np.testing.assert_allclose(embedding.speaker_mean, embedding.poses[0].mean(0), atol=1e-5)
+    assert style_space(system).shares(((1.0, embedding),)) is None
     assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
     assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
 
@@ -260,9 +260,9 @@ def test_examples_that_are_too_short_or_of_no_use(tmp_path):
 
 def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
     system = whole_system(fps=5.0)  # ten seconds would be 50 frames
-    manner = style_space(system).by_example(Motion.concatenate([acted()] * 20))
-    assert {len(poses) for poses in manner.shown} <= {64, 65}
-    assert len(manner.shown) == 12
+    embedding = style_space(system).by_example(Motion.concatenate([acted()] * 20))
+    assert {len(poses) for poses in embedding.poses} <= {64, 65}
+    assert len(embedding.poses) == 12
 
 
 def test_stretches_overlap_by_half_and_reach_the_end():
@@ -360,9 +360,9 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
 def test_named_styles_are_rows_of_codes():
     system = whole_system(styles="code")
     for k, name in enumerate(system.styles):
-        manner = style_space(system).by_name(name)
-        assert (manner.code == system.statistics.style_codes[k]).all()
-        assert (manner.centre == system.statistics.speaker_mean[k]).all()
+        embedding = style_space(system).by_name(name)
+        assert (embedding.code == system.statistics.style_codes[k]).all()
+        assert (embedding.speaker_mean == system.statistics.speaker_mean[k]).all()
 
 
 def test_a_bundle_on_stage(tmp_path, monkeypatch):

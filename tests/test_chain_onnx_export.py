@@ -11,7 +11,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
-from cospeech.runtime.network import Network  # noqa: E402
 from torch import nn  # noqa: E402
 
 from cospeech.errors import InputError  # noqa: E402
@@ -19,6 +18,7 @@ from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
+from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
@@ -33,7 +33,7 @@ def chain(**changes: Any) -> ChainOfGeneration:
 
 
 def live(**changes: Any) -> ChainLive:
-    own = {name: changes.pop(name) for name in ("look_ahead", "pooled") if name in changes}
+    own = {name: changes.pop(name) for name in ("look_ahead", "pooling_window") if name in changes}
     teacher = chain(**changes)
     config = ChainLive.Config(**(_CHAIN | {"look_ahead": 5} | own | changes))
     return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
@@ -41,7 +41,7 @@ def live(**changes: Any) -> ChainLive:
 
 def asked(**changes: Any) -> ChainOfGeneration:
     """That was trained to be given faces and seed poses, and to do without."""
-    return chain(faced=0.3, unseeded=0.7, **changes)
+    return chain(face_teacher_forcing=0.3, seed_dropout=0.7, **changes)
 
 
 def many(kind: type, config: type, **changes: Any) -> Any:
@@ -58,9 +58,9 @@ CASES = {
     "chain that is given": lambda: asked(noise=2),
     "chain that is given, without noise": lambda: asked(),
     "live": lambda: live(),
-    "live of one that is given": lambda: live(noise=3, faced=0.3, unseeded=0.7),
+    "live of one that is given": lambda: live(noise=3, face_teacher_forcing=0.3, seed_dropout=0.7),
     "live with noise": lambda: live(noise=4),
-    "live, far ahead": lambda: live(noise=1, look_ahead=9, pooled=3),
+    "live, far ahead": lambda: live(noise=1, look_ahead=9, pooling_window=3),
     "camn": lambda: many(Camn, CamnConfig),
     "camn, deep": lambda: many(Camn, CamnConfig, layers=3),
     "multi-context": lambda: many(MultiContext, MultiContextConfig),
@@ -105,7 +105,7 @@ def ports(rows, style, noise) -> dict[str, np.ndarray]:
 
 
 @torch.no_grad()
-def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """(N, T, D) of PyTorch."""
     heard = torch.from_numpy(rows).expand(len(style), -1, -1)
     made: np.ndarray = net.make(heard, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
@@ -117,7 +117,7 @@ def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) ->
 def test_windows(name, frames):
     net, who = network(name), networks(name)["make"]
     given = material(who, 3, frames)
-    wanted = made_by(getattr(net, "teacher", net), *given)
+    wanted = run_exported(getattr(net, "teacher", net), *given)
     made = who.run(**ports(*given))["poses"]
     assert wanted.std() > 0.01
     np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
@@ -139,7 +139,7 @@ def test_faces_and_seed_poses(name):
     begun = (np.arange(frames) < 4)[:, None]
     given = {"face": np.concatenate([face * known, known], 1), "seed": np.concatenate([poses * begun, begun], 1)}
     heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
-    seeds = net.seeded(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
+    seeds = net.mask_seeds(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
     seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
     plain = who.run(**ports(rows, style, noise))["poses"]
     for names in (("face",), ("seed",), ("face", "seed")):
@@ -170,7 +170,7 @@ def test_frame_by_frame(name):
     net, who = network(name), networks(name)["live"]
     frames, delay = 60, who.signature.look_ahead
     rows, style, noise = material(who, 3, frames)
-    wanted, made, state = made_by(net, rows, style, noise), [], who.begin(3)
+    wanted, made, state = run_exported(net, rows, style, noise), [], who.begin(3)
     alone, own = [], who.begin(1)
     for k in range(frames + delay):
         k = min(k, frames - 1)

@@ -1,4 +1,4 @@
-"""Bundles on stage: the calls of every gesturer, streams and takes to the bit, parts, options."""
+"""Bundles that play: the calls of every model, streams and takes to the bit, parts, options."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
 from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.style import Styles
 from cospeech.runtime.style_space import style_space
@@ -109,7 +109,7 @@ def test_parts_rest():
     assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
     face = gesturer().generate(speech, parts=("face",))
     assert (face.rotations[:, BODY + FINGERS] == rest).all()
-    ruled = RuleBasedModel(shipped_mouth).generate(speech, parts=("face",))
+    ruled = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
     assert np.array_equal(face.face, ruled.face)
     assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
 
@@ -133,7 +133,7 @@ def test_styles_are_speakers_and_mixtures():
     mixed, other = (source(s) for s in ("ada:3, ben:1", "ben"))
     s = gesturer().system.statistics
     np.testing.assert_allclose(mixed.style, 0.75 * s.style_codes[0] + 0.25 * s.style_codes[1], atol=1e-6)
-    np.testing.assert_allclose(other.centre, s.speaker_mean[1])
+    np.testing.assert_allclose(other.speaker_mean, s.speaker_mean[1])
     begun = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
     assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
     assert gesturer().styles == ("ada", "ben")
@@ -150,7 +150,7 @@ def test_style_controls(tmp_path):
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
     session = controlled.session(style="hand_speed:0.25")
     table = controlled.system.statistics.control_quantiles
-    np.testing.assert_allclose(session._listener.quiet[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
+    np.testing.assert_allclose(session._frontend.silence[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
             controlled.session(style=wrong)
@@ -260,23 +260,23 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     """Frame by frame on the engine, with codes and mean poses that are faded by hand."""
     system, frames, start, seeds = gesturer().system, 60, 21, (3, 4)
     sizes, s = system.flow.sizes, system.statistics
-    rng, after = np.random.default_rng(0), sizes.heard - 1 - sizes.history
-    rows, quiet = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
+    rng, after = np.random.default_rng(0), sizes.speech_frames - 1 - sizes.history
+    rows, silence = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
 
-    def casting(blend):
+    def make_sources(blend):
         return [CodeSource(system, blend, seed=seed) for seed in seeds]
 
     ada, mixed = (blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
-    player = AutoregressiveDecoder(system, system.flow, casting, ada, quiet, intensity=0.5)
+    player = AutoregressiveDecoder(system, system.flow, make_sources, ada, silence, intensity=0.5)
     made = [player.push(rows[:start])]
     player.restyle(mixed, start)
     made += [player.push(rows[start:40])]
-    placed = player.units(np.concatenate(made, 1), at := np.arange(40 - after))
-    made = np.concatenate([*made, player.push(rows[40:]), player.finish(quiet)], 1)
+    placed = player.denormalise(np.concatenate(made, 1), at := np.arange(40 - after))
+    made = np.concatenate([*made, player.push(rows[40:]), player.finish(silence)], 1)
 
-    sources = casting(ada)
+    sources = make_sources(ada)
     takes = system.flow.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
-    heard = np.concatenate([np.repeat(quiet, sizes.history, 0), rows, np.repeat(quiet, after, 0)])
+    heard = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
     windows, z = system.flow.windows(heard), np.stack([x.draw(frames) for x in sources])
     u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
     share = 0.75 * (3 * u**2 - 2 * u**3)
@@ -300,14 +300,14 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     s = replace(system.statistics, **{name: value.astype(np.float32) for name, value in own.items()})
     system = replace(system, statistics=s)
 
-    def casting(blend):
+    def make_sources(blend):
         return [CodeSource(system, blend, seed=1)]
 
     ada, ben = (blend(name) for name in ("ada", "ben"))
-    player = AutoregressiveDecoder(system, system.flow, casting, ada, np.zeros((1, system.flow.sizes.audio), np.float32))
+    player = AutoregressiveDecoder(system, system.flow, make_sources, ada, np.zeros((1, system.flow.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
-    found = (player.units(poses, at) - s.pose_mean) / s.pose_std
+    found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
     for k, share in enumerate((0.0, 0.5, 1.0)):
         centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.speaker_std))
         wanted = centre + (poses[:, k] - s.free_mean) / s.free_std * spread
@@ -323,9 +323,9 @@ def test_style_controls_change_with_the_style(tmp_path):
     table, session = player.system.statistics.control_quantiles, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")
-    listener = session._listener
-    rows = np.concatenate([listener.push(cut(speech, [16_000])[1]), listener.finish()])
-    first = listener.frames - len(rows)
+    frontend = session._frontend
+    rows = np.concatenate([frontend.push(cut(speech, [16_000])[1]), frontend.finish()])
+    first = frontend.frames - len(rows)
     assert rows[20 - first, -1] == table[50, 1]  # at the change itself nothing has changed yet
     assert (rows[30 - first :, -1] == table[95, 1]).all()
     assert rows[25 - first, -1] == pytest.approx((table[50, 1] + table[95, 1]) / 2, abs=1e-5)

@@ -65,7 +65,7 @@ def run(store, tmp_path_factory):
     """A short one."""
     recipe = {
         "model": {"name": "stylised-flow", **MODEL},
-        "data": {"audio": "mel20-prosody", "by_clip": True},
+        "data": {"audio": "mel20-prosody", "per_clip_normalisation": True},
         "train": {
             "steps": 150,
             "batch": 16,
@@ -96,12 +96,12 @@ def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     for step in range(3):
         fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
         number = fed["clip"][0]
-        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
+        back = fed["pose"][0] * moments.style_gain[number] + moments.speaker_mean[number]
         np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
     for number, clip in enumerate(store.clips):
         whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
         assert np.abs(whole.mean(0)).max() < 1e-4
-        held = moments.spread[number] <= SPREAD_FLOOR
+        held = moments.style_gain[number] <= SPREAD_FLOOR
         np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
         assert (whole.std(0)[held] <= 1 + 1e-4).all()
 
@@ -134,7 +134,7 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
 
 
 def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
-    """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
+    """A short training makes a network that noise_gain from mean 0 and deviation 1: the bundle knows by how much."""
     player = TrainedModel.open(bundle)
     s = player.system.statistics
     assert (np.abs(s.free_mean) > 0.05).any()
@@ -190,7 +190,7 @@ def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path
 
 
 MIX = {"name": "mix-stage", "modes": 3, "channels": 8, "depth": 3, "style": 3, "patch_channels": 4}
-S2G = {"name": "speech2gesture", "channels": 8, "depth": 3, "decoder": 1, "judge": 4}
+S2G = {"name": "speech2gesture", "channels": 8, "depth": 3, "decoder": 1, "discriminator_channels": 4}
 MUNIT = {"name": "munit", "channels": 4, "style": 2, "mlp": 8, "blocks": 1}
 
 
@@ -261,8 +261,8 @@ def test_a_run_by_windows_is_on_stage(windowed):
 
 
 def test_poses_by_clip_are_not_for_networks_by_windows(windowed, tmp_path):
-    with pytest.raises(InputError, match="by_clip"):
-        bundle_run(windowed(S2G, by_clip=True), tmp_path / "it.cospeech")
+    with pytest.raises(InputError, match="per_clip_normalisation"):
+        bundle_run(windowed(S2G, per_clip_normalisation=True), tmp_path / "it.cospeech")
 
 
 def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):

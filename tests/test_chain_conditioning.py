@@ -131,7 +131,7 @@ def test_the_network_sees_poses_as_it_would_have_made_them(monkeypatch):
     assert not given[SEEDS:].any()
     assert not [ports for ports in later if {"seed", "face"} & set(ports)]
     assert later
-    centre, made, gain = session._player._style.scales(np.zeros(1, int))
+    centre, made, gain = session._decoder._style.scales(np.zeros(1, int))
     back = centre + gain * (given[:SEEDS, :-1] - made)
     poses = poses_before(system, shown, SEEDS)
     inside = np.abs(given[:SEEDS, :-1]) < 2.9  # not at the bounds of what is made

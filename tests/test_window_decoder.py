@@ -62,7 +62,7 @@ def codes_of(frames: np.ndarray, track: list[tuple[int, np.ndarray]]) -> np.ndar
 
 
 def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int = 64) -> np.ndarray:
-    """What the network makes of the whole speech at once, with silence around it and without a nudge."""
+    """What the network makes of the whole speech at once, with silence around it and without noise."""
     fill = -len(rows) % SIZES.multiple
     heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around + fill, 0)])
     style = codes_of(np.arange(len(heard)) - around, track)[None]
@@ -253,7 +253,7 @@ def test_fading_takes_over_to_the_bit():
     track = Crossfade(np.full((1, 1, 1), 0.1, np.float32), fps=20)
     track.change(np.full((1, 1, 1), 0.7, np.float32), 10)
     at = np.arange(0, 25, 0.25)
-    mixed = track.mixed(lambda value: value, at)[0, :, 0]
+    mixed = track.mix(lambda value: value, at)[0, :, 0]
     assert (mixed[at <= 10] == np.float32(0.1)).all()
     assert (mixed[at >= 20] == np.float32(0.7)).all()
     assert (np.diff(mixed) >= 0).all()
@@ -266,7 +266,7 @@ def test_fading_takes_over_to_the_bit():
     assert len(track.layers) == 2
     track.forget(20)
     assert [start for start, _ in track.layers] == [10]
-    assert track.mixed(lambda value: value, at).ravel() == np.float32(0.7)
+    assert track.mix(lambda value: value, at).ravel() == np.float32(0.7)
 
 
 def test_intensity_scales_around_the_style_s_mean_pose():
@@ -274,7 +274,7 @@ def test_intensity_scales_around_the_style_s_mean_pose():
     at, poses = np.arange(60.0), {}
     for intensity in (0.0, 0.5, 1.0, 2.0):
         who = player(style=MIXED, intensity=intensity)
-        poses[intensity] = who.units(played(who, rows), at)
+        poses[intensity] = who.denormalise(played(who, rows), at)
     centre = (0.7 * s.speaker_mean[0] + 0.3 * s.speaker_mean[2]) * s.pose_std + s.pose_mean
     np.testing.assert_allclose(poses[0.0], np.broadcast_to(centre, poses[0.0].shape), atol=1e-6)
     gain, made = (0.7 * x[0] + 0.3 * x[2] for x in (s.style_gain, s.model_mean))
@@ -284,7 +284,7 @@ def test_intensity_scales_around_the_style_s_mean_pose():
     np.testing.assert_allclose(poses[2.0] - centre, (poses[1.0] - centre) * 2, atol=1e-6)
     who = player(intensity=0.0)
     who.restyle(BEN, 20)
-    still = (who.units(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std
+    still = (who.denormalise(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std
     np.testing.assert_allclose(still, codes_of(at, [(0, np.eye(3)[0]), (20, np.eye(3)[1])]) @ s.speaker_mean, atol=1e-5)
 
 
@@ -430,7 +430,7 @@ def test_networks_are_played_as_they_are(name):
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
     from cospeech.runtime.network import Network
     from cospeech.training.export.window_graph import lower
-    from windowed_networks import given, made_by, make_network
+    from windowed_networks import given, make_network, run_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
     low = lower(net)
@@ -438,12 +438,12 @@ def test_networks_are_played_as_they_are(name):
     system = fake_system(signature, codes=np.eye(3)[:, : signature.width("style")])
     system = replace(system, networks={"make": Network(signature, low.graphs["make"], low.weights)})
     rows, *_ = given(net, 1, 300)
-    quiet, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, style_space(system).by_name("ben")),)
+    silence, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, style_space(system).by_name("ben")),)
     for setting in (live(signature), whole(signature)):
 
         def made(*seeds, setting=setting, **options):
-            who = decoder(system, setting, ben, seeds, quiet, **options)
-            return np.concatenate([who.push(rows), who.finish(quiet)], 1)
+            who = decoder(system, setting, ben, seeds, silence, **options)
+            return np.concatenate([who.push(rows), who.finish(silence)], 1)
 
         together = made(*range(8))
         assert together.shape == (8, 300, 96)
@@ -452,8 +452,8 @@ def test_networks_are_played_as_they_are(name):
         assert (np.abs(together[0] - together[1]).max() > 1e-3) == (name not in ("stage", "speech2gesture"))
     if signature.reach is not None:
         around = whole(signature).ahead
-        heard = np.concatenate([np.repeat(quiet, around, 0), rows, np.repeat(quiet, around + -300 % signature.multiple, 0)])
+        heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % signature.multiple, 0)])
         style = np.zeros((1, len(heard), signature.width("style")), np.float32)
         style[..., 1:2] = 1
-        wanted = made_by(net, heard, style, np.zeros((1, len(heard), signature.width("noise")), np.float32))
+        wanted = run_network(net, heard, style, np.zeros((1, len(heard), signature.width("noise")), np.float32))
         np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

@@ -73,9 +73,9 @@ def played(who: NetworkDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
 
 def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """(n, S + 8) what the voice says of these frames; silence follows the speech."""
-    ear = tracker(system())
-    ear.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, :AUDIO])
-    return ear.shares(frames)
+    tracker = tracker(system())
+    tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, :AUDIO])
+    return tracker.shares(frames)
 
 
 @pytest.mark.parametrize("frames", [1, 2, LOOK_AHEAD, 40])
@@ -121,11 +121,11 @@ def test_pieces_do_not_show(kind, style):
     whole = played(who, rows)
     assert whole.shape == (2, 150, POSE)
     at = np.arange(0, 149, 0.5)
-    units = who.units(whole[:, :1].repeat(len(at), 1), at)
+    units = who.denormalise(whole[:, :1].repeat(len(at), 1), at)
     for sizes in ([1], [7], [0, 1, 2, 0, 90, 5], [149, 1]):
         other = player(kind, style, seeds=(3, 4))
         assert played(other, rows, sizes).tobytes() == whole.tobytes()
-        assert other.units(whole[:, :1].repeat(len(at), 1), at).tobytes() == units.tobytes()
+        assert other.denormalise(whole[:, :1].repeat(len(at), 1), at).tobytes() == units.tobytes()
         assert other.speaker == who.speaker
 
 
@@ -220,7 +220,7 @@ def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
     shares = np.array([0.25, 0.75])
     made, gains = (s.live_model_mean, s.live_style_gain) if kind is CausalStreamDecoder else (s.model_mean, s.style_gain)
     wanted = shares @ s.speaker_mean + 0.5 * (shares @ gains) * (poses - shares @ made)
-    np.testing.assert_allclose(who.units(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
+    np.testing.assert_allclose(who.denormalise(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -235,7 +235,7 @@ def test_what_is_kept_does_not_grow(kind):
 
 def test_who_knows_no_emotion_says_so():
     assert player(CausalStreamDecoder).moods is not None
-    plain = system(judges=False)
+    plain = system(adversarial=False)
     assert player(CausalStreamDecoder, of=plain).moods is None
     assert player(CausalStreamDecoder, of=plain).speaker is None
     assert player(CausalStreamDecoder, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None

@@ -32,6 +32,8 @@ DerivedSpeakers = Annotated[
     list[str] | None,
     Option("--derive-speaker", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
 ]
+Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]  # old name
+"""What 0.1.0 called ``--derive-speaker``: an error says the new name."""
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
 Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
@@ -92,6 +94,12 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         cospeech prepare beat beat_english_v0.2.1 stores/beat --jobs -1
         """
         from ..corpora.prepare import prepare as make
+
+        if twin:  # old name
+            from ..errors import InputError
+
+            hint = f"it is called --derive-speaker now: --derive-speaker {twin[0]}"  # old name
+            raise InputError("there is no option --twin", hint)  # old name
 
         with progress("preparing", quiet) as tell:
             report = make(

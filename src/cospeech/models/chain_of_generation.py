@@ -55,7 +55,7 @@ __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
 
 
 class Turn(NamedTuple):
-    """Of a batch in a step: what is made of it, and for whom it is judged."""
+    """Of a batch in a step: what the cascade makes of it, and whose style and speech the discriminator compares it with."""
 
     made: CascadeOutput
     """Of the clip's own frames."""

@@ -113,7 +113,7 @@ def poses_before(system: System, motion: Motion, frames: int) -> Array:
     """
     step = motion.fps / system.fps
     tail = motion[max(0, len(motion) - int(np.ceil(frames * step)) - 1) :]
-    rows = encoded(tail.retarget("humanoid"), system)
+    rows = encode_motion(tail.retarget("humanoid"), system)
     place = np.clip(len(tail) - step * np.arange(frames, 0, -1), 0, len(tail) - 1)
     low = np.minimum(place.astype(int), max(len(tail) - 2, 0))
     part = (place - low).astype(np.float32)[:, None]

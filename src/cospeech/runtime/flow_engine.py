@@ -283,7 +283,7 @@ class Takes:
                 try:
                     run(self._bindings[0][0])
                 except Exception as error:  # classes of onnxruntime's own
-                    raise failed() from error
+                    raise explain_failure() from error
                 self._bindings.reverse()
                 if feedback_gain != 1:
                     self._pose *= feedback_gain

@@ -50,7 +50,7 @@ StyleMixture = tuple[tuple[float, StyleEmbedding], ...]
 """Styles with their shares, in sum 1."""
 
 
-def weighted(parts: Iterable[tuple[float, Array]]) -> Array:
+def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
     """The weighted mean in float32; a single part as it is, to the bit."""
     parts = list(parts)
     if len(parts) == 1:
@@ -82,7 +82,7 @@ def seen(system: BundleFacts, motion: Motion, least: float, name: str) -> tuple[
     if motion.duration < least:
         raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
     try:
-        return tuple(_seen(piece, system) for piece in _spread(motion, least))
+        return tuple(_standardise(piece, system) for piece in _spread(motion, least))
     except InputError as error:
         raise InputError(f"{name}: {error.problem}", error.hint) from None
 
@@ -104,7 +104,7 @@ def stretches(poses: Array, length: int) -> list[Array]:
 
 def _seen(motion: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses."""
-    return encoded(_placed(motion.resample(system.fps).retarget("humanoid")), system)
+    return encode_motion(_move_to_origin(motion.resample(system.fps).retarget("humanoid")), system)
 
 
 def encoded(body: Motion, system: BundleFacts) -> Array:
@@ -118,7 +118,7 @@ def encoded(body: Motion, system: BundleFacts) -> Array:
     return ((pose.encode(source) - s.pose_mean) / s.pose_std).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def _placed(body: Motion) -> Motion:
+def _move_to_origin(body: Motion) -> Motion:
     """Our humanoid brought to where speakers stand, and turned to the front, if it is not there or nearly."""
     hips, root = np.asarray(body.rotations[:, 0], float), np.asarray(body.root, float).copy()
     ahead = quat_rotate(hips, np.array([0.0, 0.0, 1.0])).mean(0)

@@ -86,7 +86,7 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
     number by number.
 
     Returns:
-        pull, (D,) mean, (D,) deviation.
+        The feedback gain, (D,) mean, (D,) standard deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
     for feedback_gain in FEEDBACK_GAINS if model.config.residual else FEEDBACK_GAINS[:1]:

@@ -50,13 +50,13 @@ def speech(frames: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(frames, ROWS)).astype(np.float32)
 
 
-def tracker(of: System, emotion=None) -> SpeakerEmotionTracker:
+def make_tracker(of: System, emotion=None) -> SpeakerEmotionTracker:
     return SpeakerEmotionTracker(of.networks.get("classify"), SPEAKERS, of.fps, QUIET[0, :AUDIO], emotion)
 
 
 def player(kind: type[NetworkDecoder], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> NetworkDecoder:
     of, live = of or system(), kind is CausalStreamDecoder
-    track = SpokenStyleTrack(of, style_space(of), style, tracker(of, emotion), live=live)
+    track = SpokenStyleTrack(of, style_space(of), style, make_tracker(of, emotion), live=live)
     network = of.networks["live" if live else "make"]
     return kind(of, network, track, seeds, QUIET, *([] if live else [sections(network.signature)]), **options)
 
@@ -73,7 +73,7 @@ def played(who: NetworkDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
 
 def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """(n, S + 8) what the voice says of these frames; silence follows the speech."""
-    tracker = tracker(system())
+    tracker = make_tracker(system())
     tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, :AUDIO])
     return tracker.shares(frames)
 

@@ -78,6 +78,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         speed: Speeds = None,
         pitch: Pitches = None,
         derivation: DerivedSpeakers = None,
+        twin: Twin = None,  # old name
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
@@ -104,8 +105,8 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec, overwrite=overwrite,
-                progress=tell,
+                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec,
+                overwrite=overwrite, progress=tell,
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")

@@ -164,7 +164,7 @@ def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, RuntimeError, NotImplementedError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{shown!r} cannot be unpacked: {error}"[:200], _HINT) from None
+        raise InputError(f"{shown!r} cannot be unpack_half: {error}"[:200], _HINT) from None
 
 
 def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from ..motion.rotations import Array
 from .bundle import Bundle, pack_arrays, read_bundle, write_bundle
 from .network import open_session
 from .signature import STYLE_FRAMES, Port, Signature
-from .spec import STATISTICS, WEIGHTS, read_spec, unpacked
+from .spec import STATISTICS, WEIGHTS, read_spec, unpack_half
 from .system import open_system
 
 __all__ = ["convert_bundle"]
@@ -29,7 +29,9 @@ _NAMES = {
               "live_gains": "live_style_gain", "strays": "noise_gain"},
 }  # fmt: skip
 """Kind of format 1 → its names of statistics, and today's."""
-_NOISE = b"mode_noise", b"noise"  # names of an input; as long as each other, so that the graph stays whole
+_SIZES = {"pull": "feedback_gain", "heard": "speech_frames"}
+"""Sizes of a flow."""
+_NOISE = b"nudge", b"noise"  # names of an input; as long as each other, so that the graph stays whole
 
 
 def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
@@ -63,7 +65,8 @@ def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
 
 
 def _flow(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
-    return {"flow": dict(sizes), "style_space": "code" if sizes["style"] else "none"}
+    known = {_SIZES.get(name, name): size for name, size in sizes.items()}
+    return {"flow": known, "style_space": "code" if sizes["style"] else "none"}
 
 
 def _windows(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
@@ -115,5 +118,5 @@ def _states(old: Bundle) -> dict[str, Port]:
     """State of the graph ``live`` → its shape; format 1 did not tell it."""
     if "live.onnx" not in old.members:
         return {}
-    found = open_session(old.members["live.onnx"].replace(*_NOISE), unpacked(old.arrays(WEIGHTS))).get_inputs()
+    found = open_session(old.members["live.onnx"].replace(*_NOISE), unpack_half(old.arrays(WEIGHTS))).get_inputs()
     return {end.name: (1 if end.shape[0] == 1 else "N", end.shape[1]) for end in found if end.name.startswith("state")}

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .autoregressive_decoder import Source
 from .flow_engine import FlowEngine, StudentT
-from .style_embedding import StyleMixture, mix, weighted
+from .style_embedding import StyleMixture, average_parts, mix
 from .style_space import FlowSpace
 from .system import System
 
@@ -48,7 +48,7 @@ class CodeSource:
     def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         rng, sizes, s = np.random.default_rng([seed, 1]), flow_of(system).sizes, system.statistics
         begun = [(share, style.beginnings[rng.integers(len(style.beginnings))]) for share, style in blend]
-        self.history: Array = weighted(begun)
+        self.history: Array = average_parts(begun)
         mixed = mix(blend)
         self.style, self.centre, self.spread = mixed.code, mixed.centre, mixed.spread
         self.drift: Array | None = None

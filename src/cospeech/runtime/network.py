@@ -16,7 +16,7 @@ from ..motion.rotations import Array
 from .graph_check import check_onnx
 from .signature import Port, Signature, matches
 
-__all__ = ["LIMIT", "Network", "failed", "open_session", "run_session"]
+__all__ = ["LIMIT", "Network", "explain_failure", "open_session", "run_session"]
 
 LIMIT = 1e3
 """Ours: standardised speech, weights of styles and noise come nowhere near; keeps what is absurd out of a network."""
@@ -82,7 +82,7 @@ class Network:
         for name, array in made.items():
             if not matches(array.shape, self._made[name], sizes):
                 raise InputError(f"a graph makes {name!r} of shape {array.shape}"[:200], _HINT)
-        return made | {name: _bounded(made[name], *ends) for name, ends in self._bounds.items()}
+        return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
 
 
 def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
@@ -106,7 +106,7 @@ def _sane(values: Array) -> Array:
     return np.ascontiguousarray(np.clip(values, -LIMIT, LIMIT), np.float32)
 
 
-def _bounded(values: Array, low: Any, high: Any) -> Array:
+def _clip_output(values: Array, low: Any, high: Any) -> Array:
     """What a hostile network makes too: infinities at the bounds, what is no number at 0."""
     bounded: Array = np.clip(np.nan_to_num(values, posinf=np.inf, neginf=-np.inf), low, high)
     return bounded
@@ -147,10 +147,10 @@ def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
     try:
         made: list[Array] = session.run(None, given)
     except Exception as error:  # as where a session is opened
-        raise failed() from error
+        raise explain_failure() from error
     return made
 
 
-def failed() -> InputError:
+def explain_failure() -> InputError:
     """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
     return InputError("a graph fails while it runs", _HINT)

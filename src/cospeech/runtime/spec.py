@@ -28,7 +28,7 @@ from .graph_check import check_onnx
 from .signature import Signature
 from .statistics import Statistics
 
-__all__ = ["STYLE_SPACES", "VOICE", "BundleFacts", "BundleSpec", "half", "read_spec", "unpacked"]
+__all__ = ["STYLE_SPACES", "VOICE", "BundleFacts", "BundleSpec", "half", "read_spec", "unpack_half"]
 
 STYLE_SPACES = ("none", "one-hot", "speaker-emotion", "code")
 """What a network takes for a style: nothing; weights of the speakers; these and weights of the emotions; a code of its own."""
@@ -93,7 +93,7 @@ def half(weights: Mapping[str, Array]) -> dict[str, Array]:
     """
     with np.errstate(over="ignore"):
         small = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in weights.items()}
-    _check_weights(unpacked(small))
+    _check_weights(unpack_half(small))
     return small
 
 
@@ -114,15 +114,15 @@ def read_spec(bundle: Bundle) -> BundleSpec:
 def _read(bundle: Bundle) -> BundleSpec:
     flow, signatures = _networks(bundle)
     facts = _facts(bundle)
-    statistics, weights, graphs = _statistics(bundle), unpacked(bundle.arrays(WEIGHTS)), bundle.graphs()
+    statistics, weights, graphs = _statistics(bundle), unpack_half(bundle.arrays(WEIGHTS)), bundle.graphs()
     if flow is not None:
-        statistics = _checked_of_flow(flow, statistics, facts)
+        statistics = _check_flow_statistics(flow, statistics, facts)
         check_flow(weights, flow)
         if missing := (_GRAPHS | ({"style"} if flow.style else set())) - set(graphs):
             raise InputError(f"no graph {', '.join(sorted(missing))}", "is the bundle damaged?")
         widths = flow.pose, flow.audio
     else:
-        statistics = _checked_of_networks(signatures, statistics, facts)
+        statistics = _check_network_statistics(signatures, statistics, facts)
         _check_weights(weights)
         _check_graphs(graphs, signatures, weights)
         decoder = signatures.get("make") or signatures["live"]
@@ -208,7 +208,7 @@ def _common_shapes(pose: int, audio: int, speakers: int, controls: int) -> dict[
     return shapes | {"speaker_mean": (speakers, pose), "control_quantiles": (QUANTILES, controls)}
 
 
-def _checked_of_flow(flow: FlowSizes, s: Statistics, facts: Mapping[str, Any]) -> Statistics:
+def _check_flow_statistics(flow: FlowSizes, s: Statistics, facts: Mapping[str, Any]) -> Statistics:
     """Statistics as a flow needs them."""
     speakers, controls = len(facts["styles"]), len(facts["controls"])
     each = max(1, len(np.atleast_1d(s.histories)) // max(speakers, 1))
@@ -226,7 +226,7 @@ def _checked_of_flow(flow: FlowSizes, s: Statistics, facts: Mapping[str, Any]) -
     return s.complete(one_hot=False)
 
 
-def _checked_of_networks(signatures: Mapping[str, Signature], s: Statistics, facts: Mapping[str, Any]) -> Statistics:
+def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics, facts: Mapping[str, Any]) -> Statistics:
     """Statistics as networks need them; and whether styles are those of these networks."""
     decoder = signatures.get("make") or signatures["live"]
     speakers, controls, space = len([n for n in facts["styles"] if n != VOICE]), len(facts["controls"]), facts["style_space"]
@@ -265,7 +265,7 @@ def _check_graphs(graphs: Mapping[str, bytes], signatures: Mapping[str, Signatur
         raise InputError(f"weights that no graph has: {min(odd)!r}"[:200], "is the bundle damaged?")
 
 
-def unpacked(weights: Mapping[str, Array]) -> dict[str, Array]:
+def unpack_half(weights: Mapping[str, Array]) -> dict[str, Array]:
     """Those in float16 as float32; others as they are."""
     return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
 

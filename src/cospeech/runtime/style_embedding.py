@@ -15,7 +15,7 @@ from ..motion.poses import Pose, find_pose
 from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
 from .spec import BundleFacts
 
-__all__ = ["StyleEmbedding", "StyleMixture", "encoded", "mix", "seen", "stretches", "weighted"]
+__all__ = ["StyleEmbedding", "StyleMixture", "encode_motion", "mix", "standardise_example", "stretches", "average_parts"]
 
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
 ASIDE, FACING = 0.25, np.pi / 4  # metres and radians; ours: a place or a heading beyond belongs to the room, not to the person
@@ -63,11 +63,11 @@ def mix(mixture: StyleMixture) -> StyleEmbedding:
     found = {}
     for name in ("code", "centre", "spread", "made", "gain", "live_made", "live_gain"):
         parts = [(share, getattr(style, name)) for share, style in mixture if getattr(style, name) is not None]
-        found[name] = weighted(parts) if parts else None
+        found[name] = average_parts(parts) if parts else None
     return StyleEmbedding(**found, beginnings=np.zeros((0, 0, 0), np.float32))
 
 
-def seen(system: BundleFacts, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
+def standardise_example(system: BundleFacts, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
     """(T, D) standardised poses of an example, or of pieces of it.
 
     Args:
@@ -102,12 +102,12 @@ def stretches(poses: Array, length: int) -> list[Array]:
     return [poses[start : start + length] for start in [*range(0, last, length // 2), last]]
 
 
-def _seen(motion: Motion, system: BundleFacts) -> Array:
+def _standardise(motion: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses."""
     return encode_motion(_move_to_origin(motion.resample(system.fps).retarget("humanoid")), system)
 
 
-def encoded(body: Motion, system: BundleFacts) -> Array:
+def encode_motion(body: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses of motion on our humanoid, at whatever rate."""
     pose: Pose = find_pose(system.pose)
     if pose.source == "points":

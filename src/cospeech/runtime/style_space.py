@@ -15,7 +15,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .flow_engine import FlowEngine
 from .spec import VOICE
-from .style_embedding import StyleEmbedding, StyleMixture, mix, seen, stretches
+from .style_embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
 from .system import System
 
 __all__ = ["CodeSpace", "FlowSpace", "OneHotSpace", "StyleSpace", "style_space"]
@@ -84,7 +84,7 @@ class CodeSpace:
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
         """See `StyleSpace`."""
-        code, shown = self._encoded(motion, name)
+        code, shown = self._encode(motion, name)
         shares = np.full(len(self._system.speakers), 1 / len(self._system.speakers))
         return self._embedding(code, np.concatenate(shown).mean(0), shares, shown)
 
@@ -96,14 +96,14 @@ class CodeSpace:
         """See `StyleSpace`."""
         return None
 
-    def _encoded(self, motion: Motion, name: str) -> tuple[Array, tuple[Array, ...]]:
+    def _encode(self, motion: Motion, name: str) -> tuple[Array, tuple[Array, ...]]:
         """The mean of what the style encoder makes of stretches that overlap by half; and all poses of the example."""
         system, encoder = self._system, self._system.networks.get("style")
         if encoder is None:
             hint = f"it has {', '.join(system.styles)}, and their mixtures"
             raise InputError(f"this system cannot see a style in {name}", hint)
         least = encoder.signature.probe
-        shown = seen(system, motion, least / system.fps, name)
+        shown = standardise_example(system, motion, least / system.fps, name)
         frames = min(len(poses) for poses in shown)
         if frames < least:
             hint = f"an example of style has {least} of them at least, {least / system.fps:.2f} s"
@@ -136,8 +136,8 @@ class OneHotSpace(CodeSpace):
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
         """See `StyleSpace`."""
-        code, shown = self._encoded(motion, name)
-        shares = _normalised(code)
+        code, shown = self._encode(motion, name)
+        shares = _normalise(code)
         return self._embedding(shares, shares @ self._system.statistics.speaker_mean, shares, shown)
 
     def shares(self, mixture: StyleMixture) -> dict[str, float] | None:
@@ -174,7 +174,7 @@ class FlowSpace:
         """See `StyleSpace`; it is a second long at least."""
         s, sizes = self._system.statistics, self._flow.sizes
         least = max(SHORTEST, max(8, sizes.history + 2) / self._system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
-        shown = seen(self._system, motion, least, name)
+        shown = standardise_example(self._system, motion, least, name)
         centre, spread = np.concatenate(shown).mean(0), None
         if s.speaker_std.size:
             spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
@@ -206,7 +206,7 @@ class FlowSpace:
         return found
 
 
-def _normalised(code: Array) -> Array:
+def _normalise(code: Array) -> Array:
     """Weights ≥ 0 that sum to 1, whatever an encoder gives."""
     positive = np.clip(np.nan_to_num(np.asarray(code, float)), 0, 1)
     total = positive.sum()

@@ -15,7 +15,7 @@ from ...audio.emotions import EMOTIONS
 from ...errors import InputError, nearest
 from ...motion.rotations import Array
 from ...runtime.network import Network
-from ...runtime.spec import VOICE, half, unpacked
+from ...runtime.spec import VOICE, half, unpack_half
 from ...runtime.statistics import Statistics
 from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
@@ -107,7 +107,7 @@ def _bundle_networks(
         statistics = calibrate(opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures)
     if small:
         weights = half(weights)
-        rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpacked(weights))
+        rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpack_half(weights))
         name = "make" if "make" in opened else "live"
         facts |= {"rounding": relative_error(opened[name], rounded[name], rows, statistics.style_codes)}
         card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"

@@ -60,8 +60,8 @@ def calibrate(
             continue
         measured = _Measured(networks[name], statistics, examples, fps, columns, 1 + measures_noise)
         if measures_noise and measured.noise.shape[-1]:
-            gains[place:] = measured.noise_gain()
-        found |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), measured.compared(gains[place]), strict=True)
+            gains[place:] = measured.find_noise_gain()
+        found |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), measured.compare(gains[place]), strict=True)
     return replace(statistics, noise_gain=gains, **found)
 
 
@@ -87,22 +87,22 @@ class _Measured:
         self.noise = np.asarray(noise).reshape(takes, count, width, frames).swapaxes(2, 3) if width else np.zeros((1, 1, 1, 0))
         self.speakers = speakers
 
-    def noise_gain(self) -> float:
+    def find_noise_gain(self) -> float:
         """By what noise is multiplied so that two takes lie `APART` as far from each other as one moves; they do so nearly in
         proportion to the noise."""
-        take, other = (np.stack([*self.played(self.codes[:1], noise)]) for noise in self.noise)
+        take, other = (np.stack([*self.play_styles(self.codes[:1], noise)]) for noise in self.noise)
         apart, moved = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
         return float(np.clip(APART * moved / max(apart, 1e-6), *NOISE_GAINS))
 
-    def compared(self, gain: float) -> tuple[Array, Array]:
+    def compare(self, gain: float) -> tuple[Array, Array]:
         """(S, D) mean of what is made in each style; and the standard deviation within a window of the speakers' own poses, in
         that of what is made."""
-        made = np.stack([*self.played(self.codes, gain * self.noise[0])])  # (n, S, T, D)
+        made = np.stack([*self.play_styles(self.codes, gain * self.noise[0])])  # (n, S, T, D)
         wanted = np.sqrt(self.own.var(2, ddof=1).mean(1))
         moved = np.sqrt(made.var(2, ddof=1).mean(0))
         return made.mean((0, 2)).astype(np.float32), np.clip(wanted / np.maximum(moved, 1e-6), *GAINS).astype(np.float32)
 
-    def played(self, codes: Array, noise: Array) -> Iterator[Array]:
+    def play_styles(self, codes: Array, noise: Array) -> Iterator[Array]:
         """(S, T, D) of each window, one take in each of these styles (S, C)."""
         for k, rows in enumerate(self.rows):
             style = [np.broadcast_to(codes[:, None], (len(codes), len(rows), codes.shape[1]))]

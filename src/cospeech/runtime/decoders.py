@@ -69,9 +69,9 @@ def start_decoder(
     live = network.signature.window is None
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:
-        silence = silence[0, : len(system.statistics.audio_mean)]
+        heard = silence[0, : len(system.statistics.audio_mean)]
         tracker = SpeakerEmotionTracker(
-            system.networks.get("classify"), len(system.speakers), system.fps, silence, options.track
+            system.networks.get("classify"), len(system.speakers), system.fps, heard, options.track
         )
         style = SpokenStyleTrack(system, space, mixture, tracker, live=live)
     else:

@@ -50,10 +50,10 @@ class CodeSource:
         begun = [(share, style.beginnings[rng.integers(len(style.beginnings))]) for share, style in blend]
         self.history: Array = average_parts(begun)
         mixed = mix(blend)
-        self.style, self.centre, self.spread = mixed.code, mixed.centre, mixed.spread
-        self.drift: Array | None = None
-        if self.spread is not None:  # random latents: what the network makes of them by itself is known
-            self.drift, self.spread = s.free_mean, self.spread / s.free_std
+        self.style, self.speaker_mean, self.style_gain = mixed.code, mixed.speaker_mean, mixed.speaker_std
+        self.model_mean: Array | None = None
+        if self.style_gain is not None:  # random latents: what the network makes of them by itself is known
+            self.model_mean, self.style_gain = s.free_mean, self.style_gain / s.free_std
         self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
 
     def draw(self, frames: int) -> Array:
@@ -73,15 +73,15 @@ class _ExampleSource(CodeSource):
         super().__init__(system, blend, seed=seed, temperature=temperature)
         space = FlowSpace(system, flow_of(system))
         taken = mix(blend) if coded else space.by_name(system.style)
-        self.style, self.centre, self.spread = taken.code, taken.centre, taken.spread  # its latents make its own poses
-        self.drift = None if self.spread is None else np.zeros(system.pose_width, np.float32)
+        self.style, self.speaker_mean, self.style_gain = taken.code, taken.speaker_mean, taken.speaker_std  # its latents make its own poses
+        self.model_mean = None if self.style_gain is None else np.zeros(system.pose_width, np.float32)
         self._system, self._temperature = system, np.float32(temperature)
         self._kept = np.zeros((0, system.pose_width), np.float32)
         self._rng = np.random.default_rng([seed, 2])
         self._pieces = [(share, space.latents(style, style.code if coded else self.style)) for share, style in blend]
-        self._blocks = self._drawn()
+        self._blocks = self._generate_blocks()
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         raise NotImplementedError
 
     def draw(self, frames: int) -> Array:
@@ -98,11 +98,11 @@ class SegmentSource(_ExampleSource):
     Of a mixture every block comes from one of the styles, by their shares; speakers by name give random latents.
     """
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         means = [np.mean(np.concatenate(found), 0) if found else None for _, found in self._pieces]
         if len(self._pieces) == 1 and means[0] is not None:
             for piece in self._pieces[0][1]:
-                yield self._warmed(piece, means[0])
+                yield self._scale(piece, means[0])
         length = max(1, round(BLOCK * self._system.fps))
         shares = np.array([share for share, _ in self._pieces])
         while True:
@@ -115,9 +115,9 @@ class SegmentSource(_ExampleSource):
             place = int(self._rng.integers(sizes.sum()))
             which = int(np.searchsorted(np.cumsum(sizes), place, "right"))
             start = place - int(sizes[:which].sum())
-            yield self._warmed(found[which][start : start + length], mean)
+            yield self._scale(found[which][start : start + length], mean)
 
-    def _warmed(self, latents: Array, mean: Array) -> Array:
+    def _scale(self, latents: Array, mean: Array) -> Array:
         return (mean + self._temperature * (latents - mean)).astype(np.float32)
 
 
@@ -127,7 +127,7 @@ class NormalSource(_ExampleSource):
     The covariance is drawn towards that of random latents, the more so the shorter the example is.
     """
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         sizes = flow_of(self._system).sizes
         spread = sizes.nu / (sizes.nu - 2) if sizes.nu > 2 else 1.0
         mean, covariance = np.zeros(sizes.pose), np.zeros((sizes.pose, sizes.pose))

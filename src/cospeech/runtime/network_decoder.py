@@ -68,7 +68,7 @@ class NetworkDecoder:
         s, (centre, made, gain) = self._system.statistics, self._style.scales(at)
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
-    def _drawn(self, frames: int) -> Array:
+    def _draw_noise(self, frames: int) -> Array:
         """(N, frames, Z) the next noise."""
         return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 

@@ -80,7 +80,7 @@ class SlidingWindowDecoder(NetworkDecoder):
     """Takes of one speech on a network of windows.
 
     Args:
-        system, network, style, seeds, quiet, temperature, intensity: see `NetworkDecoder`.
+        system, network, style, seeds, silence, temperature, intensity: see `NetworkDecoder`.
         setting: how windows lie.
     """
 

@@ -122,14 +122,14 @@ class SpeechTextFrontend:
     def push(self, chunk: Speech) -> Array:
         """(n, A + W) rows that have become certain."""
         self._heard = np.concatenate([self._heard, self._frontend.push(chunk)])
-        return self._joined(self._words.push(chunk))
+        return self._join(self._words.push(chunk))
 
     def finish(self) -> Array:
         """The rest."""
         self._heard = np.concatenate([self._heard, self._frontend.finish()])
-        return self._joined(self._words.finish(self.frames))
+        return self._join(self._words.finish(self.frames))
 
-    def _joined(self, words: list[str | None]) -> Array:
+    def _join(self, words: list[str | None]) -> Array:
         """Rows of which both the sound and the word are known."""
         self._read = np.concatenate([self._read, self._system.word_rows(words)])
         known = min(len(self._heard), len(self._read))

@@ -29,21 +29,21 @@ class StyleEmbedding:
 
     code: Array
     """(C,) what the network is given; of no width for a system that has no codes."""
-    centre: Array
+    speaker_mean: Array
     """(D,) mean pose."""
     beginnings: Array
     """(n, τ, D) stretches that an autoregressive network may begin with."""
-    spread: Array | None = None
+    speaker_std: Array | None = None
     """(D,) standard deviation, for a flow that knows poses by their recording's own mean and standard deviation."""
-    shown: tuple[Array, ...] = ()
+    poses: tuple[Array, ...] = ()
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
-    made: Array | None = None
-    """(D,) mean of what a network of windows makes in this style, which ``centre`` takes the place of."""
-    gain: Array | None = None
+    model_mean: Array | None = None
+    """(D,) mean of what a network of windows makes in this style, which ``speaker_mean`` takes the place of."""
+    style_gain: Array | None = None
     """(D,) by what its poses are multiplied, so that they deviate as the speaker's do."""
-    live_made: Array | None = None
+    live_model_mean: Array | None = None
     """(D,) and (D,): the same of the network of frames."""
-    live_gain: Array | None = None
+    live_style_gain: Array | None = None
 
 
 StyleMixture = tuple[tuple[float, StyleEmbedding], ...]
@@ -61,7 +61,7 @@ def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
 def mix(mixture: StyleMixture) -> StyleEmbedding:
     """One style out of several: the weighted means of their numbers; it has no examples and no beginnings."""
     found = {}
-    for name in ("code", "centre", "spread", "made", "gain", "live_made", "live_gain"):
+    for name in ("code", "speaker_mean", "speaker_std", "model_mean", "style_gain", "live_model_mean", "live_style_gain"):
         parts = [(share, getattr(style, name)) for share, style in mixture if getattr(style, name) is not None]
         found[name] = average_parts(parts) if parts else None
     return StyleEmbedding(**found, beginnings=np.zeros((0, 0, 0), np.float32))

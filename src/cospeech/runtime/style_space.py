@@ -78,8 +78,8 @@ class CodeSpace:
         """See `StyleSpace`."""
         s, k = self._system.statistics, self._system.speakers.index(name)
         return StyleEmbedding(
-            s.style_codes[k], s.speaker_mean[k], _no_beginnings(self._system), made=s.model_mean[k], gain=s.style_gain[k],
-            live_made=s.live_model_mean[k], live_gain=s.live_style_gain[k],
+            s.style_codes[k], s.speaker_mean[k], _no_beginnings(self._system), model_mean=s.model_mean[k], style_gain=s.style_gain[k],
+            live_model_mean=s.live_model_mean[k], live_style_gain=s.live_style_gain[k],
         )  # fmt: skip
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
@@ -112,13 +112,13 @@ class CodeSpace:
         pieces = [stretch for poses in shown for stretch in stretches(poses, least)]
         return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown
 
-    def _embedding(self, code: Array, centre: Array, shares: Array, shown: tuple[Array, ...]) -> StyleEmbedding:
+    def _embedding(self, code: Array, mean: Array, shares: Array, shown: tuple[Array, ...]) -> StyleEmbedding:
         """Of an example that is like the speakers by these shares."""
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
         made, gain, live_made, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
         return StyleEmbedding(
-            code.astype(np.float32), centre.astype(np.float32), _no_beginnings(self._system), None, shown, made, gain,
+            code.astype(np.float32), mean.astype(np.float32), _no_beginnings(self._system), None, shown, made, gain,
             live_made, live_gain,
         )  # fmt: skip
 
@@ -142,7 +142,7 @@ class OneHotSpace(CodeSpace):
 
     def shares(self, mixture: StyleMixture) -> dict[str, float] | None:
         """See `StyleSpace`."""
-        if len(mixture) == 1 and not mixture[0][1].shown:
+        if len(mixture) == 1 and not mixture[0][1].poses:
             return None
         weights = self.mix(mixture).code
         named = dict(zip(self._system.speakers, weights.tolist(), strict=True)) | {VOICE: 1 - float(weights.sum())}
@@ -175,10 +175,10 @@ class FlowSpace:
         s, sizes = self._system.statistics, self._flow.sizes
         least = max(SHORTEST, max(8, sizes.history + 2) / self._system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
         shown = standardise_example(self._system, motion, least, name)
-        centre, spread = np.concatenate(shown).mean(0), None
+        mean, std = np.concatenate(shown).mean(0), None
         if s.speaker_std.size:
-            spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
-            shown = tuple((poses - centre) / spread for poses in shown)
+            std = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
+            shown = tuple((poses - mean) / std for poses in shown)
         shown = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in shown)
         code = np.zeros(0)
         if sizes.style:
@@ -186,7 +186,7 @@ class FlowSpace:
         places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
         every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
         beginnings = np.concatenate(every)[places.astype(int)]
-        return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
+        return StyleEmbedding(code.astype(np.float32), mean.astype(np.float32), beginnings.astype(np.float32), std, shown)
 
     def mix(self, mixture: StyleMixture) -> StyleEmbedding:
         """See `StyleSpace`."""
@@ -200,7 +200,7 @@ class FlowSpace:
         """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
         sizes, found = self._flow.sizes, []
         after = sizes.heard - 1 - sizes.history
-        for poses in style.shown:
+        for poses in style.poses:
             rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
             found.append(self._flow.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
         return found

@@ -60,15 +60,15 @@ class StyleTrack:
 
     def codes(self, frames: Array) -> Array:
         """(N or 1, n or 1, C) what the network is given at these frames."""
-        return self._styles.mixed(lambda style: style.code + self._beside, frames)
+        return self._styles.mix(lambda style: style.code + self._beside, frames)
 
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
         """Mean pose of the style, that of what the network makes in it, and by what the difference is multiplied: (n or 1, D)
         each, at these frames, which may be fractions."""
         return (
-            self._styles.mixed(lambda style: style.centre[None, None], at),
-            self._styles.mixed(lambda style: _made(style, self._live)[0][None, None], at),
-            self._styles.mixed(lambda style: _made(style, self._live)[1][None, None], at),
+            self._styles.mix(lambda style: style.speaker_mean[None, None], at),
+            self._styles.mix(lambda style: _made(style, self._live)[0][None, None], at),
+            self._styles.mix(lambda style: _made(style, self._live)[1][None, None], at),
         )
 
     def restyle(self, mixture: StyleMixture, frame: int) -> None:
@@ -145,14 +145,14 @@ class SpokenStyleTrack:
     def _weights(self, frames: Array) -> Array:
         """(n, S + 8) of these frames."""
         speakers, heard = len(self._system.speakers), self._tracker.shares(frames)
-        asked = np.broadcast_to(self._asked.mixed(lambda shares: shares, frames)[0], (len(frames), speakers))
+        asked = np.broadcast_to(self._asked.mix(lambda shares: shares, frames)[0], (len(frames), speakers))
         left = np.maximum(1 - asked.sum(1, keepdims=True), 0)
         return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
 
 
 def _made(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
     """Mean of what a network makes in a style, and by what it is multiplied."""
-    mean, gain = (style.live_made, style.live_gain) if live else (style.made, style.gain)
+    mean, gain = (style.live_model_mean, style.live_style_gain) if live else (style.model_mean, style.style_gain)
     assert mean is not None
     assert gain is not None
     return mean, gain

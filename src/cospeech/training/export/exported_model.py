@@ -11,9 +11,15 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...models.chain_live import ChainLive
+from ...models.chain_of_generation import Chain
+from ...models.moglow import MoGlow
+from ...models.nn.modalities import ManyInputs
+from ...models.nn.windowed import Windowed
+from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
 from ...runtime.signature import Signature
 from .chain_graph import lower_chain
+from .onnx_export import export_graphs
 from .window_graph import lower
 
 __all__ = ["ExportedModel", "export_model"]
@@ -40,14 +46,16 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     Raises:
         InputError: it makes no motion, or what no bundle can hold.
     """
-    if hasattr(model, "export"):
+    if isinstance(model, MoGlow | StylisedFlow):
         return None
-    if hasattr(model, "words"):
+    if isinstance(model, Chain | ManyInputs):
         return _chain(model, name)
-    if not hasattr(model, "make"):
-        raise InputError(f"a run of {name!r}, which plays no motion", "bundles are of systems")
-    low = lower(model)
-    return ExportedModel(low.signatures, low.graphs, low.weights, np.zeros(0, np.float32))
+    nothing = np.zeros(0, np.float32)
+    if isinstance(model, Windowed):
+        low = lower(model)
+        return ExportedModel(low.signatures, low.graphs, low.weights, nothing)
+    exported = export_graphs(model.export_module())
+    return ExportedModel(exported.signatures, exported.graphs, exported.weights, nothing)
 
 
 def _chain(model: Any, name: str) -> ExportedModel:
@@ -57,9 +65,9 @@ def _chain(model: Any, name: str) -> ExportedModel:
         if model.teacher is None:
             raise InputError(f"a run of {name!r} without a teacher", "train it with [needs] teacher = …")
         whole = model.teacher
-    if getattr(getattr(whole, "ear", None), "array", "audio") != "audio":
-        raise InputError(f"a run of {name!r} that hears with {whole.config.ear}", "bundles play without PyTorch")
-    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "styled")):
+    if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
+        raise InputError(f"a run of {name!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch")
+    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
         raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
     words = _words(whole)
     low = lower_chain(model)

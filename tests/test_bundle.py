@@ -18,6 +18,7 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 
 from cospeech.audio.features.words import subwords
 from cospeech.errors import InputError
+from cospeech.runtime import convert_bundle
 from cospeech.runtime.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_bundle, write_bundle
 from cospeech.runtime.graph_check import check_onnx
 from cospeech.runtime.network import LIMIT
@@ -112,7 +113,8 @@ def test_there_and_back(kind, tmp_path):
     assert spec.styles == (*NAMES, *([VOICE] if kind == "chain" else []))
     wanted, width = {}, len(spec.statistics.audio_mean)
     if kind == "flow":
-        assert spec.flow == (sizes := small_sizes("expmap-humanoid", "mel20-prosody"))
+        sizes = small_sizes("expmap-humanoid", "mel20-prosody")
+        assert spec.flow == sizes
         statistics = flow_statistics(sizes)
     else:
         build, measure = {"window": (small_windows, window_statistics), "chain": (small_chain, chain_statistics)}[kind]
@@ -244,6 +246,71 @@ def test_what_cannot_be_written(tmp_path):
         with pytest.raises(InputError):
             write_bundle(tmp_path / "x.cospeech", {}, {name: b""})
     assert not list(tmp_path.iterdir())
+
+
+# format 1 --------------------------------------------------------------------------------------------------------------------
+
+
+def older(kind: str) -> tuple[dict, dict[str, bytes]]:
+    """The same bundle as it was in format 1: a kind, sizes, other names."""
+    manifest, members = contents(kind)
+    arrays = Bundle("x", manifest, members).arrays("statistics.safetensors")
+    if kind == "window":
+        arrays["style_codes"] = np.eye(2, dtype=np.float32)
+    back = {new: old for old, new in convert_bundle.NAMES[kind].items()}
+    arrays = {back.get(name, name): value for name, value in arrays.items()}
+    members |= {"statistics.safetensors": pack_arrays(arrays)}
+    members = {name: data.replace(b"noise", b"nudge") if name.endswith(".onnx") else data for name, data in members.items()}
+    if kind == "flow":
+        sizes = {{new: old for old, new in convert_bundle.SIZES.items()}.get(k, k): v for k, v in manifest["flow"].items()}
+    else:
+        make = read_spec(Bundle("x", *contents(kind))).signatures["make"]
+        sizes = {"pose": make.width("poses"), "window": make.window}
+        if kind == "window":
+            sizes |= {"audio": make.width("rows"), "styles": make.width("style"), "modes": make.width("noise")}
+            sizes |= {"multiple": make.multiple, "reach": make.reach}
+        else:
+            sizes |= {"audio": make.width("rows") - WORDS, "words": WORDS, "speakers": 2, "noise": make.width("noise")}
+            sizes |= {"reach": 2, "look_ahead": 3, "faces": 0, "seeds": 0}
+    plain = {name: fact for name, fact in manifest.items() if name not in ("networks", "flow", "style_space")}
+    return plain | {"kind": kind, "sizes": sizes}, members
+
+
+@every_kind
+def test_a_bundle_of_format_1_says_how_to_convert_it_and_plays_the_same_after(kind, tmp_path, monkeypatch):
+    old = older(kind)
+    with monkeypatch.context() as patch:
+        patch.setattr("cospeech.runtime.bundle.FORMAT", 1)
+        write_bundle(tmp_path / "old.cospeech", *old)
+    with pytest.raises(InputError, match=r"format 1.*`cospeech bundle old\.cospeech -o new\.cospeech` converts it") as told:
+        open_bundle(tmp_path / "old.cospeech")
+    assert "\n" not in str(told.value)
+    convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "new.cospeech")
+    found, wanted = (
+        perform(parsed(tmp_path / "x.cospeech", data)) for data in ((tmp_path / "new.cospeech").read_bytes(), good(kind))
+    )
+    assert {name: made.tobytes() for name, made in found.items()} == {name: made.tobytes() for name, made in wanted.items()}
+    new, old = (read_spec(read_bundle(path)) for path in (tmp_path / "new.cospeech", tmp_path / "x.cospeech"))
+    assert (new.signatures, new.flow, new.styles, new.style_space) == (old.signatures, old.flow, old.styles, old.style_space)
+    for name, value in vars(new.statistics).items():
+        assert np.array_equal(value, getattr(old.statistics, name)), name
+
+
+@every_kind
+def test_what_cannot_be_converted(kind, tmp_path, monkeypatch):
+    (tmp_path / "new.cospeech").write_bytes(good(kind))
+    with pytest.raises(InputError, match="format 2"):
+        convert_bundle.convert_bundle(tmp_path / "new.cospeech", tmp_path / "again.cospeech")
+    manifest, members = older(kind)
+    monkeypatch.setattr("cospeech.runtime.bundle.FORMAT", 1)
+    for change in ({"kind": "vae"}, {"sizes": {}}, {"sizes": 3}, {"sizes": manifest["sizes"] | {"pose": 9}}):
+        write_bundle(tmp_path / "old.cospeech", manifest | change, members)
+        with pytest.raises(InputError) as told:
+            convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "again.cospeech")
+        assert "\n" not in str(told.value)
+    with pytest.raises(InputError, match=r"ends in \.cospeech"):
+        convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "again.zip")
+    assert not (tmp_path / "again.cospeech").exists()
 
 
 # the manifest ----------------------------------------------------------------------------------------------------------------

@@ -19,9 +19,9 @@ from .signature import STYLE_FRAMES, Port, Signature
 from .spec import STATISTICS, WEIGHTS, read_spec, unpack_half
 from .system import open_system
 
-__all__ = ["convert_bundle"]
+__all__ = ["NAMES", "SIZES", "convert_bundle"]
 
-_NAMES = {
+NAMES = {
     "flow": {"styles": "style_codes", "centres": "speaker_mean", "spreads": "speaker_std", "made_mean": "free_mean",
              "made_std": "free_std", "controls": "control_quantiles"},
     "window": {"centres": "speaker_mean", "codes": "style_codes", "made": "model_mean", "gains": "style_gain"},
@@ -29,7 +29,7 @@ _NAMES = {
               "live_gains": "live_style_gain", "strays": "noise_gain"},
 }  # fmt: skip
 """Kind of format 1 → its names of statistics, and today's."""
-_SIZES = {"pull": "feedback_gain", "heard": "speech_frames"}
+SIZES = {"pull": "feedback_gain", "heard": "speech_frames"}
 """Sizes of a flow."""
 _NOISE = b"nudge", b"noise"  # names of an input; as long as each other, so that the graph stays whole
 
@@ -48,9 +48,9 @@ def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
         raise InputError(f"a bundle called {fsdecode(out)!r}", "its name ends in .cospeech")
     old = read_bundle(path, format=1)
     kind, sizes = old.fact("kind", str), old.fact("sizes", dict)
-    if kind not in _NAMES:
-        raise InputError(f"{old.name!r} holds a {kind[:40]!r}", f"what can be converted is {', '.join(_NAMES)}")
-    arrays = {_NAMES[kind].get(name, name): value for name, value in old.arrays(STATISTICS).items() if value.size}
+    if kind not in NAMES:
+        raise InputError(f"{old.name!r} holds a {kind[:40]!r}", f"what can be converted is {', '.join(NAMES)}")
+    arrays = {NAMES[kind].get(name, name): value for name, value in old.arrays(STATISTICS).items() if value.size}
     manifest = {name: value for name, value in old.manifest.items() if name not in ("kind", "sizes", "members", "format")}
     members = {name: data.replace(*_NOISE) if name.endswith(".onnx") else data for name, data in old.members.items()}
     try:
@@ -65,8 +65,8 @@ def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
 
 
 def _flow(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
-    known = {_SIZES.get(name, name): size for name, size in sizes.items()}
-    return {"flow": known, "style_space": "code" if sizes["style"] else "none"}
+    known = {SIZES.get(name, name): size for name, size in sizes.items()}
+    return {"flow": known, "style_space": "code" if sizes.get("style") else "none"}
 
 
 def _windows(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:

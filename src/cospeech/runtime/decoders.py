@@ -70,9 +70,7 @@ def start_decoder(
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:
         heard = silence[0, : len(system.statistics.audio_mean)]
-        tracker = SpeakerEmotionTracker(
-            system.networks.get("classify"), len(system.speakers), system.fps, heard, options.track
-        )
+        tracker = SpeakerEmotionTracker(system.networks.get("classify"), len(system.speakers), system.fps, heard, options.track)
         style = SpokenStyleTrack(system, space, mixture, tracker, live=live)
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)

@@ -101,7 +101,10 @@ def _examples(graph: ExportGraph, takes: int, frames: int) -> dict[str, Tensor]:
 def _trace(graph: ExportGraph, module: torch.nn.Module) -> Any:
     """The model as PyTorch exports it."""
     given = _examples(graph, 2, graph.frames)
-    takes, frames = torch.export.Dim("N"), torch.export.Dim("K") * graph.multiple if graph.multiple > 1 else torch.export.Dim("T")
+    takes, frames = (
+        torch.export.Dim("N"),
+        torch.export.Dim("K") * graph.multiple if graph.multiple > 1 else torch.export.Dim("T"),
+    )
     over_time = {name for name, shape in graph.inputs.items() if "T" in shape}
     shapes = [{0: takes, 1: frames} if name in over_time else {0: takes} for name in given]
     names = [*graph.outputs, *(f"next.{name}" for name in graph.states)]
@@ -141,7 +144,9 @@ def _quiet() -> Iterator[None]:
         logging.disable(before)
 
 
-def _compare(name: str, graph: ExportGraph, module: Any, data: bytes, weights: Mapping[str, Array], inputs: Mapping[str, Dims]) -> None:
+def _compare(
+    name: str, graph: ExportGraph, module: Any, data: bytes, weights: Mapping[str, Array], inputs: Mapping[str, Dims]
+) -> None:
     given = _examples(graph, 3, graph.frames + graph.multiple)
     for key, shape in inputs.items():
         if shape[0] == 1:

@@ -133,7 +133,7 @@ def decoder(system: System, setting, mixture, seeds, quiet, *, temperature: floa
     """A decoder of windows that begins with this mixture."""
     style = StyleTrack(system, style_space(system), mixture, seeds, temperature=temperature)
     options = {"temperature": temperature, "intensity": intensity}
-    return SlidingWindowDecoder(system, system.player, style, seeds, quiet, setting, **options)
+    return SlidingWindowDecoder(system, system.main_network, style, seeds, quiet, setting, **options)
 
 
 @cache

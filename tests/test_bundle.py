@@ -162,7 +162,7 @@ def test_systems_that_lack_something(tmp_path, without):
     system = open_bundle(write_small_chain(tmp_path / "a.cospeech", **without))
     assert ("live" in system.networks, "classify" in system.networks) == ("live" not in without, "judges" not in without)
     assert (VOICE in system.styles) is ("classify" in system.networks)
-    assert (system.player.signature.width("noise") > 0, system.statistics.words.size > 0) == (
+    assert (system.main_network.signature.width("noise") > 0, system.statistics.words.size > 0) == (
         "noise" not in without, "words" not in without,
     )  # fmt: skip
 
@@ -369,7 +369,8 @@ def port(part: str, name: str, *shape: object) -> dict:
 
 SIGNATURES = [
     ("make", change) for change in (
-        port("outputs", "poses", "N", "T", 9), port("outputs", "poses", "N", "T", "57"), port("outputs", "poses", "N", "T", True),
+        port("outputs", "poses", "N", "T", 9), port("outputs", "poses", "N", "T", "57"),
+        port("outputs", "poses", "N", "T", True),
         port("outputs", "poses", "N", 57), port("outputs", "poses", 2, "T", 57), port("outputs", "more", "N", "T", 3),
         port("inputs", "rows", 1, "T", 5), port("inputs", "rows", 1, "T", 5.5), port("inputs", "rows", "N", "T", 24),
         port("inputs", "rows", 1, "T", 10**9), port("inputs", "style", "N", "T", 3), port("inputs", "noise", "N", "T", 4),

@@ -224,7 +224,7 @@ def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed
     for code, speech in zip(codes, examples["speech"][:, 0, :96], strict=True):
         wanted = net.generate(speech[None], code[None, None])[0].numpy()
         style = {"style": np.broadcast_to(code.numpy(), (1, 96, net.styles))} if net.styles else {}
-        rows = system.player.run(rows=speech.numpy()[None], **style)["poses"][0]
+        rows = system.main_network.run(rows=speech.numpy()[None], **style)["poses"][0]
         wanted = wanted.clip(*system.statistics.bounds)
         np.testing.assert_allclose(rows, wanted, atol=1e-4)
     for which, value in vars(system.statistics).items():
@@ -245,7 +245,7 @@ def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
     examples, _ = read_tensors(windowed(MIX) / EXAMPLES)
     rows = examples["speech"][0].flatten(0, 1).numpy()
     style = np.eye(2, dtype=np.float32)[None, [0] * len(rows)]
-    small, exact = (system.player.run(rows=rows[None], style=style)["poses"] for system in systems)
+    small, exact = (system.main_network.run(rows=rows[None], style=style)["poses"] for system in systems)
     assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(said, rel=0.5)
     assert "rounding" not in read_bundle(tmp_path / "False.cospeech").manifest
     assert "half precision" in systems[0].card

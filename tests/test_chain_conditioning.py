@@ -83,7 +83,7 @@ def test_after_a_face_that_is_shorter_comes_the_system_s_own():
     plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
     over = int((2 + FADE) * 30) + 1
     np.testing.assert_array_equal(made.face[over:], plain.face[over:])
-    window = int(gesturer().system.player.signature.window / FPS * 30)
+    window = int(gesturer().system.main_network.signature.window / FPS * 30)
     np.testing.assert_allclose(made.rotations[over + window :], plain.rotations[over + window :], atol=1e-6)
     assert np.abs(made.face[:60] - plain.face[:60]).max() > 0.05
 
@@ -142,7 +142,7 @@ def test_the_network_sees_poses_as_it_would_have_made_them(monkeypatch):
 def test_motion_to_go_on_from_moves_the_beginning_and_no_more():
     speech, first = talk(9.6), recorded()
     plain, made = (gesturer().generate(speech, parts=BODY, continue_from=m, **WHOLE) for m in (None, first))
-    window = int(gesturer().system.player.signature.window / FPS * 30)
+    window = int(gesturer().system.main_network.signature.window / FPS * 30)
     assert away(plain[:10], made[:10]) > 1e-4
     np.testing.assert_array_equal(plain.rotations[window:], made.rotations[window:])
     with_file = gesturer().generate(speech, parts=BODY, continue_from=first, face=first, **WHOLE)
@@ -186,7 +186,7 @@ def test_old_bundles_and_those_trained_without():
             with pytest.raises(InputError, match="go on from"):
                 player.session(continue_from=recorded(), **WHOLE)
         assert len(player.generate(talk(1.0), **WHOLE)) == 30
-    signature = gesturer(faces=False, seeds=0).system.player.signature
+    signature = gesturer(faces=False, seeds=0).system.main_network.signature
     assert not {"face", "seed"} & set(signature.inputs)
     assert signature.seeds == 0
 

@@ -149,7 +149,7 @@ def test_the_face_is_in_the_mood_that_is_heard():
     for name in EMOTIONS:  # half of what is heard is played, the rest is neutral
         due = CAUTION * session.emotion[name] + (1 - CAUTION) * (name == "neutral")
         assert played[name] == pytest.approx(due, abs=0.1)
-    assert session.emotion != gesturer(adversarial=False).session().emotion
+    assert session.emotion != gesturer(judges=False).session().emotion
 
 
 def test_who_speaks_is_told_and_played():
@@ -158,7 +158,7 @@ def test_who_speaks_is_told_and_played():
     list(session.finish())
     assert set(session.speaker) == set(NAMES)
     assert sum(session.speaker.values()) == pytest.approx(1)
-    assert gesturer(adversarial=False).session().speaker is None
+    assert gesturer(judges=False).session().speaker is None
     ada, ben, voice, mixed = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
     assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixed, ada)) > 1e-3
     assert same(mixed, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))

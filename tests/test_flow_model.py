@@ -281,7 +281,7 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
     share = 0.75 * (3 * u**2 - 2 * u**3)
     for f in range(frames):
-        takes.style_codes[:] = (1 - share[f]) * s.style_codes[0] + share[f] * s.style_codes[1]
+        takes.styles[:] = (1 - share[f]) * s.style_codes[0] + share[f] * s.style_codes[1]
         np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
     centres = (1 - share) * s.speaker_mean[0] + share * s.speaker_mean[1]
     wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
@@ -303,7 +303,7 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     def make_sources(blend):
         return [CodeSource(system, blend, seed=1)]
 
-    ada, ben = (blend(name) for name in ("ada", "ben"))
+    ada, ben = (Styles(system, style_space(system)).blend(name) for name in ("ada", "ben"))
     player = AutoregressiveDecoder(system, system.flow, make_sources, ada, np.zeros((1, system.flow.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)

@@ -118,7 +118,7 @@ def test_it_forgets_what_is_past(system):
 
 
 def test_windows_hold_what_matters_to_the_network(system):
-    sizes = system.player.signature
+    sizes = system.main_network.signature
     exact = choose_layout(sizes, 60.0)
     assert exact.ahead >= sizes.reach <= exact.past
     assert exact.fade == 0

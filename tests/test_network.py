@@ -183,8 +183,10 @@ WRONG = {
         {"noise": (1, 32, MODES)}, {"noise": (2, 32, 0)}, {"words": (1, 32, 3)},
     ],
     ("chain", "live"): [
-        {"rows": (1, AUDIO + WORDS + 1)}, {"rows": (1, 1, AUDIO + WORDS)}, {"rows": (0,)}, {"style": (2, 3)}, {"style": (1, 10)},
-        {"style": (10,)}, {"noise": (2, NOISE + 1)}, {"noise": (2,)}, {"noise": (2, 0)}, {"state0": (2, 20)}, {"state1": (1, 8)},
+        {"rows": (1, AUDIO + WORDS + 1)}, {"rows": (1, 1, AUDIO + WORDS)}, {"rows": (0,)}, {"style": (2, 3)},
+        {"style": (1, 10)},
+        {"style": (10,)}, {"noise": (2, NOISE + 1)}, {"noise": (2,)}, {"noise": (2, 0)}, {"state0": (2, 20)},
+        {"state1": (1, 8)},
         {"face": (1, 53)},
     ],
     ("window", "style"): [{"poses": (1, 64, POSE + 1)}, {"poses": (64,)}, {"poses": (64, POSE)}, {"poses": (2, 64, POSE)}],

@@ -80,7 +80,7 @@ def test_every_network_by_windows_plays_speech(store, runs, name):
     path = runs / f"{name}.cospeech"
     bundle_run(begun(store, runs / name, name), path, which="last")
     system = open_bundle(path)
-    assert (system.audio, system.pose, system.fps, system.player.signature.width("rows")) == (
+    assert (system.audio, system.pose, system.fps, system.main_network.signature.width("rows")) == (
         "log-mel-400",
         "keypoints2d",
         15.0,

@@ -17,7 +17,7 @@ from cospeech.runtime.window_layout import WindowLayout
 from fake_windows import NAMES, decoder, fake_sizes, fake_system
 
 SYSTEM = fake_system()
-ENGINE = SYSTEM.player
+ENGINE = SYSTEM.main_network
 SIZES = ENGINE.signature
 QUIET = np.array([[-0.5, 0.25]], np.float32)
 SMALL = WindowLayout(window=32, hop=4, ahead=8, fade=3)
@@ -318,7 +318,7 @@ def test_another_look_ahead_is_the_same_take():
     rows = speech(90)
     made = [
         played(player(setting, seeds=[9], system=system), rows)
-        for setting in (WindowLayout(32, 4, 8, 3), whole(system.player.signature))
+        for setting in (WindowLayout(32, 4, 8, 3), whole(system.main_network.signature))
     ]
     np.testing.assert_allclose(made[0], made[1], atol=1e-5)
 
@@ -329,7 +329,7 @@ def test_a_free_code_is_moved_for_good():
     system = fake_system(sizes, codes=codes)
     ada = ((1.0, style_space(system).by_name("ada")),)
     codes_played = []
-    system.player.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
     played(decoder(system, SMALL, ada, range(500), QUIET), speech(9))
     moved = codes_played[0][:, 0] - codes[0]
     assert all((style == codes_played[0]).all() for style in codes_played)
@@ -345,7 +345,7 @@ def test_a_free_code_is_one_for_a_window():
     system = fake_system(sizes, codes=np.array([[1.0, 0], [0, 5], [-1, 1]]))
     ada, ben = (((1.0, style_space(system).by_name(name)),) for name in NAMES[:2])
     codes_played = []
-    system.player.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
     who = decoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
     who.push(speech(20))
     who.restyle(ben, 20)

@@ -166,7 +166,7 @@ def test_styles_are_speakers_and_mixtures(monkeypatch):
     assert same(mixed, said)
     assert min(away(ada, ben), away(mixed, ada), away(mixed, ben)) > 0.01
     assert (gesturer().styles, gesturer().default_style) == (("ada", "ben", "cleo"), "ada")
-    network, played = whole_system().player, []
+    network, played = whole_system().main_network, []
     run = network.run
     monkeypatch.setattr(network, "run", lambda **given: played.append(given["style"]) or run(**given))
     gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)

@@ -89,7 +89,7 @@ def _network(system: System, seconds: float | None) -> Network:
     make, live = system.networks.get("make"), system.networks.get("live")
     if live is not None and (make is None or seconds is None or seconds * system.fps <= live.signature.look_ahead):
         return live
-    return system.decoder
+    return system.main_network
 
 
 def _flow(

@@ -44,7 +44,8 @@ _SHARED = {"rows", "face", "seed"}  # one for all takes
 _WIDEST = {"rows": 5024, "style": 1024, "noise": 256, "face": 53, "seed": 2001, "poses": 2000, "logits": 1024}
 _WIDEST_STATE = 1 << 17  # numbers; the last 34 frames of 1,000 channels are a quarter of it
 _RANGES = {
-    "window": (1, 4096), "look_ahead": (0, 64), "multiple": (1, 1024), "reach": (0, 1 << 16), "hop": (1, 4096), "seeds": (0, 64),
+    "window": (1, 4096), "look_ahead": (0, 64), "multiple": (1, 1024), "reach": (0, 1 << 16), "hop": (1, 4096),
+    "seeds": (0, 64),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 _MOST_STATES = 256  # ours

@@ -60,7 +60,7 @@ class Statistics:
     """(S, D) standard deviation of each speaker's poses, for a network that knows poses by their recording's own mean and
     standard deviation. With it, ranges and histories are of such poses."""
     free_mean: Array = field(default_factory=_none)
-    """(D,) mean of what an autoregressive network makes when nobody corrects it, taken off before ``speaker_std`` is applied."""
+    """(D,) mean of what an autoregressive network makes when nobody corrects it, taken off before ``speaker_std``."""
     free_std: Array = field(default_factory=_none)
     """(D,) its standard deviation."""
     control_quantiles: Array = field(default_factory=_none)

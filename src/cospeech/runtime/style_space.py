@@ -78,8 +78,8 @@ class CodeSpace:
         """See `StyleSpace`."""
         s, k = self._system.statistics, self._system.speakers.index(name)
         return StyleEmbedding(
-            s.style_codes[k], s.speaker_mean[k], _no_beginnings(self._system), model_mean=s.model_mean[k], style_gain=s.style_gain[k],
-            live_model_mean=s.live_model_mean[k], live_style_gain=s.live_style_gain[k],
+            s.style_codes[k], s.speaker_mean[k], _no_beginnings(self._system), model_mean=s.model_mean[k],
+            style_gain=s.style_gain[k], live_model_mean=s.live_model_mean[k], live_style_gain=s.live_style_gain[k],
         )  # fmt: skip
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
@@ -199,7 +199,7 @@ class FlowSpace:
     def latents(self, style: StyleEmbedding, code: Array) -> list[Array]:
         """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
         sizes, found = self._flow.sizes, []
-        after = sizes.heard - 1 - sizes.history
+        after = sizes.speech_frames - 1 - sizes.history
         for poses in style.poses:
             rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
             found.append(self._flow.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))

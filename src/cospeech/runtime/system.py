@@ -39,7 +39,7 @@ class System(BundleFacts):
         return len(self.statistics.pose_mean)
 
     @property
-    def decoder(self) -> Network:
+    def main_network(self) -> Network:
         """The network of windows, or that of frames where there is no other; not of a flow."""
         return self.networks.get("make") or self.networks["live"]
 

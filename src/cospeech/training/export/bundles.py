@@ -45,8 +45,8 @@ def bundle_run(
         run: folder made by `cospeech.training.train.train`.
         path: file to write, ``NAME.cospeech``.
         which: "best" or "last" parameters; see `cospeech.training.checkpoint.load_run` for a run that has no best.
-        small: keep weights in fewer bits: the large products of flows in 8, all weights of other networks in 16; the manifest and
-            the card then say by how much that moves poses (``rounding``).
+        small: keep weights in fewer bits: the large products of flows in 8, all weights of other networks in 16; manifest and
+            card then say by how much that moves poses (``rounding``).
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,

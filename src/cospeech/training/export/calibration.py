@@ -19,13 +19,13 @@ __all__ = ["calibrate", "relative_error", "stretch_rows"]
 
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
 APART, NOISE_GAINS = 0.7, (1.0, 5.0)
-"""How far takes are to lie from each other, in standard deviations within a window, and by what noise is multiplied for it; ours:
-independent takes would lie √2 apart, and beyond five times the noise that it knows a network slows down."""
+"""How far takes are to lie from each other, in standard deviations within a window, and by what noise is multiplied for it;
+ours: independent takes would lie √2 apart, and beyond five times the noise that it knows a network slows down."""
 DIGITS = 6  # of the measured error
 
 
 def stretch_rows(statistics: Statistics, examples: Mapping[str, Array], columns: int) -> Array:
-    """(S, n, F, R) rows of the speakers' speech as a network takes them: style controls are medians, words those that were said.
+    """(S, n, F, R) rows of the speakers' speech as a network takes them: style controls at their means, words as said.
 
     Args:
         statistics: of the bundle.

@@ -23,14 +23,14 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from cospeech.runtime.style_measures import StyleEmbedding
+from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
+from cospeech.runtime.window_engine import WindowEngine
 from flow import medians, processor, verdict
 
 from cospeech.models.mix_stage import MixStage, MixStageConfig
 from cospeech.models.nn.objective import Batch, StepRandom
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
-from cospeech.runtime.style_measures import StyleEmbedding
-from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
-from cospeech.runtime.window_engine import WindowEngine
 from cospeech.training.export.window_graph import lower
 
 POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0

@@ -19,9 +19,10 @@ Followed, changed, not said in the paper: docs/models/camn.md, by number.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -30,10 +31,12 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
+from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
+from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -45,8 +48,10 @@ HEARD = 7  # ours: with four convolutions in a row each frame hears 25, as each 
 
 
 @dataclass(frozen=True)
-class CamnConfig:
+class CamnConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4}
 
     frames: int = 34
     """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""
@@ -80,9 +85,7 @@ class CamnConfig:
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
         low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "seed_dropout": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a CaMN", low)
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0):
             raise InputError(
                 f"a CaMN with dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}", "shares; beta > 0"

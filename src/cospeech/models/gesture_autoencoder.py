@@ -23,12 +23,15 @@ they serve training and evaluation.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.norm import BatchNorm1d, batch_norm
 from .nn.objective import Batch, Objective
 from .nn.trainable import Trainable
@@ -41,8 +44,10 @@ SHORTEST = 16  # frames that four halvings leave one of
 
 
 @dataclass(frozen=True)
-class AutoencoderConfig:
+class AutoencoderConfig(ModelConfig):
     """Sizes of `GestureAutoencoder`; the paper gives none, the defaults are the authors' code's for TED."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"width": 8, "code": 4}
 
     frames: int = 30
     """T of a training window; ω takes windows of any length."""
@@ -55,11 +60,13 @@ class AutoencoderConfig:
 
 
 @dataclass(frozen=True)
-class FgdConfig:
+class FgdConfig(ModelConfig):
     """Sizes of `FgdAutoencoder`; the paper gives none but the length, the defaults are the authors' code's.
 
     The decoder's are of the code's: a dense layer of 2 · code, then ⌊code / 8⌋ channels; authors' code, and BEAT's.
     """
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "code": 4}
 
     frames: int = 34
     """T of a window; Yoon et al. 2020 (2.27 s at their 15 frames per second)."""

@@ -19,8 +19,9 @@ Followed, changed, not said in the papers: docs/models/moglow.md, by number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -29,6 +30,7 @@ from torch import Tensor, nn
 from ..errors import InputError, nearest
 from ..motion.poses.controls import CONTROLS
 from .nn.conditioning import drop_history, frame_windows
+from .nn.configuration import ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
 from .nn.trainable import Trainable
@@ -37,8 +39,10 @@ __all__ = ["MoGlow", "MoGlowConfig"]
 
 
 @dataclass(frozen=True)
-class MoGlowConfig:
+class MoGlowConfig(ModelConfig):
     """Sizes; the defaults are those of the paper on gestures, in its version of the authors' configuration."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16}
 
     steps: int = 16
     """K; authors' configuration, paper version 16."""
@@ -222,7 +226,8 @@ class MoGlow(Trainable):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu), "residual": c.residual,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu),
+            "residual": c.residual,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

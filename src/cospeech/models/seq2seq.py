@@ -18,14 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
+from .nn.configuration import ModelConfig
 from .nn.modalities import INPUTS, SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
@@ -33,8 +36,10 @@ __all__ = ["Seq2Seq", "Seq2SeqConfig"]
 
 
 @dataclass(frozen=True)
-class Seq2SeqConfig:
+class Seq2SeqConfig(ModelConfig):
     """Sizes and weights; those of the authors' later code (of Yoon et al. 2020, who compare with it)."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "word_width": 5}
 
     frames: int = 34
     """T of a training window; later code 34 at 15 per second, of which 4 are given."""
@@ -55,9 +60,7 @@ class Seq2SeqConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
-        for name, least in (low | {"regression": 0, "continuity": 0, "variance": 0}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a seq2seq network is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a seq2seq network", low | {"regression": 0, "continuity": 0, "variance": 0})
         if not self.dropout < 1:
             raise InputError(f"dropout of a seq2seq network is {self.dropout}", "a share")
 

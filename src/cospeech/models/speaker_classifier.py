@@ -8,14 +8,17 @@ convolution too has batch norm and ReLU. It serves evaluation: `cospeech.models.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.trainable import Trainable
@@ -26,8 +29,10 @@ SHORTEST = 64  # frames that six halvings leave one of
 
 
 @dataclass(frozen=True)
-class SpeakerClassifierConfig:
+class SpeakerClassifierConfig(ModelConfig):
     """Sizes; the defaults are those of the authors' code of Mix-StAGE."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4}
 
     frames: int = 64
     """T of a training window, and of a window of the score; authors' code 64 (4.3 s at 15 frames per second)."""

@@ -9,9 +9,10 @@ known teaches nothing of emotions. It is the first stage of a Chain of Generatio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -19,6 +20,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.cascade import EMOTIONS
+from .nn.configuration import ModelConfig
 from .nn.gain_augmentation import GainAugmentation
 from .nn.objective import Batch, Objective
 from .nn.temporal import SLOPE, Memory, SameConv
@@ -30,8 +32,10 @@ _LAYERS = 3  # appendix A.4
 
 
 @dataclass(frozen=True)
-class SpeechClassifierConfig:
+class SpeechClassifierConfig(ModelConfig):
     """Sizes; the paper gives the number of layers alone."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 6}
 
     frames: int = 34
     """T of a training window; section 4.1."""

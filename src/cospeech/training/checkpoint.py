@@ -12,6 +12,7 @@ import json
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -28,10 +29,12 @@ from ..limits import RUN_BYTES
 from ..models import NETWORKS
 from ..models.nn.trainable import Trainable
 from .recipe import build
+from .renamed import RENAMED
 
 __all__ = [
     "FORMAT",
     "WHICH",
+    "build_config",
     "build_model",
     "load_run",
     "network",
@@ -61,6 +64,27 @@ def network(name: str) -> type[Trainable]:
     return kind
 
 
+def build_config(name: str, values: Mapping[str, Any]) -> Any:
+    """The settings of a network, an instance of its ``Config``.
+
+    Args:
+        name: in the registry.
+        values: by field; what is left out has its default.
+
+    Raises:
+        InputError: no such network, no such setting (the hint names the extension that has it), or a value of the wrong kind.
+    """
+    kind, more = network(name), f"{name}-extended"
+    own = {field.name for field in fields(kind.Config)}
+    unknown = {key: {key, *RENAMED.get(key, ())} for key in values if key not in own}
+    theirs = {field.name for field in fields(network(more).Config)} if unknown and more in NETWORKS else set()
+    if unknown and all(theirs & names for names in unknown.values()):
+        key, names = next(iter(unknown.items()))
+        hint = f'model.name = "{more}" has it' + ("" if key in theirs else f", as {min(theirs & names)!r}")
+        raise InputError(f"the published {name!r} has no key model.{key}", hint)
+    return build(kind.Config, values, "model")
+
+
 def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Trainable:
     """A model with new parameters, from the facts of a run (``model``, ``config``, ``sizes``, ``needs``).
 
@@ -69,7 +93,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
         needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
     """
     kind = network(facts["model"])
-    config = build(kind.Config, facts["config"], "model")
+    config = build_config(facts["model"], facts["config"])
     sizes = {name: facts["sizes"][name] for name in kind.dimensions_for(config) if name in facts["sizes"]}
     parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
     try:
@@ -144,7 +168,7 @@ def stands_for(folder: Path, which: str = "best") -> str:
         raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
     there = {name for name in WHICH if (folder / f"{name}.safetensors").exists()}
     if not there:
-        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` goes on with it")
+        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` continues it")
     return which if which in there or which == "last" else "last"
 
 

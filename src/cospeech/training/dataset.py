@@ -31,9 +31,9 @@ from .batch_loader import (
     standard_pose,
 )
 from .calibration_clips import examples_of
-from .checkpoint import load_run, network, read_tensors
+from .checkpoint import build_config, load_run, network, read_tensors
 from .movement_modes import with_modes
-from .recipe import Data, Recipe, build, list_changes, read_recipe
+from .recipe import Data, Recipe, list_changes, read_recipe
 from .speaker_subset import of_speakers
 from .style_controls import control_quantiles, with_controls
 from .texts import with_text
@@ -107,7 +107,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         InputError: they do not fit, or the model has no such settings.
     """
     data, kind = recipe.data, network(recipe.model)
-    config = build(kind.Config, recipe.config, "model")
+    config = build_config(recipe.model, recipe.config)
     _check_store(data, store)
     if data.speakers:
         store = of_speakers(store, data.speakers)
@@ -222,7 +222,7 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
     models, known = dict[str, nn.Module](), {}
     for name, folder in recipe.needs.items():
         if not (Path(folder) / "config.json").is_file():
-            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            first = f"`cospeech train {Path(folder).name}` makes it; --set needs.{name}=RUN names another"
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
@@ -257,7 +257,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         found += list_changes({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+        raise InputError(f"the run began with {found[0]}{more}", "a run keeps its recipe and store; --out begins another")
     for name, value in now.items():
         array = name.rpartition("_")[0]
         if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):

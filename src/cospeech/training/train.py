@@ -70,7 +70,7 @@ class _Run:
         work = open_set(recipe, store, team.device)
         there = (folder / "config.json").exists()
         if there and not resume:
-            raise InputError(f"there is a run in {str(folder)!r} already", "--resume goes on with it; --out names another")
+            raise InputError(f"there is a run in {str(folder)!r} already", "--resume continues it; --out names another folder")
         if there:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)

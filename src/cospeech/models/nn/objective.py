@@ -1,8 +1,8 @@
 """The seam between a model and the training loop: a model says *what* is optimised, the loop does the rest.
 
-A model is a `cospeech.models.nn.trainable.Trainable` with ``objectives()``. In every step the loop takes each objective that
-is due, in order, and does zero_grad → loss → backward → average over processes → clip → step for it. That is enough for a flow (one
-objective), a GAN (two, each with parameters of its own) and a cascade (two, one after the other: the first stops where the
+A model is a `cospeech.models.nn.trainable.Trainable` with ``objectives()``. In every step the loop takes each objective that is
+due, in order, and does zero_grad → loss → backward → average over processes → clip → step for it. That is enough for a flow
+(one objective), a GAN (two, each with parameters of its own) and a cascade (two, one after the other: the first stops where the
 second starts).
 """
 

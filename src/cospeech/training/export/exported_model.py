@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...models.chain_live import ChainLive
-from ...models.chain_of_generation import Chain
+from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
 from ...models.nn.windowed import Windowed
@@ -48,7 +48,7 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
-    if isinstance(model, Chain | ManyInputs):
+    if isinstance(model, ChainOfGeneration | ManyInputs):
         return _chain(model, name)
     nothing = np.zeros(0, np.float32)
     if isinstance(model, Windowed):

@@ -1,0 +1,204 @@
+"""Networks of many inputs as graphs: what onnxruntime makes is what PyTorch makes, of every network of the family."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
+pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+
+from torch import nn  # noqa: E402
+
+from cospeech.errors import InputError  # noqa: E402
+from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
+from cospeech.models.chain_live import ChainLive  # noqa: E402
+from cospeech.models.chain_of_generation_extended import ChainOfGenerationExtended  # noqa: E402
+from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
+from cospeech.runtime.network import Network  # noqa: E402
+from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+
+POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
+_CHAIN = {"frames": 34, "latent": 16, "hidden": 12, "layers": 2, "word_width": 5, "text_channels": 9, "classifier_channels": 6}
+_MANY = {"hidden": 16, "layers": 2, "audio": 8, "text": 8, "face": 6, "word_width": 5}
+TOLERANCE = 2e-5  # of poses of about 1: float32
+
+
+def chain(**changes: Any) -> ChainOfGenerationExtended:
+    sizes = {"pose": POSE, "audio": AUDIO, "speakers": SPEAKERS, "hands": HANDS, "text": changes.pop("text", 0)}
+    return ChainOfGenerationExtended(ChainOfGenerationExtended.Config(**(_CHAIN | changes)), **sizes)
+
+
+def live(**changes: Any) -> ChainLive:
+    own = {name: changes.pop(name) for name in ("look_ahead", "pooling_window") if name in changes}
+    teacher = chain(**changes)
+    config = ChainLive.Config(**(_CHAIN | {"look_ahead": 5} | own | changes))
+    return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
+
+
+def asked(**changes: Any) -> ChainOfGenerationExtended:
+    """That was trained to be given faces and seed poses, and to do without."""
+    return chain(face_teacher_forcing=0.3, seed_dropout=0.7, **changes)
+
+
+def many(kind: type, config: type, **changes: Any) -> Any:
+    hands = {"hands": HANDS} if kind is Camn else {}
+    return kind(config(**(_MANY | changes)), pose=POSE, audio=AUDIO, speakers=SPEAKERS, text=0, **hands)
+
+
+CASES = {
+    "chain": lambda: chain(),
+    "chain with noise": lambda: chain(noise=4),
+    "chain without seeds": lambda: chain(seeds=0, noise=2),
+    "chain of vectors": lambda: chain(text=300),
+    "chain of one layer": lambda: chain(layers=1, latent=8),
+    "chain that is given": lambda: asked(noise=2),
+    "chain that is given, without noise": lambda: asked(),
+    "live": lambda: live(),
+    "live of one that is given": lambda: live(noise=3, face_teacher_forcing=0.3, seed_dropout=0.7),
+    "live with noise": lambda: live(noise=4),
+    "live, far ahead": lambda: live(noise=1, look_ahead=9, pooling_window=3),
+    "camn": lambda: many(Camn, CamnConfig),
+    "camn, deep": lambda: many(Camn, CamnConfig, layers=3),
+    "multi-context": lambda: many(MultiContext, MultiContextConfig),
+    "multi-context of all": lambda: many(MultiContext, MultiContextConfig, emotion=8, speaker=3, layers=3),
+    "multi-context without a face": lambda: many(MultiContext, MultiContextConfig, emotion=8, face=0),
+}
+
+
+@cache
+def network(name: str) -> Any:
+    """In evaluation mode, batch norms that do something."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        net = CASES[name]()
+        for part in net.modules():
+            if getattr(part, "running_mean", None) is not None:
+                part.running_mean.normal_(0, 0.3)
+                part.running_var.uniform_(0.5, 2)
+                nn.init.uniform_(part.weight, 0.5, 1.5)
+    return net.eval()
+
+
+@cache
+def networks(name: str) -> dict[str, Network]:
+    low = lower_chain(network(name))
+    return {key: Network(signature, low.graphs[key], low.weights) for key, signature in low.signatures.items()}
+
+
+def widths(who: Network) -> tuple[int, ...]:
+    return tuple(map(who.signature.width, ("rows", "style", "noise")))
+
+
+def material(who: Network, takes: int, frames: int) -> list[np.ndarray]:
+    rng, (rows, style, noise) = np.random.default_rng(0), widths(who)
+    arrays = rng.normal(size=(frames, rows)), rng.uniform(size=(takes, frames, style)), rng.normal(size=(takes, frames, noise))
+    return [x.astype(np.float32) for x in arrays]
+
+
+def ports(rows, style, noise) -> dict[str, np.ndarray]:
+    """As a network takes them: of no width, they are left out."""
+    return {"rows": rows[None], "style": style} | ({"noise": noise} if noise.shape[-1] else {})
+
+
+@torch.no_grad()
+def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(N, T, D) of PyTorch."""
+    heard = torch.from_numpy(rows).expand(len(style), -1, -1)
+    made: np.ndarray = net.make(heard, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
+    return made
+
+
+@pytest.mark.parametrize("frames", [1, 2, 34, 75])
+@pytest.mark.parametrize("name", CASES)
+def test_windows(name, frames):
+    net, who = network(name), networks(name)["make"]
+    given = material(who, 3, frames)
+    wanted = run_exported(getattr(net, "teacher", net), *given)
+    made = who.run(**ports(*given))["poses"]
+    assert wanted.std() > 0.01
+    np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
+    alone = [who.run(**ports(given[0], given[1][k : k + 1], given[2][k : k + 1]))["poses"] for k in range(3)]
+    assert np.concatenate(alone).tobytes() == made.tobytes()
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("name", [name for name in CASES if "is given" in name])
+def test_faces_and_seed_poses(name):
+    """As PyTorch is given them, also of some frames alone; half given lies between."""
+    net, who, frames = getattr(network(name), "teacher", network(name)), networks(name)["make"], 40
+    assert (who.signature.width("face"), who.signature.width("seed"), who.signature.seeds) == (53, POSE + 1, 4)
+    rows, style, noise = material(who, 2, frames)
+    rng = np.random.default_rng(1)
+    face, poses = rng.uniform(0, 9, (frames, 52)), rng.normal(size=(frames, POSE))
+    face, poses = face.astype(np.float32), poses.astype(np.float32)
+    known = (np.arange(frames) < 25)[:, None]
+    begun = (np.arange(frames) < 4)[:, None]
+    given = {"face": np.concatenate([face * known, known], 1), "seed": np.concatenate([poses * begun, begun], 1)}
+    heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
+    seeds = net.mask_seeds(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
+    seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
+    plain = who.run(**ports(rows, style, noise))["poses"]
+    for names in (("face",), ("seed",), ("face", "seed")):
+        own = seeds if "seed" in names else torch.zeros_like(seeds)
+        wanted = net._whole(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
+        more = {key: given[key][None] for key in names}
+        made = who.run(**ports(rows, style, noise), **more)["poses"]
+        np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
+        assert np.abs(made - plain).max() > 1e-3
+        alone = who.run(**ports(rows, style[1:], noise[1:]), **more)["poses"]
+        assert alone[0].tobytes() == made[1].tobytes()
+    for more in ({"face": face}, {"mood": face}, {"seed": given["seed"][1:]}):
+        with pytest.raises(InputError):
+            who.run(**ports(rows, style, noise), **{key: x[None] for key, x in more.items()})
+
+
+def test_who_may_be_given_what():
+    plain = {"rows", "style", "noise"}
+    for name in ("chain", "live"):
+        assert {*networks(name)["make"].signature.inputs} - plain == {"seed"}  # as published
+    for name in ("chain without seeds", "camn", "multi-context of all"):
+        assert not {*networks(name)["make"].signature.inputs} - plain
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if "live" in name])
+def test_frame_by_frame(name):
+    """The pose of a frame comes out when ``look_ahead`` further ones were heard, of which the last is held at the end."""
+    net, who = network(name), networks(name)["live"]
+    frames, delay = 60, who.signature.look_ahead
+    rows, style, noise = material(who, 3, frames)
+    wanted, made, state = run_exported(net, rows, style, noise), [], who.begin(3)
+    alone, own = [], who.begin(1)
+    for k in range(frames + delay):
+        k = min(k, frames - 1)
+        found = who.run(**ports(rows[k], style[:, k], noise[:, k]), **state)
+        state = {key: found[f"next.{key}"] for key in state}
+        made.append(found["poses"])
+        found = who.run(**ports(rows[k], style[1:2, k], noise[1:2, k]), **own)
+        own = {key: found[f"next.{key}"] for key in own}
+        alone.append(found["poses"][0])
+    assert wanted.std() > 0.01
+    np.testing.assert_allclose(np.stack(made[delay:], 1), wanted, atol=TOLERANCE)
+    assert np.stack(alone).tobytes() == np.stack(made)[:, 1].tobytes()
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if "chain" in name or "live" in name])
+def test_who_speaks_and_how(name):
+    net, who = network(name), networks(name)["classify"]
+    whole, reach = getattr(net, "teacher", net), who.signature.reach
+    rows = np.random.default_rng(0).normal(size=(1, 30, AUDIO)).astype(np.float32)
+    with torch.no_grad():
+        wanted = whole.classify(torch.from_numpy(rows))[0].numpy()
+    np.testing.assert_allclose(who.run(rows=rows)["logits"][0, reach:-reach], wanted[reach:-reach], atol=TOLERANCE)
+
+
+def test_what_each_has():
+    assert {name for name in CASES if "classify" in networks(name)} == {n for n in CASES if "chain" in n or "live" in n}
+    assert {name for name in CASES if "live" in networks(name)} == {name for name in CASES if "live" in name}
+    live = networks("live, far ahead")["live"]
+    assert (live.signature.look_ahead, widths(live)) == (9, (AUDIO + 5, SPEAKERS + 8, 1))
+    assert widths(networks("chain of vectors")["make"])[0] == AUDIO + 300
+    assert widths(networks("multi-context of all")["make"])[2] == 3

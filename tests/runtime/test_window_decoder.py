@@ -329,7 +329,8 @@ def test_a_free_code_is_moved_for_good():
     system = fake_system(sizes, codes=codes)
     ada = ((1.0, style_space(system).by_name("ada")),)
     codes_played = []
-    system.main_network.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
+    still = {"poses": np.zeros((1, 32, 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or still
     played(decoder(system, SMALL, ada, range(500), QUIET), speech(9))
     moved = codes_played[0][:, 0] - codes[0]
     assert all((style == codes_played[0]).all() for style in codes_played)
@@ -345,7 +346,8 @@ def test_a_free_code_is_one_for_a_window():
     system = fake_system(sizes, codes=np.array([[1.0, 0], [0, 5], [-1, 1]]))
     ada, ben = (((1.0, style_space(system).by_name(name)),) for name in NAMES[:2])
     codes_played = []
-    system.main_network.run = lambda rows, style: codes_played.append(style) or {"poses": np.zeros((*style.shape[:2], 3), np.float32)}
+    still = {"poses": np.zeros((1, 32, 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or still
     who = decoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
     who.push(speech(20))
     who.restyle(ben, 20)

@@ -107,8 +107,8 @@ class TrainedModel:
         for each in (frontend, *faces):
             each.share(shared)
         return TrainedSession(
-            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style, direct=self._resolve_style,
-            before=conditioning.before,
+            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
+            direct=self._resolve_style, before=conditioning.before,
         )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleBasedModel:

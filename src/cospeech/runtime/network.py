@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .graph_check import check_onnx
-from .signature import Port, Signature, matches
+from .signature import Port, Signature
 
 __all__ = ["LIMIT", "Network", "explain_failure", "open_session", "run_session"]
 
@@ -51,6 +51,8 @@ class Network:
         self._bounds = {name: (np.asarray(low, np.float32), np.asarray(high, np.float32)) for name, (low, high) in ends.items()}
         _check_ends(self._session.get_inputs(), self._given)
         _check_ends(self._session.get_outputs(), self._made)
+        self._free = len({size for port in self._given.values() for size in port if isinstance(size, str)})
+        self._last: Any = (0, 0), ({}, {})
         self._names = [end.name for end in self._session.get_outputs()]
         sizes = {"N": 2, "T": signature.probe}
         self.run(**{name: np.zeros(_shape(port, sizes), np.float32) for name, port in self._given.items()})
@@ -68,21 +70,42 @@ class Network:
         Raises:
             InputError: another name or shape, or frames that are no multiple of the network's.
         """
-        sizes: dict[str, int] = {}
+        sizes = self._sizes(given)
+        inputs, outputs = self._shapes(sizes.get("N", 1), sizes.get("T", 1))
         for name, array in given.items():
-            if name not in self._given or not matches(np.shape(array), self._given[name], sizes) or 0 in np.shape(array):
+            if np.shape(array) != inputs.get(name) or 0 in np.shape(array):
                 shapes = {name: np.shape(array) for name, array in given.items()}
                 raise InputError(f"a network is given {shapes}"[:200], f"it takes {self._given}"[:200])
         if sizes.get("T", 0) % self.signature.multiple:
             raise InputError(f"{sizes['T']} frames for a network", f"a multiple of {self.signature.multiple}")
         sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}
         for name in self._given.keys() - given.keys():
-            sane[name] = np.zeros(_shape(self._given[name], {"N": 1, "T": 1} | sizes), np.float32)
+            sane[name] = np.zeros(inputs[name], np.float32)
         made = dict(zip(self._names, run_session(self._session, sane), strict=True))
         for name, array in made.items():
-            if not matches(array.shape, self._made[name], sizes):
+            if array.shape != outputs[name]:
                 raise InputError(f"a graph makes {name!r} of shape {array.shape}"[:200], _HINT)
         return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
+
+    def _sizes(self, given: Mapping[str, Array]) -> dict[str, int]:
+        """N and T of what is given, as the first input says that has them."""
+        sizes: dict[str, int] = {}
+        for name, array in given.items():
+            for size, found in zip(self._given.get(name, ()), np.shape(array), strict=False):
+                if isinstance(size, str):
+                    sizes.setdefault(size, found)
+            if len(sizes) == self._free:
+                break
+        return sizes
+
+    def _shapes(self, takes: int, frames: int) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
+        """Of inputs and outputs; those of the call before are kept."""
+        last = self._last  # sessions of several threads may share a network
+        if last[0] != (takes, frames):
+            sizes = {"N": takes, "T": frames}
+            found = [{name: _shape(port, sizes) for name, port in ports.items()} for ports in (self._given, self._made)]
+            last = self._last = (takes, frames), (found[0], found[1])
+        return last[1]  # type: ignore[no-any-return]
 
 
 def _check_ends(found: Any, due: Mapping[str, Port]) -> None:

@@ -12,7 +12,7 @@ and the names of the ports say what they hold (`PORTS`). A network has the ports
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -165,12 +165,3 @@ def _ports(value: object) -> dict[str, Port]:
 
 def _is_size(size: Any) -> bool:
     return size in ("N", "T") if isinstance(size, str) else type(size) is int and 0 < size <= _WIDEST_STATE
-
-
-def matches(shape: Iterable[int], port: Port, sizes: dict[str, int]) -> bool:
-    """Whether an array has the shape of a port; what N and T are is kept in ``sizes``, and is one number for all ports."""
-    shape = tuple(shape)
-    wanted = [
-        sizes.setdefault(size, found) if isinstance(size, str) else size for size, found in zip(port, shape, strict=False)
-    ]
-    return len(shape) == len(port) and list(shape) == wanted

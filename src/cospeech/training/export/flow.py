@@ -78,11 +78,11 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statisti
 
 @torch.no_grad()
 def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``per_clip_normalisation``.
+    """How a network moves when nobody corrects it, for the speech of the stretches; for one of ``per_clip_normalisation``.
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
-    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of its movement, as
-    much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
+    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of
+    its movement, as much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
     number by number.
 
     Returns:

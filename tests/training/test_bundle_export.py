@@ -96,12 +96,12 @@ def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     for step in range(3):
         fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
         number = fed["clip"][0]
-        back = fed["pose"][0] * moments.style_gain[number] + moments.speaker_mean[number]
+        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
         np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
     for number, clip in enumerate(store.clips):
         whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
         assert np.abs(whole.mean(0)).max() < 1e-4
-        held = moments.style_gain[number] <= SPREAD_FLOOR
+        held = moments.spread[number] <= SPREAD_FLOOR
         np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
         assert (whole.std(0)[held] <= 1 + 1e-4).all()
 

@@ -144,7 +144,7 @@ def test_faces_and_seed_poses(name):
     plain = who.run(**ports(rows, style, noise))["poses"]
     for names in (("face",), ("seed",), ("face", "seed")):
         own = seeds if "seed" in names else torch.zeros_like(seeds)
-        wanted = net._whole(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
+        wanted = net.poses(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
         more = {key: given[key][None] for key in names}
         made = who.run(**ports(rows, style, noise), **more)["poses"]
         np.testing.assert_allclose(made, wanted, atol=TOLERANCE)

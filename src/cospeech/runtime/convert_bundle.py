@@ -22,16 +22,16 @@ from .system import open_system
 __all__ = ["NAMES", "SIZES", "convert_bundle"]
 
 NAMES = {
-    "flow": {"styles": "style_codes", "centres": "speaker_mean", "spreads": "speaker_std", "made_mean": "free_mean",
-             "made_std": "free_std", "controls": "control_quantiles"},
+    "flow": {"styles": "style_codes", "centres": "speaker_mean", "spreads": "speaker_std", "made_mean": "free_mean",  # old name
+             "made_std": "free_std", "controls": "control_quantiles"},  # old name
     "window": {"centres": "speaker_mean", "codes": "style_codes", "made": "model_mean", "gains": "style_gain"},
-    "chain": {"centres": "speaker_mean", "made": "model_mean", "gains": "style_gain", "live_made": "live_model_mean",
-              "live_gains": "live_style_gain", "strays": "noise_gain"},
+    "chain": {"centres": "speaker_mean", "made": "model_mean", "gains": "style_gain", "live_made": "live_model_mean",  # old name
+              "live_gains": "live_style_gain", "strays": "noise_gain"},  # old name
 }  # fmt: skip
 """Kind of format 1 → its names of statistics, and today's."""
 SIZES = {"pull": "feedback_gain", "heard": "speech_frames"}
 """Sizes of a flow."""
-_NOISE = b"nudge", b"noise"  # names of an input; as long as each other, so that the graph stays whole
+_NOISE = b"nudge", b"noise"  # old name
 
 
 def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:

@@ -116,10 +116,10 @@ class CodeSpace:
         """Of an example that is like the speakers by these shares."""
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
-        made, gain, live_made, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
+        made, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
         return StyleEmbedding(
             code.astype(np.float32), mean.astype(np.float32), _no_beginnings(self._system), None, shown, made, gain,
-            live_made, live_gain,
+            live_mean, live_gain,
         )  # fmt: skip
 
 

@@ -324,7 +324,7 @@ def test_every_system_speaks_with_the_mouth_that_ships(monkeypatch):
     def missing():
         raise InputError("no mouth", "none")
 
-    monkeypatch.setattr(mouths, "_shipped", missing)
+    monkeypatch.setattr(mouths, "_open_default", missing)
     for name in ("rules", "stylised-flow", "mix-stage"):
         with pytest.raises(InputError, match="no mouth"):
             models.load(name).generate(speech)

@@ -14,7 +14,7 @@ from .network import Network
 from .style_embedding import encode_motion
 from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_given", "poses_before", "read_conditioning"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_conditioning", "poses_before", "read_conditioning"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
@@ -90,7 +90,7 @@ def _motion(conditioning: object, what: str) -> Motion | None:
     return Motion.load(conditioning)
 
 
-def check_given(conditioning: Conditioning, network: Network) -> None:
+def check_conditioning(conditioning: Conditioning, network: Network) -> None:
     """Whether a network can be given these.
 
     Raises:

@@ -17,7 +17,7 @@ from ..motion.rotations import Array
 from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder
-from .conditioning import Conditioning, check_given, poses_before
+from .conditioning import Conditioning, check_conditioning, poses_before
 from .flow_engine import FlowEngine
 from .latent_sources import Transfer, best_transfer
 from .network import Network
@@ -65,7 +65,7 @@ def start_decoder(
         return _flow(system, system.flow, mixture, silence, options, given, transfer)
     check_look_ahead(options.look_ahead)
     network = _network(system, options.look_ahead)
-    check_given(given, network)
+    check_conditioning(given, network)
     live = network.signature.window is None
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:

@@ -67,8 +67,8 @@ class StyleTrack:
         each, at these frames, which may be fractions."""
         return (
             self._styles.mix(lambda style: style.speaker_mean[None, None], at),
-            self._styles.mix(lambda style: _made(style, self._live)[0][None, None], at),
-            self._styles.mix(lambda style: _made(style, self._live)[1][None, None], at),
+            self._styles.mix(lambda style: _calibration(style, self._live)[0][None, None], at),
+            self._styles.mix(lambda style: _calibration(style, self._live)[1][None, None], at),
         )
 
     def restyle(self, mixture: StyleMixture, frame: int) -> None:
@@ -150,7 +150,7 @@ class SpokenStyleTrack:
         return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
 
 
-def _made(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
+def _calibration(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
     """Mean of what a network makes in a style, and by what it is multiplied."""
     mean, gain = (style.live_model_mean, style.live_style_gain) if live else (style.model_mean, style.style_gain)
     assert mean is not None

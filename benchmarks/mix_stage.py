@@ -31,7 +31,7 @@ from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
 from cospeech.runtime.style_measures import StyleEmbedding
 from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
 from cospeech.runtime.window_engine import WindowEngine
-from cospeech.training.export.window_graph import lower
+from cospeech.training.export.onnx_export import lower
 
 POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0
 SECONDS, FRAMES = 10.0, 160

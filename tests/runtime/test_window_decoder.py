@@ -432,7 +432,7 @@ def test_networks_are_played_as_they_are(name):
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
     from cospeech.runtime.window_engine import WindowEngine
-    from cospeech.training.export.window_graph import lower
+    from cospeech.training.export.onnx_export import lower
     from tests.support.windowed_networks import given, make_network, run_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))

@@ -135,7 +135,7 @@ def test_bounds_and_graphs_that_are_none():
 
 
 def test_a_network_without_style_and_modes_makes_takes_that_are_alike():
-    from cospeech.training.export.conv_graph import ConvGraph
+    from tests.support.conv_graphs import ConvGraph
 
     weights: dict[str, np.ndarray] = {}
     b = ConvGraph(weights, "make", 1)

@@ -16,7 +16,7 @@ from cospeech.motion.poses import find_pose
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, write_chain
 from cospeech.runtime.chain_engine import ChainSizes
 from cospeech.runtime.window_bundle import halve_weights
-from cospeech.training.export.recurrent_graph import RecurrentGraph, Wave
+from tests.support.recurrent_graphs import RecurrentGraph, Wave
 
 __all__ = ["LOOK_AHEAD", "NAMES", "REACH", "WORDS", "small_chain", "small_chain_statistics", "write_small_chain"]
 

@@ -13,7 +13,7 @@ from cospeech.audio.features.reduce import audio_width
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.window_bundle import WindowStatistics, halve_weights, write_window
 from cospeech.runtime.window_engine import WindowSizes
-from cospeech.training.export.conv_graph import ConvGraph, Signal
+from tests.support.conv_graphs import ConvGraph, Signal
 
 __all__ = ["REACH", "small_network", "small_statistics", "write_small_window"]
 

@@ -19,7 +19,7 @@ from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation_extended import ChainOfGenerationExtended  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
-from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+from cospeech.training.export.onnx_export import lower_chain  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
 _CHAIN = {"frames": 34, "latent": 16, "hidden": 12, "layers": 2, "word_width": 5, "text_channels": 9, "classifier_channels": 6}
@@ -69,6 +69,15 @@ CASES = {
 }
 
 
+QUICK = ("live with noise", "camn", "multi-context")
+"""One of each architecture; of the live one ``make`` is its teacher's, a chain."""
+
+
+def some(part: str = "") -> list[Any]:
+    """Names of cases with ``part`` in them, all but one of each architecture slow."""
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES if part in name]
+
+
 @cache
 def network(name: str) -> Any:
     """In evaluation mode, batch norms that do something."""
@@ -84,8 +93,14 @@ def network(name: str) -> Any:
 
 
 @cache
+def lowered(name: str) -> Any:
+    """An export takes seconds."""
+    return lower_chain(network(name))
+
+
+@cache
 def engine(name: str) -> ChainEngine:
-    low = lower_chain(network(name))
+    low = lowered(name)
     bound = np.full(low.sizes.pose, 1e3)
     return ChainEngine(low.sizes, low.weights, low.graphs, -bound, bound)
 
@@ -105,7 +120,7 @@ def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarra
 
 
 @pytest.mark.parametrize("frames", [1, 2, 34, 75])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some())
 def test_windows(name, frames):
     net, who = network(name), engine(name)
     given = material(who, 3, frames)
@@ -118,7 +133,7 @@ def test_windows(name, frames):
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("name", [name for name in CASES if "is given" in name])
+@pytest.mark.parametrize("name", some("is given"))
 def test_faces_and_seed_poses(name):
     """As PyTorch is given them, also of some frames alone; half given lies between."""
     net, who, frames = getattr(network(name), "teacher", network(name)), engine(name), 40
@@ -147,13 +162,14 @@ def test_faces_and_seed_poses(name):
             who.windows.make(rows, style, noise, more=more)
 
 
+@pytest.mark.slow
 def test_who_may_be_given_what():
     assert engine("chain").windows.optional == engine("live").windows.optional == {"seed": POSE + 1}  # as published
     for name in ("chain without seeds", "camn", "multi-context of all"):
         assert engine(name).windows.optional == {}
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "live" in name])
+@pytest.mark.parametrize("name", some("live"))
 def test_frame_by_frame(name):
     """The pose of a frame comes out when ``look_ahead`` further ones were heard, of which the last is held at the end."""
     net, who = network(name), engine(name)
@@ -170,7 +186,7 @@ def test_frame_by_frame(name):
         assert alone.frame(rows[k], style[1:2, k], noise[1:2, k])[0].tobytes() == made[k][1].tobytes()
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "chain" in name or "live" in name])
+@pytest.mark.parametrize("name", [*some("chain"), *some("live")])
 def test_who_speaks_and_how(name):
     net, who = network(name), engine(name)
     whole, reach = getattr(net, "teacher", net), who.sizes.reach
@@ -180,6 +196,7 @@ def test_who_speaks_and_how(name):
     np.testing.assert_allclose(who.classify(rows), wanted[reach:-reach], atol=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_what_each_has():
     assert {name for name in CASES if engine(name).adversarial} == {name for name in CASES if "chain" in name or "live" in name}
     assert {name for name in CASES if engine(name).lives} == {name for name in CASES if "live" in name}

@@ -89,7 +89,7 @@ class ChainEngine:
         sizes: of the networks.
         weights: of their graphs, float32.
         graphs: ``make``; ``classify`` where it has a classifier, ``live`` where it can be played frame by frame
-            (`cospeech.training.export.chain_graph`).
+            (`cospeech.training.export.onnx_export`).
         low, high: (D,) bounds of every pose that is made.
 
     Raises:

@@ -69,7 +69,7 @@ class WindowEngine:
     Args:
         sizes: of the network.
         weights: of its graphs, float32.
-        graphs: ``make``, and ``style`` where it recognises styles (`cospeech.training.export.window_graph`).
+        graphs: ``make``, and ``style`` where it recognises styles (`cospeech.training.export.onnx_export`).
         low, high: (D,) bounds of every pose that is made.
         optional: inputs of ``make`` that may be left out, the same for all takes → numbers per frame.
 

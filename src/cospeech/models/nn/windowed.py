@@ -56,3 +56,6 @@ class Windowed(Trainable):
         more = max(-frames % self.multiple, self.shortest - frames)
         heard, style = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, style.expand(-1, frames, -1)))
         return self.make(heard, style, heard.new_zeros(rows, frames + more, self.modes))[:, :frames]
+
+
+from .trainable import Trainable

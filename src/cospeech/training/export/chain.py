@@ -20,7 +20,7 @@ from ...runtime.chain_engine import ChainEngine
 from ...runtime.manifest import pose_bounds
 from ...runtime.mode_noise import SECONDS
 from ...runtime.window_bundle import halve_weights, unpack_weights
-from .chain_graph import LoweredChain, lower_chain
+from .onnx_export import LoweredChain, lower_chain
 from .window import calibration, relative_error, statistics_of
 
 __all__ = ["bundle_chain"]

@@ -18,7 +18,7 @@ from ...runtime.manifest import Normalisation, pose_bounds
 from ...runtime.mode_noise import SECONDS
 from ...runtime.window_bundle import WindowStatistics, halve_weights, unpack_weights, write_window
 from ...runtime.window_engine import WindowEngine
-from .window_graph import Lowered, lower
+from .onnx_export import Lowered, lower
 
 __all__ = ["bundle_window", "calibration", "relative_error", "statistics_of"]
 

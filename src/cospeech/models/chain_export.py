@@ -46,8 +46,8 @@ def chain_sizes(chain: Any) -> dict[str, int]:
     whole = _teacher(chain)
     faces, seeds = _optional(whole)
     return {
-        "pose": whole.pose, "audio": whole.speech_encoder.inputs, "words": whole.word.width, "speakers": whole.styles - EMOTIONS,
-        "noise": whole.modes, "window": whole.window, "reach": whole.classifier.reach,
+        "pose": whole.pose, "audio": whole.speech_encoder.inputs, "words": whole.word.width,
+        "speakers": whole.styles - EMOTIONS, "noise": whole.modes, "window": whole.window, "reach": whole.classifier.reach,
         "look_ahead": 0 if chain is whole else chain.delay, "faces": faces, "seeds": seeds,
     }  # fmt: skip
 
@@ -58,7 +58,7 @@ def _teacher(chain: Any) -> Any:
 
 def _optional(chain: Any) -> tuple[int, int]:
     """Numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
-    return FACE * (chain.config.face_teacher_forcing > 0), chain.config.seeds * (chain.config.seed_dropout < 1)
+    return FACE * chain.accepts_face, chain.config.seeds * chain.accepts_seeds
 
 
 class _Windows(nn.Module):

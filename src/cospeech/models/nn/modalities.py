@@ -149,7 +149,7 @@ class ManyInputs(Windowed):
         raise NotImplementedError
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """``make``: rows (1, T, A + W), style (N, T, S + 8), mode_noise (N, T, modes) where there is noise → poses (N, T, D)."""
+        """``make``: rows (1, T, A + W), style (N, T, S + 8), mode_noise (N, T, modes) where there is any → poses (N, T, D)."""
         inputs: dict[str, Shape] = {"rows": (1, "T", self.audio), "style": ("N", "T", self.styles)}
         inputs |= {"mode_noise": ("N", "T", self.modes)} if self.modes else {}
         return {"make": ExportGraph(_Playing(self), inputs, {"poses": ("N", "T", self.pose)})}

@@ -63,8 +63,8 @@ def _both(b: FrameGraph, node: NodeProto) -> Made:
     known = [value for value in values if value is not None]
     layout = _layout(*known)
     dims = [b.dims(name) for name in node.input]
-    if layout == "plain" or len(dims[0]) > 3 or len(dims[1]) > 3 or any(len(d) < 3 and c is None
-                                                                       for d, c in zip(dims, constants, strict=True)):  # fmt: skip
+    ranks = [3 if constant is not None and len(size) <= 3 else len(size) for size, constant in zip(dims, constants, strict=True)]
+    if layout == "plain" or ranks != [3, 3]:
         return plain(b, node)
     lifted = [
         b.lift(value, layout) if constant is None else Value(b.hold(_pictured(constant, layout)), layout, True)
@@ -340,7 +340,8 @@ OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
     **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduced),
     **dict.fromkeys(("LSTM", "GRU"), _recurrent),
-    "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm, "MatMul": _matmul, "Pad": _pad,
+    "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
+    "MatMul": _matmul, "Pad": _pad,
     "InstanceNormalization": _instance_norm, "ReduceSum": _sum, "Reshape": _reshape, "Resize": _resize, "Slice": _slice,
     "Softmax": _softmax, "Split": _split, "Squeeze": _squeeze, "Transpose": _transpose, "Unsqueeze": _reshape,
 }  # fmt: skip

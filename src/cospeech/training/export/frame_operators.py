@@ -63,7 +63,8 @@ def _both(b: FrameGraph, node: NodeProto) -> Made:
     known = [value for value in values if value is not None]
     layout = _layout(*known)
     dims = [b.dims(name) for name in node.input]
-    ranks = [3 if constant is not None and len(size) <= 3 else len(size) for size, constant in zip(dims, constants, strict=True)]
+    pairs = zip(dims, constants, strict=True)
+    ranks = [3 if constant is not None and len(size) <= 3 else len(size) for size, constant in pairs]
     if layout == "plain" or ranks != [3, 3]:
         return plain(b, node)
     lifted = [

@@ -40,7 +40,7 @@ from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.training.checkpoint import network
-from cospeech.training.export.chain_graph import LoweredChain, lower_chain
+from cospeech.training.export.onnx_export import LoweredChain, lower_chain
 from cospeech.training.recipe import SHIPPED, Recipe, build, load_recipe
 
 SPEAKERS = 8

@@ -14,7 +14,7 @@ from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.calibration import GAINS, calibrate  # noqa: E402
-from cospeech.training.export.window_graph import lower  # noqa: E402
+from cospeech.training.export.onnx_export import export_graphs  # noqa: E402
 from tests.support.runtime_bundles import small_statistics  # noqa: E402
 from tests.support.windowed_networks import KINDS, make_network  # noqa: E402
 
@@ -30,7 +30,7 @@ def examples(net) -> dict[str, torch.Tensor]:
 
 def calibrated(net, known, codes) -> tuple[torch.Tensor, torch.Tensor]:
     """(S, D) mean of what it makes, and by what it is multiplied."""
-    low = lower(net)
+    low = export_graphs(net.export_module())
     network = Network(low.signatures["make"], low.graphs["make"], low.weights)
     plain = small_statistics((net.pose, net.audio), SPEAKERS, style_codes=codes.shape)
     plain = replace(plain, style_codes=codes.numpy().astype(np.float32))

@@ -19,7 +19,7 @@ from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation_extended import ChainOfGenerationExtended  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
-from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+from cospeech.training.export.onnx_export import Exported, export_graphs  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
 _CHAIN = {"frames": 34, "latent": 16, "hidden": 12, "layers": 2, "word_width": 5, "text_channels": 9, "classifier_channels": 6}
@@ -69,6 +69,15 @@ CASES = {
 }
 
 
+QUICK = ("live with noise", "camn", "multi-context")
+"""One of each architecture; of the live one ``make`` is its teacher's, a chain."""
+
+
+def select(part: str = "") -> list[Any]:
+    """Names of cases with ``part`` in them, all but one of each architecture slow."""
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES if part in name]
+
+
 @cache
 def network(name: str) -> Any:
     """In evaluation mode, batch norms that do something."""
@@ -84,8 +93,14 @@ def network(name: str) -> Any:
 
 
 @cache
+def export_network(name: str) -> Exported:
+    """An export takes seconds."""
+    return export_graphs(network(name).export_module())
+
+
+@cache
 def networks(name: str) -> dict[str, Network]:
-    low = lower_chain(network(name))
+    low = export_network(name)
     return {key: Network(signature, low.graphs[key], low.weights) for key, signature in low.signatures.items()}
 
 
@@ -113,7 +128,7 @@ def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarra
 
 
 @pytest.mark.parametrize("frames", [1, 2, 34, 75])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", select())
 def test_windows(name, frames):
     net, who = network(name), networks(name)["make"]
     given = material(who, 3, frames)
@@ -126,7 +141,7 @@ def test_windows(name, frames):
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("name", [name for name in CASES if "is given" in name])
+@pytest.mark.parametrize("name", select("is given"))
 def test_faces_and_seed_poses(name):
     """As PyTorch is given them, also of some frames alone; half given lies between."""
     net, who, frames = getattr(network(name), "teacher", network(name)), networks(name)["make"], 40
@@ -156,6 +171,7 @@ def test_faces_and_seed_poses(name):
             who.run(**ports(rows, style, noise), **{key: x[None] for key, x in more.items()})
 
 
+@pytest.mark.slow
 def test_who_may_be_given_what():
     plain = {"rows", "style", "noise"}
     for name in ("chain", "live"):
@@ -164,7 +180,7 @@ def test_who_may_be_given_what():
         assert not {*networks(name)["make"].signature.inputs} - plain
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "live" in name])
+@pytest.mark.parametrize("name", select("live"))
 def test_frame_by_frame(name):
     """The pose of a frame comes out when ``look_ahead`` further ones were heard, of which the last is held at the end."""
     net, who = network(name), networks(name)["live"]
@@ -185,7 +201,7 @@ def test_frame_by_frame(name):
     assert np.stack(alone).tobytes() == np.stack(made)[:, 1].tobytes()
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "chain" in name or "live" in name])
+@pytest.mark.parametrize("name", [*select("chain"), *select("live")])
 def test_who_speaks_and_how(name):
     net, who = network(name), networks(name)["classify"]
     whole, reach = getattr(net, "teacher", net), who.signature.reach
@@ -195,6 +211,7 @@ def test_who_speaks_and_how(name):
     np.testing.assert_allclose(who.run(rows=rows)["logits"][0, reach:-reach], wanted[reach:-reach], atol=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_what_each_has():
     assert {name for name in CASES if "classify" in networks(name)} == {n for n in CASES if "chain" in n or "live" in n}
     assert {name for name in CASES if "live" in networks(name)} == {name for name in CASES if "live" in name}

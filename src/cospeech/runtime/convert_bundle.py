@@ -25,7 +25,8 @@ NAMES = {
     "flow": {"styles": "style_codes", "centres": "speaker_mean", "spreads": "speaker_std", "made_mean": "free_mean",  # old name
              "made_std": "free_std", "controls": "control_quantiles"},  # old name
     "window": {"centres": "speaker_mean", "codes": "style_codes", "made": "model_mean", "gains": "style_gain"},
-    "chain": {"centres": "speaker_mean", "made": "model_mean", "gains": "style_gain", "live_made": "live_model_mean",  # old name
+    "chain": {"centres": "speaker_mean", "made": "model_mean", "gains": "style_gain",
+              "live_made": "live_model_mean",  # old name
               "live_gains": "live_style_gain", "strays": "noise_gain"},  # old name
 }  # fmt: skip
 """Kind of format 1 → its names of statistics, and today's."""

@@ -35,6 +35,8 @@ class ExportGraph:
     """An example of T, a multiple of ``multiple``."""
     multiple: int = 1
     """What T is a multiple of."""
+    shortest: int = 1
+    """The least T."""
     window: int | None = None
     """This, and what follows: see `cospeech.runtime.signature.Signature`."""
     look_ahead: int = 0

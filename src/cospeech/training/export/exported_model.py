@@ -14,13 +14,10 @@ from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
-from ...models.nn.windowed import Windowed
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
 from ...runtime.signature import Signature
-from .chain_graph import lower_chain
 from .onnx_export import export_graphs
-from .window_graph import lower
 
 __all__ = ["ExportedModel", "export_model"]
 
@@ -48,18 +45,13 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
-    if isinstance(model, ChainOfGeneration | ManyInputs):
-        return _chain(model, name)
-    nothing = np.zeros(0, np.float32)
-    if isinstance(model, Windowed):
-        low = lower(model)
-        return ExportedModel(low.signatures, low.graphs, low.weights, nothing)
+    words = _check_inputs(model, name) if isinstance(model, ChainOfGeneration | ManyInputs) else np.zeros(0, np.float32)
     exported = export_graphs(model.export_module())
-    return ExportedModel(exported.signatures, exported.graphs, exported.weights, nothing)
+    return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
 
 
-def _chain(model: Any, name: str) -> ExportedModel:
-    """A network of many inputs; a streaming one with its teacher, which plays whole files."""
+def _check_inputs(model: Any, name: str) -> Array:
+    """Rows of subwords of a network of many inputs, of which a bundle can hold all that it needs."""
     whole = model
     if isinstance(model, ChainLive):
         if model.teacher is None:
@@ -69,13 +61,6 @@ def _chain(model: Any, name: str) -> ExportedModel:
         raise InputError(f"a run of {name!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch")
     if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
         raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
-    words = _words(whole)
-    low = lower_chain(model)
-    return ExportedModel(low.signatures, low.graphs, low.weights, words.numpy())
-
-
-def _words(whole: Any) -> Tensor:
-    """(n, W) rows of the table of subwords."""
     table = getattr(whole, "word", None) or whole.embedding
     if not hasattr(table, "table"):
         raise InputError(
@@ -83,4 +68,4 @@ def _words(whole: Any) -> Tensor:
         )
     rows: Tensor = table.table.weight.detach().clone()
     rows[0] = 0
-    return rows
+    return rows.numpy()

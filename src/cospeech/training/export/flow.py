@@ -82,8 +82,8 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
     too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of
-    its movement, as much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
-    number by number.
+    its movement, as much as those of the data do. In the data, mean and deviation are 0 and 1; the runtime takes off what is
+    left of them, number by number.
 
     Returns:
         The feedback gain, (D,) mean, (D,) standard deviation.

@@ -63,8 +63,9 @@ def _both(b: FrameGraph, node: NodeProto) -> Made:
     known = [value for value in values if value is not None]
     layout = _layout(*known)
     dims = [b.dims(name) for name in node.input]
-    if layout == "plain" or len(dims[0]) > 3 or len(dims[1]) > 3 or any(len(d) < 3 and c is None
-                                                                       for d, c in zip(dims, constants, strict=True)):  # fmt: skip
+    pairs = zip(dims, constants, strict=True)
+    ranks = [3 if constant is not None and len(size) <= 3 else len(size) for size, constant in pairs]
+    if layout == "plain" or ranks != [3, 3]:
         return plain(b, node)
     lifted = [
         b.lift(value, layout) if constant is None else Value(b.hold(_pictured(constant, layout)), layout, True)
@@ -216,7 +217,10 @@ def _reshape(b: FrameGraph, node: NodeProto) -> Made:
     if _layout(value) == "waves":
         value = b.lift(value, "waves")  # lies in memory as in PyTorch
         value = Value(value.name, "plain", value.shared)
-    return [Value(b.reshape(b.plain(value).name, _target(before, after, node)), "plain", value.shared)]
+    target = _target(before, after, node)
+    if len(after) == 3 and len(before) == 2 and target[0] == 0:  # of a state: a picture at once
+        return [Value(b.reshape(b.plain(value).name, [*target[:2], 1, target[2]]), "waves", value.shared)]
+    return [Value(b.reshape(b.plain(value).name, target), "plain", value.shared)]
 
 
 def _expand(b: FrameGraph, node: NodeProto) -> Made:
@@ -337,7 +341,8 @@ OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
     **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduced),
     **dict.fromkeys(("LSTM", "GRU"), _recurrent),
-    "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm, "MatMul": _matmul, "Pad": _pad,
+    "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
+    "MatMul": _matmul, "Pad": _pad,
     "InstanceNormalization": _instance_norm, "ReduceSum": _sum, "Reshape": _reshape, "Resize": _resize, "Slice": _slice,
     "Softmax": _softmax, "Split": _split, "Squeeze": _squeeze, "Transpose": _transpose, "Unsqueeze": _reshape,
 }  # fmt: skip

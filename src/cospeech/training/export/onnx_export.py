@@ -55,8 +55,8 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
         exported.graphs[name], state = _export(name, graph, exported.weights)
         exported.signatures[name] = Signature(
             graph.inputs, graph.outputs, state, window=graph.window, look_ahead=graph.look_ahead, multiple=graph.multiple,
-            reach=None if graph.window is None or "rows" not in graph.inputs else measure_reach(graph), hop=graph.hop,
-            seeds=graph.seeds,
+            reach=measure_reach(graph) if graph.window and graph.hop is None and "rows" in graph.inputs else None,
+            hop=graph.hop, seeds=graph.seeds,
         )  # fmt: skip
         exported.signatures[name].check(name)
     return exported
@@ -101,10 +101,8 @@ def _examples(graph: ExportGraph, takes: int, frames: int) -> dict[str, Tensor]:
 def _trace(graph: ExportGraph, module: torch.nn.Module) -> Any:
     """The model as PyTorch exports it."""
     given = _examples(graph, 2, graph.frames)
-    takes, frames = (
-        torch.export.Dim("N"),
-        torch.export.Dim("K") * graph.multiple if graph.multiple > 1 else torch.export.Dim("T"),
-    )
+    takes, frames = torch.export.Dim("N"), torch.export.Dim("T", min=-(-graph.shortest // graph.multiple))
+    frames = frames * graph.multiple if graph.multiple > 1 else frames
     over_time = {name for name, shape in graph.inputs.items() if "T" in shape}
     shapes = [{0: takes, 1: frames} if name in over_time else {0: takes} for name in given]
     names = [*graph.outputs, *(f"next.{name}" for name in graph.states)]

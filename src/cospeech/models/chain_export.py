@@ -79,12 +79,12 @@ class _Windows(nn.Module):
     def poses(self, rows: Tensor, style: Tensor, extra: Tensor, memory: Memory, face: Tensor | None = None) -> Tensor:
         """All (B, ·, T)."""
 
-        def seen(own: Tensor) -> Tensor:
+        def blend_face(own: Tensor) -> Tensor:
             """The face that TFFDec sees: FaceDec's own, as far as no other is given."""
             return own if face is None else own + (face[:, :FACE] - own) * face[:, FACE:]
 
         heard, words = rows.split(self.widths, 1)
-        made: Tensor = self.cascade(Signals(self.speech_encoder(heard, memory), words, style, extra), memory, seen).pose
+        made: Tensor = self.cascade(Signals(self.speech_encoder(heard, memory), words, style, extra), memory, blend_face).pose
         return made
 
 

@@ -79,14 +79,20 @@ class Places:
         out = shape + (relaxed - shape) * loose
         return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
 
-    def follower(self, pose: Array, strength: float) -> Array:
-        """The other hand of a two-handed gesture: nearly the same, never exactly."""
-        out = pose.copy()
+    def follower(self, poses: list[Array], strength: float) -> list[Array]:
+        """The other hand of a two-handed gesture: smaller, lower, and where the leader does not look."""
         loose = 1 - self.style.symmetry
         rest = RESTS[self.style.rest][_LEFT].values()
-        out[:3] += (rest[:3] - out[:3]) * loose * 0.45 * (1.2 - strength)
-        out[:3] += [self._random.gauss(0, 0.025 + 0.04 * loose) for _ in range(3)]
-        out[4] += self._random.gauss(0, 5)
+        less = 1 - self._random.uniform(0.0, 0.25 + 0.5 * loose)  # of the way from the first pose on
+        drop = loose * 0.45 * (1.2 - strength)
+        off = np.array([self._random.gauss(0, 0.035 + 0.06 * loose) for _ in range(3)])
+        out = []
+        for pose in poses:
+            own = pose.copy()
+            own[:7] = poses[0][:7] + (pose - poses[0])[:7] * less
+            own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
+            own[4] += self._random.gauss(0, 9)
+            out.append(own)
         return out
 
 

@@ -25,8 +25,9 @@ from .places import Places, reach_time, stroke_time
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form
 from .rests import RESTS
+from .strokes import arched, skewed, twisted_path
 from .styles import Style
-from .track import MinimumJerkTrack
+from .track import MinimumJerkTrack, peak_share
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 
@@ -197,7 +198,8 @@ class Planner:
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
         poses = self._places.of(form, effort, manner)
         stroke = stroke_time(poses[0], poses[1], tempo, manner)
-        onset = at - LEAD - stroke / 2
+        skew = skewed(self._random, 0.1 - 0.3 * manner.abrupt, 0.36)
+        onset = at - LEAD - stroke * peak_share(skew)
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
@@ -208,9 +210,9 @@ class Planner:
         start = onset - prepare
         end = onset
         for hand in hands:
-            own = poses if hand == hands[0] else [self._places.follower(p, strength) for p in poses]
-            late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.05)
-            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner)
+            own = poses if hand == hands[0] else self._places.follower(poses, strength)
+            late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.10)
+            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner, skew)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
@@ -242,16 +244,24 @@ class Planner:
         stroke: float,
         tempo: float,
         manner: EmotionModifier,
+        skew: float,
     ) -> float:
-        """Moves of one hand through all poses; returns the end of the last stroke."""
-        state.track.move(start, prepare * (1 + _BLEND), poses[0])
+        """Moves of one hand through all poses; returns the end of the last stroke.
+
+        It winds up on one side of the chord and strikes on the other, goes a little too far and settles.
+        """
+        draw = self._random
+        wind = arched(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
+        state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skewed(draw, 0.0, 0.22), arc=wind)
         end = onset
         for k in range(1, len(poses)):
             length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, manner)
+            way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
-            over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + manner.tension))
-            state.track.move(end, length, poses[k] + over)
-            state.track.move(end + 0.72 * length, 0.30 / tempo, poses[k])
+            over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + manner.tension)) * draw.uniform(0.5, 1.5)
+            arc = arched(draw, way, poses[k], draw.uniform(0.12, 0.36))
+            state.track.move(end, length, poses[k] + over, skew=skew if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
+            state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
@@ -273,7 +283,8 @@ class Planner:
         tempo = self.style.tempo * manner.tempo
         size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)
-        onset = accent.time - LEAD - stroke / 2
+        skew = skewed(self._random, -0.1, 0.3)
+        onset = accent.time - LEAD - stroke * peak_share(skew)
         lift = min(0.44 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
             return
@@ -282,11 +293,11 @@ class Planner:
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
             up[:7] = (self._random.gauss(0, 0.03), 0.7 * size, -0.25 * size, 0, 0, -40 * size, -25 * size)
             down[:7] = (self._random.gauss(0.02, 0.03), -1.15 * size, 0.45 * size, 0, 0, 70 * size, 40 * size)
-            state.track.add(onset - lift + jitter, lift * 1.2, up)
-            state.track.add(onset + jitter, stroke, down)
+            state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
+            state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
             back[:7] = -(up + down)[:7] * 0.8
-            state.track.add(onset + stroke + 0.05, 0.7 / tempo, back)
+            state.track.add(onset + stroke + 0.05, 0.7 / tempo, back, skew=0.25)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
             else:
@@ -349,7 +360,9 @@ class Planner:
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += manner.shrug
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
-        state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
+        swing = arched(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
+        skew = skewed(self._random, 0.2, 0.2)
+        state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal, skew=skew, arc=swing)
         state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
 
 

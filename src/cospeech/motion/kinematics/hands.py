@@ -32,8 +32,8 @@ class Channel:
 
 
 CHANNELS = 20
-LAGS = np.array([0, 0, 0, 0.02, 0.03, 0.05, 0.05] + [0.06, 0.07, 0.08, 0.09] * 2 + [0.05, 0.05, 0.05, 0.06] + [0.0])
-"""Seconds by which each channel trails the wrist: motion runs outward along the arm (ours, by eye: 30–90 ms)."""
+LAGS = np.array([0, 0, 0, 0.02, 0.04, 0.06, 0.06] + [0.08, 0.09, 0.10, 0.11] * 2 + [0.07, 0.07, 0.07, 0.08] + [0.0])
+"""Seconds by which each channel trails the wrist: motion runs outward along the arm (ours, by eye: 40–110 ms)."""
 
 
 class HandShape(NamedTuple):

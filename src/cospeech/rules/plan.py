@@ -36,6 +36,7 @@ LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.m
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
+_CHAINED = 0.4  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -144,7 +145,7 @@ class Planner:
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
-            if stirred and self._random.random() < 0.45:
+            if stirred and self._random.random() < 0.40:
                 self._beat(now, accent, stirred, manner, 0.6)
             return
         if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
@@ -197,6 +198,8 @@ class Planner:
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * manner.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
         poses = self._places.of(form, effort, manner)
+        if leader.place == "up" and name in FORMS:
+            poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         stroke = stroke_time(poses[0], poses[1], tempo, manner)
         skew = skewed(self._random, 0.1 - 0.3 * manner.abrupt, 0.36)
         onset = at - LEAD - stroke * peak_share(skew)
@@ -204,15 +207,16 @@ class Planner:
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if available < 0.16:
+        if available < max(0.18, 0.25 * wanted):
             return False
-        prepare = self._preparation(at, onset, wanted, available)
+        wind_up = skewed(self._random, 0.0, 0.2)
+        prepare = self._preparation(at, onset, wanted, available, wind_up)
         start = onset - prepare
         end = onset
         for hand in hands:
             own = poses if hand == hands[0] else self._places.follower(poses, strength)
-            late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.10)
-            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner, skew)
+            late = 0.0 if hand == hands[0] else self._random.uniform(-0.03, 0.07)
+            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner, (wind_up, skew))
             self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
@@ -225,12 +229,12 @@ class Planner:
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
 
-    def _preparation(self, at: float, onset: float, wanted: float, available: float) -> float:
+    def _preparation(self, at: float, onset: float, wanted: float, available: float, skew: float) -> float:
         """Seconds of preparation: an unhurried reach, or one whose speed peaks on the accent before (hands keep the beat)."""
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:
-                fits = (onset - accent.time + LEAD) / (0.5 - 0.5 * _BLEND)
-                if 0.75 * wanted <= fits <= min(1.8 * wanted, available):
+                fits = (onset - accent.time + LEAD) / (1 - (1 + _BLEND) * peak_share(skew))
+                if 0.8 * wanted <= fits <= min(2.0 * wanted, available):
                     return fits
         return min(1.35 * wanted, available)
 
@@ -244,7 +248,7 @@ class Planner:
         stroke: float,
         tempo: float,
         manner: EmotionModifier,
-        skew: float,
+        skews: tuple[float, float],
     ) -> float:
         """Moves of one hand through all poses; returns the end of the last stroke.
 
@@ -252,7 +256,7 @@ class Planner:
         """
         draw = self._random
         wind = arched(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
-        state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skewed(draw, 0.0, 0.22), arc=wind)
+        state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
         for k in range(1, len(poses)):
             length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, manner)
@@ -260,7 +264,7 @@ class Planner:
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + manner.tension)) * draw.uniform(0.5, 1.5)
             arc = arched(draw, way, poses[k], draw.uniform(0.12, 0.36))
-            state.track.move(end, length, poses[k] + over, skew=skew if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
+            state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
@@ -285,14 +289,14 @@ class Planner:
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)
         skew = skewed(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
-        lift = min(0.44 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
+        lift = min(0.52 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
             return
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
-            up[:7] = (self._random.gauss(0, 0.03), 0.7 * size, -0.25 * size, 0, 0, -40 * size, -25 * size)
-            down[:7] = (self._random.gauss(0.02, 0.03), -1.15 * size, 0.45 * size, 0, 0, 70 * size, 40 * size)
+            up[:7] = (self._random.gauss(0, 0.03), 0.5 * size, -0.2 * size, 0, 0, -40 * size, -25 * size)
+            down[:7] = (self._random.gauss(0.02, 0.03), -1.05 * size, 0.4 * size, 0, 0, 70 * size, 40 * size)
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
@@ -362,8 +366,17 @@ class Planner:
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
         swing = arched(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
         skew = skewed(self._random, 0.2, 0.2)
-        state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal, skew=skew, arc=swing)
-        state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
+        start = self._on_the_beat(now + _SLACK, 1.15 * length * peak_share(skew))
+        state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
+        state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""
+
+    def _on_the_beat(self, earliest: float, to_peak: float) -> float:
+        """When to begin a move so that its speed peaks with an accent to come: hands fall back in the rhythm of the speech."""
+        for accent in self._heard:
+            start = accent.time - LEAD - to_peak
+            if earliest <= start <= earliest + 0.4:
+                return start
+        return earliest + self._random.uniform(0, 0.12)
 
 
 def _effort(pose: Array) -> float:

@@ -84,7 +84,7 @@ class Posture:
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
-        self._next["head"] = now + self._random.uniform(0.6, 1.5) * (1.0 if speaking else 1.7)
+        self._next["head"] = now + self._random.uniform(0.9, 2.2) * (1.0 if speaking else 1.7)
 
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
@@ -138,8 +138,10 @@ class Posture:
         part[Body.PITCH] = (9.0 * way[2] - 9.0 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
-        part[Body.HEAD_YAW] = 0.45 * part[Body.YAW]
-        part[Body.HEAD_PITCH] = 0.35 * part[Body.PITCH]
+        head = self.style.head * manner.head * self.size
+        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(3.2 * head)
+        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(3.0 * head)
+        part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(2.6 * head)
         part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
         if not self.style.seated:
             part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso

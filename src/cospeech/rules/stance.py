@@ -42,11 +42,11 @@ class StanceAmounts:
 def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
     """(channels,) of a body that stands or sits before anything moves."""
     base = np.zeros(BODY_CHANNELS)
-    forward = 0.05 if seated else 0.03
-    base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT)
-    base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT)
+    forward = 0.05
+    base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT + random.uniform(-3, 9))
+    base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT - random.uniform(-3, 9))
     base[Body.PITCH] = lean
-    base[Body.SINK] = 0.0 if seated else 0.004
+    base[Body.SINK] = 0.0 if seated else 0.006
     return base
 
 
@@ -131,7 +131,7 @@ class Stance:
         left, right = self._feet()
         sway = min(self.amounts.sway, 1.35)
         kind = self._random.random()
-        depth = self._random.uniform(0.6, 0.88) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
+        depth = self._random.uniform(0.62, 0.95) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
         self._left = not self._left if self._random.random() < 0.75 else self._left
         side = 1.0 if self._left else -1.0
         width = min((left[0] - right[0]) / 2, 0.125)
@@ -139,7 +139,7 @@ class Stance:
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
                 (left[1] + right[1]) / 2 + self._gauss(0.016 * sway),
-                self._random.uniform(0.0, 0.006) + (1 - depth) * self._random.uniform(0.0, 0.014) * sway,
+                self._random.uniform(0.0, 0.008) + (1 - depth) * self._random.uniform(0.0, 0.022) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )

@@ -50,7 +50,7 @@ def arched(random: Random, way: Array, pose: Array, size: float) -> Array:
 
 def skewed(random: Random, middle: float, spread: float) -> float:
     """A skew of a movement's speed; see `cospeech.rules.track.minimum_jerk`."""
-    return float(np.clip(random.gauss(middle, spread), -0.75, 0.75))
+    return float(np.clip(random.gauss(middle, spread), -0.6, 0.6))
 
 
 def twisted_path(random: Random, way: Array, size: float) -> Array:

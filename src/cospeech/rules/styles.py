@@ -94,7 +94,7 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
-        "natural": Style("an even-tempered conversationalist; the default"),
+        "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.08),
         "lively": Style(
             "wide, quick and never still: a show host",
             rate=0.95,

@@ -24,7 +24,7 @@ MOST_REACH = 0.992  # of the arm's full length: an elbow never locks quite strai
 FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
 FINGERS = ("Index", "Middle", "Ring", "Little")
 _SPREAD_SHARE = np.array([-1.0, -0.15, 0.65, 1.5])  # of the spread angle, index … little, about the hand's normal
-POLE = np.array([0.36, -0.45, -0.82])  # where an elbow points when left alone: out, down, back (ours, by eye)
+POLE = np.array([0.30, -0.70, -0.65])  # where an elbow points when left alone: out, down, back (ours, by eye)
 
 
 class ArmLengths(NamedTuple):

@@ -36,7 +36,7 @@ LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.m
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
-_CHAINED = 0.4  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
+_CHAINED = 0.3  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -285,7 +285,7 @@ class Planner:
     def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: EmotionModifier, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
         tempo = self.style.tempo * manner.tempo
-        size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
+        size = scale * (0.11 + 0.22 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)
         skew = skewed(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
@@ -295,13 +295,13 @@ class Planner:
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
-            up[:7] = (self._random.gauss(0, 0.03), 0.5 * size, -0.2 * size, 0, 0, -40 * size, -25 * size)
-            down[:7] = (self._random.gauss(0.02, 0.03), -1.05 * size, 0.4 * size, 0, 0, 70 * size, 40 * size)
+            up[:7] = (self._random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
+            down[:7] = (self._random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
-            back[:7] = -(up + down)[:7] * 0.8
-            state.track.add(onset + stroke + 0.05, 0.7 / tempo, back, skew=0.25)
+            back[:7] = -(up + down)[:7] * 0.65
+            state.track.add(onset + stroke + 0.05, 0.8 / tempo, back, skew=0.1)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
             else:
@@ -320,7 +320,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = 0.10 + 0.34 * self.style.symmetry
+        share = 0.05 + 0.28 * self.style.symmetry
         if state.place == "idle" or start < state.busy:
             share *= 0.35
         for onset_, length, delta in (

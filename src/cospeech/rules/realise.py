@@ -124,7 +124,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     """Sway that never stops, and what the chest takes over from the pelvis."""
     n = smooth_noise(seed + 1, 11, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
-    head, torso, sway = style.head * still, style.torso * still, style.sway * still
+    head, torso, sway = style.head * still, min(style.torso, 1.0) * still, style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
         [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.5 * head, 1.4 * head, 2.0 * head, 0.009 * moved, 0.009 * moved]
@@ -257,11 +257,11 @@ def _smoothstep(u: Array) -> Array:
 
 
 def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
-    n = smooth_noise(seed + 2, 22, times, 0.45, octaves=3, gain=0.5)
+    n = smooth_noise(seed + 2, 22, times, 0.40, octaves=3, gain=0.45)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
         k = n[:, side * 11 : side * 11 + 11] * still
-        h[:, side, :3] += k[:, :3] * (0.013, 0.012, 0.013)
+        h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
         h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
         fingers = k[:, 7:11] * (6.5, 7.0, 7.0, 7.5)
         h[:, side, Channel.KNUCKLES] += fingers

@@ -10,7 +10,7 @@ from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjug
 from ..skeleton import humanoid
 from .body import Body
 
-__all__ = ["SEAT", "STANCE", "TOE_OUT", "plant", "stand", "weight_shift"]
+__all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "plant", "stand", "weight_shift"]
 
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
@@ -133,6 +133,27 @@ def _tilts() -> Array:
     """(2, 4): the rest offsets of knee and ankle are not quite straight down."""
     tilt = np.array([np.arctan2(rest[2], -rest[1]) / 2 for rest in _leg()[1:3]])
     return np.stack([np.sin(tilt), 0 * tilt, 0 * tilt, np.cos(tilt)], -1)
+
+
+def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Legs for hips that somebody else turned, over the feet of a body's track.
+
+    Args:
+        hips: (N, 4) rotations of the hips.
+        place: (N, 3) of the hips' joint, metres; its height is not asked for.
+        b: (N, channels) of the track: feet, lifts, tips and how far the hips sink.
+
+    Returns:
+        The eight joints, their local rotations (N, 8, 4), and the height (N,) of the hips.
+    """
+    feet = np.stack([b[:, Body.LEFT_FOOT], b[:, Body.RIGHT_FOOT]], 1)
+    lift, tip = b[:, Body.LEFT_LIFT : Body.RIGHT_LIFT + 1], np.radians(b[:, Body.LEFT_TIP : Body.RIGHT_TIP + 1])
+    ankles = _ankles(feet, lift, tip)
+    root = place.copy()
+    root[:, 1] = _height(place, hips, ankles) - b[:, Body.SINK]
+    legs = _legs(hips, root, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
+    joints = np.concatenate([_leg_joints().ravel(), _toes()])
+    return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), root[:, 1]
 
 
 def _about_x(angle: Array) -> Array:

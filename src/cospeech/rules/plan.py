@@ -23,7 +23,7 @@ from .emotion_modifiers import EmotionModifier
 from .lexicon import form_for
 from .places import Places, reach_time, stroke_time
 from .posture import Posture
-from .repertoire import FORMS, LEXICAL_FORMS, Form
+from .repertoire import FORMS, LEXICAL_FORMS, SHAPES, Form
 from .rests import RESTS
 from .strokes import arched, skewed, twisted_path
 from .styles import Style
@@ -36,7 +36,8 @@ LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.m
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
-_CHAINED = 0.3  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
+_MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
+_CHAINED = 0.55  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -202,12 +203,12 @@ class Planner:
             poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         stroke = stroke_time(poses[0], poses[1], tempo, manner)
         skew = skewed(self._random, 0.1 - 0.3 * manner.abrupt, 0.36)
-        onset = at - LEAD - stroke * peak_share(skew)
+        onset = at - LEAD + _MERGED - stroke * peak_share(skew)
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if available < max(0.18, 0.25 * wanted):
+        if available < max(0.2, 0.25 * min(wanted, 0.9)):
             return False
         wind_up = skewed(self._random, 0.0, 0.2)
         prepare = self._preparation(at, onset, wanted, available, wind_up)
@@ -361,6 +362,8 @@ class Planner:
             self._random.gauss(0, 0.03) * free,
             self._random.gauss(0, 0.025) * free,
         ]
+        if self._random.random() < 0.5 and not self.style.seated:
+            goal[7:19] = SHAPES["curl"].values()
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += manner.shrug
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)

@@ -27,7 +27,7 @@ from .repertoire import FORMS, LEXICAL_FORMS, SHAPES, Form
 from .rests import RESTS
 from .strokes import arched, skewed, twisted_path
 from .styles import Style
-from .track import MinimumJerkTrack, peak_share
+from .track import MinimumJerkTrack, peak_share, skew_for
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 
@@ -36,6 +36,7 @@ LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.m
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
+_EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
 _CHAINED = 0.55  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
@@ -202,7 +203,7 @@ class Planner:
         if leader.place == "up" and name in FORMS:
             poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         stroke = stroke_time(poses[0], poses[1], tempo, manner)
-        skew = skewed(self._random, 0.1 - 0.3 * manner.abrupt, 0.36)
+        skew = skewed(self._random, 0.1 - 0.3 * manner.abrupt, 0.33)
         onset = at - LEAD + _MERGED - stroke * peak_share(skew)
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
@@ -210,8 +211,7 @@ class Planner:
         available = onset - ready
         if available < max(0.2, 0.25 * min(wanted, 0.9)):
             return False
-        wind_up = skewed(self._random, 0.0, 0.2)
-        prepare = self._preparation(at, onset, wanted, available, wind_up)
+        prepare, wind_up = self._preparation(at, onset, wanted, available)
         start = onset - prepare
         end = onset
         for hand in hands:
@@ -230,14 +230,16 @@ class Planner:
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
 
-    def _preparation(self, at: float, onset: float, wanted: float, available: float, skew: float) -> float:
-        """Seconds of preparation: an unhurried reach, or one whose speed peaks on the accent before (hands keep the beat)."""
+    def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
+        """Seconds and skew of an unhurried preparation, whose speed peaks on an accent before where one fits: hands keep the beat."""
+        prepare = min(1.35 * wanted, available)
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:
-                fits = (onset - accent.time + LEAD) / (1 - (1 + _BLEND) * peak_share(skew))
-                if 0.8 * wanted <= fits <= min(2.0 * wanted, available):
-                    return fits
-        return min(1.35 * wanted, available)
+                for length in (prepare, 0.8 * prepare, min(1.9 * wanted, available)):
+                    share = 1 - (onset - accent.time + LEAD) / length
+                    if _EARLIEST <= share / (1 + _BLEND) <= 1 - _EARLIEST and length >= 0.8 * min(wanted, prepare):
+                        return length, skew_for(share / (1 + _BLEND))
+        return prepare, skewed(self._random, 0.0, 0.2)
 
     def _schedule(
         self,
@@ -264,7 +266,7 @@ class Planner:
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + manner.tension)) * draw.uniform(0.5, 1.5)
-            arc = arched(draw, way, poses[k], draw.uniform(0.12, 0.36))
+            arc = arched(draw, way, poses[k], draw.uniform(0.10, 0.33))
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)

@@ -130,7 +130,7 @@ class Posture:
         gesture, knees that give way under a stroke downward.
         """
         way = poses[1][:3] - poses[0][:3]
-        torso = min(self.style.torso * manner.torso * self.size, 1.8)
+        torso = min(self.style.torso * manner.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
         part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
@@ -139,9 +139,9 @@ class Posture:
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
         head = self.style.head * manner.head * self.size
-        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(3.2 * head)
-        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(3.0 * head)
-        part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(2.6 * head)
+        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(3.9 * head)
+        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(3.6 * head)
+        part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
         if not self.style.seated:
             part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso

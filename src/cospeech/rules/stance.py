@@ -115,7 +115,7 @@ class Stance:
 
     def _turn(self, now: float) -> None:
         """The pelvis turns and tilts a little."""
-        sway = self.amounts.sway * (0.55 if self.amounts.seated else 1.0)
+        sway = self.amounts.sway * (0.8 if self.amounts.seated else 1.0)
         goal = (self._gauss(5.6 * sway), self._gauss(1.9 * sway))
         length = self._random.uniform(0.9, 1.8)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HIPS_YAW, Body.HIPS_PITCH], skew=self._gauss(0.25))

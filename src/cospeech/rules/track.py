@@ -17,7 +17,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MinimumJerkTrack", "minimum_jerk", "peak_share"]
+__all__ = ["MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
 
 MOST_SKEW = 0.85  # [ours]: beyond 1 the progress would run backwards
 
@@ -45,6 +45,12 @@ def _peaks() -> tuple[Array, Array]:
 def peak_share(skew: float) -> float:
     """Share of a reach's duration at which its speed peaks; 0.5 without skew."""
     return float(np.interp(skew, *_peaks()))
+
+
+def skew_for(share: float) -> float:
+    """The skew with which the speed peaks at this share of the duration: the inverse of `peak_share`."""
+    skews, shares = _peaks()
+    return float(np.interp(-share, -shares, skews))
 
 
 class MinimumJerkTrack:

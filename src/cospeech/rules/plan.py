@@ -147,7 +147,7 @@ class Planner:
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
-            if stirred and self._random.random() < 0.40:
+            if stirred and self._random.random() < 0.55:
                 self._beat(now, accent, stirred, manner, 0.6)
             return
         if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
@@ -287,6 +287,8 @@ class Planner:
 
     def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: EmotionModifier, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
+        if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
+            held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * manner.tempo
         size = scale * (0.11 + 0.22 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)

@@ -12,9 +12,9 @@ from ..audio.prosodic_events import Accent, Phrase
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .minimum_jerk import MinimumJerkTrack
 from .stance import Stance, StanceAmounts, first_body
 from .styles import Style
-from .track import MinimumJerkTrack
 
 __all__ = ["Posture"]
 
@@ -34,36 +34,36 @@ class Posture:
         self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
-        self._manner: EmotionModifier | None = None
+        self._modifier: EmotionModifier | None = None
 
-    def decide(self, now: float, *, phrases: Sequence[Phrase], manner: EmotionModifier, speaking: bool) -> None:
+    def decide(self, now: float, *, phrases: Sequence[Phrase], modifier: EmotionModifier, speaking: bool) -> None:
         """One tick."""
-        if self._manner is None:
-            self._settle(-5.0, 1.0, manner)  # where it stands before the first frame
-        self._manner = manner
+        if self._modifier is None:
+            self._settle(-5.0, 1.0, modifier)  # where it stands before the first frame
+        self._modifier = modifier
         for phrase in phrases:
             if phrase.start > self._phrase and phrase.start <= now + 0.6:
                 self._phrase = phrase.start
                 self._on_phrase(now, phrase.start)
         if now >= self._next["lean"]:
-            self._settle(now, self._random.uniform(0.9, 1.8), manner)
+            self._settle(now, self._random.uniform(0.9, 1.8), modifier)
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
-            self._turn_head(now, manner, speaking)
+            self._turn_head(now, modifier, speaking)
         if now >= self._next["gaze"]:
-            self._look(now, manner, speaking)
+            self._look(now, modifier, speaking)
         self.stance.decide(now, speaking=speaking)
 
     def _gauss(self, size: float) -> float:
         return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
 
-    def _settle(self, now: float, length: float, manner: EmotionModifier) -> None:
+    def _settle(self, now: float, length: float, modifier: EmotionModifier) -> None:
         """A new place for the torso around the speaker's usual one."""
-        torso = self.style.torso * manner.torso * self.size
+        torso = self.style.torso * modifier.torso * self.size
         goal = (
-            self.style.lean + manner.bow + self._gauss(2.6 * torso),
+            self.style.lean + modifier.bow + self._gauss(2.6 * torso),
             self._gauss(1.8 * torso),
-            manner.turn + self._gauss(4.2 * torso),
+            modifier.turn + self._gauss(4.2 * torso),
         )
         goal = (*goal, self._gauss(1.6 * torso))
         columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]
@@ -75,12 +75,12 @@ class Posture:
         if self._random.random() < 0.55:
             self._next["head"] = now
 
-    def _turn_head(self, now: float, manner: EmotionModifier, speaking: bool) -> None:
-        head = self.style.head * manner.head * self.size
+    def _turn_head(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
+        head = self.style.head * modifier.head * self.size
         goal = (
-            -manner.chin + self._gauss(4.3 * head),
-            manner.tilt + self._gauss(5.2 * head),
-            manner.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
+            -modifier.chin + self._gauss(4.3 * head),
+            modifier.tilt + self._gauss(5.2 * head),
+            modifier.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
@@ -89,9 +89,9 @@ class Posture:
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, manner: EmotionModifier, speaking: bool) -> None:
+    def _look(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
         """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
-        away = self._random.random() < min(0.85, self.style.averted + manner.averted)
+        away = self._random.random() < min(0.85, self.style.averted + modifier.averted)
         if away:
             goal = (
                 self._random.choice((-1, 1)) * self._random.uniform(9, 24),
@@ -108,11 +108,11 @@ class Posture:
         self._away = away
         self._next["gaze"] = now + (self._random.uniform(0.5, 1.5) if away else self._random.uniform(0.9, 3.6))
 
-    def on_accent(self, now: float, accent: Accent, manner: EmotionModifier) -> None:
+    def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
         if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
             return
-        size = (2.5 + 6.0 * accent.strength) * self.style.head * manner.head * self.size * self._random.uniform(0.6, 1.25)
+        size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
         nod = np.zeros(BODY_CHANNELS)
@@ -122,7 +122,7 @@ class Posture:
         self.track.add(onset + down * 0.8, up, -nod)
 
     def on_stroke(
-        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: EmotionModifier
+        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], modifier: EmotionModifier
     ) -> None:
         """The trunk winds up while the hands prepare, leads the stroke, and comes back when it is over.
 
@@ -130,7 +130,7 @@ class Posture:
         gesture, knees that give way under a stroke downward.
         """
         way = poses[1][:3] - poses[0][:3]
-        torso = min(self.style.torso * manner.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
+        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
         part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
@@ -138,7 +138,7 @@ class Posture:
         part[Body.PITCH] = (9.0 * way[2] - 9.0 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
-        head = self.style.head * manner.head * self.size
+        head = self.style.head * modifier.head * self.size
         part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(3.9 * head)
         part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(3.6 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)

@@ -15,7 +15,7 @@ import numpy as np
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.kinematics.legs import STANCE, TOE_OUT
 from ..motion.rotations import Array
-from .track import MinimumJerkTrack
+from .minimum_jerk import MinimumJerkTrack
 
 __all__ = ["Stance", "StanceAmounts", "first_body"]
 
@@ -156,7 +156,12 @@ class Stance:
         self._left = not self._left
         side = 1.0 if self._left else -1.0
         slump = self._random.uniform(-4.0, 7.0) * sway
-        goal = (side * self._random.uniform(0.002, 0.011), self._gauss(0.004), side * self._random.uniform(0.5, 4.5) * sway, -slump)
+        goal = (
+            side * self._random.uniform(0.002, 0.011),
+            self._gauss(0.004),
+            side * self._random.uniform(0.5, 4.5) * sway,
+            -slump,
+        )
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_ROLL, Body.HIPS_PITCH]
         self.track.move(now + 0.02, self._random.uniform(1.0, 1.8), np.array(goal), columns, skew=self._gauss(0.25))
         if self._random.random() < 0.5:
@@ -199,7 +204,9 @@ class Stance:
         length = self._random.uniform(0.36, 0.48)
         self._swing(now + 0.42, foot, goal, length, 0.04)
         middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
-        self.track.move(now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.003]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2)
+        self.track.move(
+            now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.003]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
+        )
         self._next["shift"] = max(self._next["shift"], now + 0.42 + length + 0.9)
 
     def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:

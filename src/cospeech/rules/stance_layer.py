@@ -30,8 +30,8 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
+from .minimum_jerk import MinimumJerkTrack
 from .stance import Stance, StanceAmounts, first_body
-from .track import MinimumJerkTrack
 
 __all__ = ["StanceLayer", "add_stance"]
 
@@ -46,7 +46,10 @@ mid-shoulder speeds correlate by .3 to .5 as people's do)."""
 _SWAY = np.radians([1.0, 0.9, 1.6])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _CARRIED, _COUNTER, _CHEST = 0.6, 24.0, 1.7  # as in `cospeech.rules.realise`
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
-_OWN, _FAR = 0.6, 0.06  # share of its own travel that a motion keeps; metres at which that bends ([ours]: feet are where they are)
+_OWN, _FAR = (
+    0.6,
+    0.06,
+)  # share of its own travel that a motion keeps; metres at which that bends ([ours]: feet are where they are)
 
 
 class StanceLayer:

@@ -49,7 +49,7 @@ def arched(random: Random, way: Array, pose: Array, size: float) -> Array:
 
 
 def skewed(random: Random, middle: float, spread: float) -> float:
-    """A skew of a movement's speed; see `cospeech.rules.track.minimum_jerk`."""
+    """A skew of a movement's speed; see `cospeech.rules.minimum_jerk.minimum_jerk`."""
     return float(np.clip(random.gauss(middle, spread), -0.6, 0.6))
 
 

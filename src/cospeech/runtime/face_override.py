@@ -48,13 +48,13 @@ class FaceOverride:
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""
-        return map(self._worn, self._session.push(chunk))
+        return map(self._override, self._session.push(chunk))
 
     def finish(self) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""
-        return map(self._worn, self._session.finish())
+        return map(self._override, self._session.finish())
 
-    def _worn(self, piece: Motion) -> Motion:
+    def _override(self, piece: Motion) -> Motion:
         weights, share = self._face.at((self._frame + np.arange(len(piece))) / piece.fps)
         self._frame += len(piece)
         return piece if piece.face is None else replace(piece, face=(1 - share) * piece.face + share * weights)

@@ -1,4 +1,4 @@
-"""Chains on stage: the calls of every gesturer; words, emotions and speakers given or heard; streams to the bit; files."""
+"""Chains that play: the calls of every model; words, emotions and speakers given or heard; streams to the bit; files."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_the_face_is_in_the_mood_that_is_heard():
     """Of a chain, the classifier's and not the rules'."""
     session = gesturer().session()
     list(session.push(talk(5.0)))
-    moods = session._player.moods
+    moods = session._decoder.moods
     list(session.finish())
     course = moods.at(np.arange(0, 4.9, 0.1))
     np.testing.assert_allclose(sum(session.emotion.values()), 1)
@@ -150,7 +150,7 @@ def test_the_face_is_in_the_mood_that_is_heard():
     for name in EMOTIONS:  # half of what is heard is played, the rest is neutral
         due = CAUTION * session.emotion[name] + (1 - CAUTION) * (name == "neutral")
         assert played[name] == pytest.approx(due, abs=0.1)
-    assert session.emotion != gesturer(judges=False).session().emotion
+    assert session.emotion != gesturer(adversarial=False).session().emotion
 
 
 def test_who_speaks_is_told_and_played():
@@ -159,7 +159,7 @@ def test_who_speaks_is_told_and_played():
     list(session.finish())
     assert set(session.speaker) == set(NAMES)
     assert sum(session.speaker.values()) == pytest.approx(1)
-    assert gesturer(judges=False).session().speaker is None
+    assert gesturer(adversarial=False).session().speaker is None
     ada, ben, voice, mixed = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
     assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixed, ada)) > 1e-3
     assert same(mixed, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))
@@ -246,7 +246,7 @@ def test_memory_does_not_grow_with_the_speech():
         for chunk in minute.chunks(2.0):
             list(session.push(chunk))
         if number in (0, 9):
-            kept.append(size({k: v for k, v in vars(session).items() if k in ("_player", "_listener", "_sampled")}, set()))
+            kept.append(size({k: v for k, v in vars(session).items() if k in ("_decoder", "_frontend", "_sampled")}, set()))
     assert kept[1] < 1.05 * kept[0] + 10_000
 
 

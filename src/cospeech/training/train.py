@@ -31,6 +31,7 @@ from .interrupts import SignalWatch, Stopped, defer_signals
 from .objective_optimiser import ObjectiveOptimiser, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
 from .recipe import Recipe, Train
+from .renamed import suggest_key
 from .run_log import Board, RunLog
 from .running_average import RunningAverage
 from .signals import let_signals_in
@@ -69,16 +70,17 @@ class _Run:
         work = open_set(recipe, store, team.device)
         there = (folder / "config.json").exists()
         if there and not resume:
-            raise InputError(f"there is a run in {str(folder)!r} already", "--resume goes on with it; --out names another")
+            raise InputError(f"there is a run in {str(folder)!r} already", "--resume continues it; --out names another folder")
         if there:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
         self.model = build_model(work.facts, work.needs).to(team.device)
-        if hasattr(self.model, "set_statistics"):
-            self.model.set_statistics(work.statistics)
+        self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
-            raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
+            raise InputError(
+                f"no objective {min(unknown)!r} in [train]", suggest_key(min(unknown), [p.name for p in self.parts])
+            )
         self.feed = work.feed(self.model, "train", self.settings.balance)
         self.held: BatchLoader | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
         self.average = RunningAverage(self.model, self.settings.ema)
@@ -201,11 +203,8 @@ class _Run:
 
         Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
         """
-        if hasattr(self.model, "validate"):
-            measured: dict[str, Tensor | float] = self.model.validate(batch)
-            return measured
-        found: dict[str, Tensor | float] = {}
-        for part in self.parts:
+        found: dict[str, Tensor | float] = {**self.model.validate(batch)}
+        for part in self.parts if not found else ():
             if part.active(self.done - 1):
                 with self.autocast():
                     terms = part.objective.loss(batch, part.objective.start)

@@ -27,7 +27,9 @@ __all__ = ["FEATURES", "OMEGA", "SMALL", "PlayableRun", "Runs", "make_folder", "
 OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
 """Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
 SHARED = (OMEGA, FEATURES, CLASSIFIER)
-_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `PlayableRun` knows neither these nor a clip's own moments
+_UNPLAYED = dict.fromkeys(
+    ("stylised-flow", "stylised-flow-extended", "moglow"), ("style",)
+)  # `PlayableRun` knows neither these nor a clip's own moments
 
 _SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
 _NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
@@ -39,7 +41,13 @@ _CHAIN = {"hidden": 64, "layers": 2, "word_width": 32}
 _LSTM = {"steps": 600, "batch": 32, "lr": 1e-3, "validate_every": 0, "save_every": 600}
 SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "stylised-flow": {
-        "model": {**_NARROW, "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5},
+        "model": {
+            "name": "stylised-flow-extended",
+            **_NARROW,
+            "encoder_channels": 16,
+            "encoder_blocks": 2,
+            "reconstruct_every": 5,
+        },
         "train": _SHORT,
     },
     "moglow": {"model": _NARROW, "train": _SHORT},
@@ -76,7 +84,7 @@ class PlayableRun:
         net: the network.
         facts: of its run.
         statistics: ``pose_mean`` and so on.
-        print: tells this run from all others.
+        fingerprint: digest of its weights, by which scores are cached.
         stretches: (speakers, n, T, D) of standardised poses of each speaker; None where it was trained without speech.
     """
 
@@ -279,8 +287,8 @@ class Runs:
         tensors, _ = read_tensors(folder / "statistics.safetensors")
         statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
         stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
-        print_ = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
-        return PlayableRun(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
+        fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
+        return PlayableRun(net, facts, statistics, fingerprint, None if stretches is None else stretches.numpy())
 
     def features(self) -> FeatureNet:
         """The feature network of FGD, of this store's training split; one for all rows and seeds."""

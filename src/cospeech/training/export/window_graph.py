@@ -2,7 +2,7 @@
 
 `lower` gives two ONNX graphs and their weights:
 
-    make    rows (1, T, A) of speech, style (N, T, styles), mode_noise (N, T, modes) → poses (N, T, D); inputs of no width are left
+    make    rows (1, T, A), style (N, T, styles), mode_noise (N, T, modes) → poses (N, T, D); inputs without width are left
             out, and N is 1 where both are
     style   poses (1, T, D) → style (1, styles), for a network that recognises styles
 
@@ -54,7 +54,7 @@ def lower(net: Windowed) -> Lowered:
     poses = _make(net, b)
     b.as_rows(poses, "poses")
     graphs = {"make": b.serialise(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
-    if hasattr(net, "style_of"):
+    if net.encodes_style:
         b = ConvGraph(weights, "style", net.multiple)
         _recognise(net, b, b.rows("poses", net.pose))
         graphs["style"] = b.serialise({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})

@@ -3,7 +3,8 @@
     python benchmarks/life.py SPEECH… [--model NAME] [--style NAME …] [--seed N] [--json]
 
 SPEECH is files or folders; short utterances of one folder are joined as in movement_statistics.py. Five minutes in all are
-wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all of theirs.
+wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all
+of theirs.
 `cospeech.metrics.body` defines the statistics. The old rows are the 86 of movement_statistics.py, exempt ones left out.
 """
 
@@ -17,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from movement_statistics import EXAMPLE, RATE, recordings
 
 import cospeech
 from cospeech import Motion, Speech
@@ -27,7 +29,6 @@ from cospeech.metrics.movement_signal import FPS, SMOOTH, low_pass, norm, rate
 from cospeech.motion.rotations import quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES
-from movement_statistics import EXAMPLE, RATE, recordings
 
 GROUND = 0.003  # metres: a sole point lower than this stands on the floor ([ours], as the laws of tests/rules_laws.py)
 WANTED = 300.0  # seconds of speech: the benchmark's demand
@@ -39,11 +40,11 @@ EXTRA = {
     "head speed median, deg/s": BodyRange(19.0, 27.0),
     "old rows inside, %": BodyRange(80.0, 100.0),
 }
-"""Rows of this table that `body_statistics` does not give; design reference, section 3, and the laws of the body."""
+"""Rows of this table that `body_statistics` does not give; docs/models/rules.md, and the laws of the body."""
 
 
 def feet_rows(motion: Motion) -> dict[str, float]:
-    """Slide of soles that stand, their lowest point and how often a foot is lifted and set down, over a motion on our humanoid."""
+    """Slide of soles that stand, their lowest point, and how often a foot is lifted, of a motion on our humanoid."""
     skeleton = humanoid()
     positions, world = skeleton.forward(motion.rotations, motion.root)
     ankle = skeleton.tpose[skeleton.index["leftFoot"], 1]
@@ -82,14 +83,12 @@ def measure(pairs: Sequence[tuple[np.ndarray, Motion]], exempt: Sequence[str] = 
 
 
 def of_take(path: Path) -> dict[str, float]:
-    """Statistics of a recorded take: 9 joints at 60 fps as .npy (position and quaternion; see data/reference_motion), or BVH."""
+    """Statistics of a recorded take: BVH, or .npy of 9 joints (position, quaternion) at 60 fps, hips first."""
     if path.suffix == ".npy":
         take = np.load(path, allow_pickle=False)[::2]
         place = take[..., :3]
         pelvis = np.asarray(take[:, 0, 3:], float)
-        return body_statistics(
-            Track(FPS, place[:, 0], place[:, [6, 3]], place[:, [7, 4]], place[:, [8, 5]], pelvis=pelvis)
-        )
+        return body_statistics(Track(FPS, place[:, 0], place[:, [6, 3]], place[:, [7, 4]], place[:, [8, 5]], pelvis=pelvis))
     motion = Motion.load(path)
     motion = motion if motion.skeleton.kind == "humanoid" else motion.retarget("humanoid")
     rows = body_statistics(motion)
@@ -110,7 +109,9 @@ def print_table(columns: Mapping[str, Mapping[str, float]]) -> None:
             cells.append(f"{'–':>10s} " if np.isnan(value) else f"{value:10.3g}{' ' if target.holds(value) else '*'}")
         ends = f"{target.low:g} … {target.high:g}".replace("… inf", "or more")
         print(f"{name:36s} {ends:>16s}  " + " ".join(cells))
-    inside = [f"{sum(t.holds(rows.get(n, np.nan)) for n, t in targets.items()):>7d}/{len(targets)} " for rows in columns.values()]
+    inside = [
+        f"{sum(t.holds(rows.get(n, np.nan)) for n, t in targets.items()):>7d}/{len(targets)} " for rows in columns.values()
+    ]
     print(f"{'inside':36s} {'':>16s}  " + " ".join(f"{cell:>11s}" for cell in inside))
     print("* outside the target")
 

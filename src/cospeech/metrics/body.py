@@ -2,7 +2,7 @@
 
 All at 30 frames per second. *World* series are as they are; wrists are relative to the hips with the slow heading removed
 (`cospeech.metrics.movement.arms_of`). *Smooth* is below 6 Hz. A stroke is a peak of the movement statistics (smooth wrist
-speed >= 0.5 m/s); for its shape it lasts from where the speed rises through a fifth of the peak, or from the minimum before,
+speed ≥ 0.5 m/s); for its shape it lasts from where the speed rises through a fifth of the peak, or from the minimum before,
 to where it falls through it, or to the minimum after. Spreads are taken in windows of 30 s and averaged.
 """
 
@@ -24,9 +24,9 @@ from .movement_signal import FPS, SMOOTH, low_pass, norm, rate
 __all__ = ["BODY_TARGETS", "BodyRange", "body_statistics"]
 
 EDGE = 0.2
-"""Share of its peak speed at which a stroke begins and ends. [ours] With it the real take at hand has a straightness of .89 and an
-SD of .117, as printed for real people (.90; .093 and .118), and the rules of before .995 and .042 (.995 and .047)."""
-STILL = 0.08  # m/s; slower wrists are still (design reference, section 3)
+"""Share of its peak speed at which a stroke begins and ends. [ours] With it a real take has a straightness of .89 and an SD of
+.117, as printed for real people (.90; .093 and .118), and the rules of before .995 and .042 (.995 and .047)."""
+STILL = 0.08  # m/s; slower wrists are still (docs/models/rules.md)
 SHORTEST = 3.0  # seconds; [ours] a motion shorter than this has no statistics
 
 
@@ -56,7 +56,7 @@ BODY_TARGETS: dict[str, BodyRange] = {
     "finger joint range, largest, deg": BodyRange(57, np.inf),
     "log dimensionless jerk per stroke": BodyRange(-5.3, -4.7),
 }
-"""Statistic -> range between two recorded people (design reference, section 3; 34 s and a second take)."""
+"""Statistic → range between two recorded people , measured on takes of 34 s and more (docs/models/rules.md)."""
 
 
 def body_statistics(motion: Motion | Track) -> dict[str, float]:

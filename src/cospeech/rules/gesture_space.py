@@ -7,19 +7,37 @@ from random import Random
 import numpy as np
 
 from ..motion.kinematics.arms import arm_lengths
+from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .repertoire import FORMS, SHAPE_KIN, SHAPES, Form, HandPose
+from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["GesturePlacement", "reach_time", "stroke_time"]
+__all__ = ["SHAPES", "GesturePlacement", "reach_time", "stroke_time"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+
+SHAPES = HAND_SHAPES | HAND_VARIANTS
+SHAPE_KIN: dict[str, tuple[str, ...]] = {
+    "relaxed": ("curl", "cradle"),
+    "soft_open": ("fan", "cradle", "curl"),
+    "open": ("fan", "wide", "cradle"),
+    "spread": ("wide",),
+    "bowl": ("cup", "cradle", "claw"),
+    "frame": ("tent", "cup"),
+    "ring": ("purse", "pinch"),
+    "point": ("lazy_point",),
+    "point_soft": ("lazy_point",),
+    "loose_fist": ("half_fist", "curl"),
+    "fist": ("half_fist", "purse"),
+    "flat": ("tent", "fan"),
+}
+"""Hand shape -> others that serve as well in a form that carries no word; ours."""
 
 
 class GesturePlacement:

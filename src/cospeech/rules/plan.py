@@ -20,11 +20,11 @@ from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .gesture_space import GesturePlacement, reach_time, stroke_time
+from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
-from .repertoire import FORMS, LEXICAL_FORMS, SHAPES, Form
+from .repertoire import FORMS, LEXICAL_FORMS, Form
 from .rest_poses import RESTS
 from .strokes import arched, skewed, twisted_path
 from .styles import Style
@@ -235,7 +235,7 @@ class Planner:
         return True
 
     def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
-        """Seconds and skew of an unhurried preparation, whose speed peaks on an accent before where one fits: hands keep the beat."""
+        """Seconds and skew of an unhurried preparation; its speed peaks on an accent before, where one fits."""
         prepare = min(1.35 * wanted, available)
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:

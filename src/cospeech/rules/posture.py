@@ -64,8 +64,8 @@ class Posture:
             self.style.lean + modifier.bow + self._gauss(2.6 * torso),
             self._gauss(1.8 * torso),
             modifier.turn + self._gauss(4.2 * torso),
+            self._gauss(1.6 * torso),
         )
-        goal = (*goal, self._gauss(1.6 * torso))
         columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]
         self.track.move(now + 0.02, length, np.array(goal), columns, skew=self._gauss(0.25))
 

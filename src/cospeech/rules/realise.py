@@ -36,7 +36,7 @@ __all__ = ["Pieces", "realise"]
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _CHEST, _RAISED = 1.7, 2.2  # degrees by which a breath opens the chest and lifts the clavicles (ours: about 1 cm)
 _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
-"""Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, and is drawn back with one that hangs:
+"""Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _CARRIED = 0.6  # share of the pelvis' turn that the chest takes over (ours, by eye)
 _COUNTER = 24.0  # degrees that the chest leans to the loaded side per metre of weight shift: contrapposto (ours, by eye)

@@ -11,27 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
+from ..motion.kinematics.hands import HAND_SHAPES
 from ..motion.rotations import Array
 
-__all__ = ["FORMS", "LEXICAL_FORMS", "SHAPES", "SHAPE_KIN", "Form", "HandPose"]
-
-SHAPES = HAND_SHAPES | HAND_VARIANTS
-SHAPE_KIN: dict[str, tuple[str, ...]] = {
-    "relaxed": ("curl", "cradle"),
-    "soft_open": ("fan", "cradle", "curl"),
-    "open": ("fan", "wide", "cradle"),
-    "spread": ("wide",),
-    "bowl": ("cup", "cradle", "claw"),
-    "frame": ("tent", "cup"),
-    "ring": ("purse", "pinch"),
-    "point": ("lazy_point",),
-    "point_soft": ("lazy_point",),
-    "loose_fist": ("half_fist", "curl"),
-    "fist": ("half_fist", "purse"),
-    "flat": ("tent", "fan"),
-}
-"""Hand shape -> others that serve as well in a form that carries no word; ours."""
+__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "HandPose"]
 
 
 class HandPose(NamedTuple):
@@ -50,7 +33,7 @@ class HandPose(NamedTuple):
     def values(self) -> Array:
         """(20,) in channel order."""
         head = (self.out, self.up, self.forward, self.swivel, self.pronation, self.flexion, self.deviation)
-        return np.concatenate([head, SHAPES[self.shape].values(), [self.shrug]])
+        return np.concatenate([head, HAND_SHAPES[self.shape].values(), [self.shrug]])
 
 
 class Form(NamedTuple):

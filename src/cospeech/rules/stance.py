@@ -1,8 +1,8 @@
 """Weight, pelvis, steps and breath: what a body does below the ribs while its hands and head do other things.
 
-A stance writes onto a body's track (`cospeech.motion.kinematics.body.Body`) and onto no channel of torso, head and gaze, so it may
-carry a planned performance (`posture`) or be layered under the motion of another system (`layer`). All of it is ours, set by eye
-and by the statistics of `cospeech.metrics.body`.
+A stance writes onto a body's track (`cospeech.motion.kinematics.body.Body`), but on no channel of torso, head and gaze. So it
+may carry a planned performance (`posture`), or lie under the motion of another system (`stance_layer`). All of it is ours, set
+by eye and by the statistics of `cospeech.metrics.body`.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ class Stance:
         return self._random.expovariate(per_minute / 100) + 1.5 if per_minute > 0 else 1e12  # three in five bring a second one
 
     def _step(self, now: float) -> None:
-        """The unloaded foot takes a small step, towards where the pelvis is turned; the weight follows, often the other foot, too."""
+        """The unloaded foot steps towards where the pelvis is turned; the weight follows, and often the other foot."""
         self._next["step"] = now + self._step_gap()
         if self._follow is None:
             turned = self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)

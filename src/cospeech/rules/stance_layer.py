@@ -1,8 +1,8 @@
 """A stance under somebody else's motion: legs, pelvis, breath and a trunk that follows the hands, for systems that lack them.
 
-Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them: the pelvis goes
-from leg to leg over feet that step, the chest takes over a part of its turn, breathes and goes along with the hands, the head stays
-nearly where it looked, and the arms ride on the chest as they are.
+Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
+pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn, breathes, and goes along with the hands. The
+head stays nearly where it looked, and the arms ride on the chest as they are.
 
 Every frame depends on its own row, on the wrists of the 0.4 s before it, on its time and on the seed: a motion may be given in
 pieces of any size, without any look-ahead.
@@ -41,8 +41,8 @@ _SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they
 _MEMORY = 0.4  # seconds of wrists that the trunk follows
 _DELAY = 0.07  # seconds by which it is behind them, at the peak of its kernel
 _FOLLOWS = np.radians([30.0, 9.0, 24.0])
-"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other ([ours], so that wrist and
-mid-shoulder speeds correlate by .3 to .5 as people's do)."""
+"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other. [ours]: wrist and
+mid-shoulder speeds then correlate by .2 to .3 where the trunk alone knew nothing of the hands."""
 _SWAY = np.radians([1.0, 0.9, 1.6])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _CARRIED, _COUNTER, _CHEST = 0.6, 24.0, 1.7  # as in `cospeech.rules.realise`
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)

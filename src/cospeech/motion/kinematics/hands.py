@@ -69,7 +69,7 @@ HAND_SHAPES: dict[str, HandShape] = {
     "three": HandShape((0, 0, 2, 66), (6, 6, 8, 84), 9, (46, 26, 36)),
     "thumb": HandShape((70, 74, 76, 76), (88, 90, 92, 90), 0, (-6, -18, 0)),
 }
-"""Ours, set by eye on the mannequin; names are those of gesture annotation schemes where there is one. Poses of networks are coded in
+"""Ours, set by eye on the mannequin; names are those of gesture annotation schemes where there is one. Networks code hands in
 the principal directions of this table (`cospeech.motion.poses.humanoid`): further shapes belong in `HAND_VARIANTS`."""
 
 HAND_VARIANTS: dict[str, HandShape] = {

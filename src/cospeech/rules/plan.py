@@ -270,7 +270,7 @@ class Planner:
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + modifier.tension)) * draw.uniform(0.5, 1.5)
-            arc = arched(draw, way, poses[k], draw.uniform(0.10, 0.33))
+            arc = arched(draw, way, poses[k], draw.uniform(0.09, 0.32))
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)

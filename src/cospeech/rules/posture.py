@@ -139,8 +139,8 @@ class Posture:
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
         head = self.style.head * modifier.head * self.size
-        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(3.9 * head)
-        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(3.6 * head)
+        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(4.3 * head)
+        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(4.0 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
         if not self.style.seated:

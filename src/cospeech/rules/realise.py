@@ -127,7 +127,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (1.8 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.5 * head, 1.4 * head, 2.0 * head, 0.009 * moved, 0.009 * moved]
+        [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.009 * moved, 0.009 * moved]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale

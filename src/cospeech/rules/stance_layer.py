@@ -1,8 +1,8 @@
 """A stance under somebody else's motion: legs, pelvis, breath and a trunk that follows the hands, for systems that lack them.
 
 Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
-pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn, breathes, and goes along with the hands. The
-head stays nearly where it looked, and the arms ride on the chest as they are.
+pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn, breathes and goes along with the
+hands. The head stays nearly where it looked, and the arms ride on the chest as they are.
 
 Every frame depends on its own row, on the wrists of the 0.4 s before it, on its time and on the seed: a motion may be given in
 pieces of any size, without any look-ahead.

@@ -270,7 +270,7 @@ class Planner:
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + modifier.tension)) * draw.uniform(0.5, 1.5)
-            arc = arched(draw, way, poses[k], draw.uniform(0.09, 0.32))
+            arc = arched(draw, way, poses[k], draw.uniform(0.08, 0.30))
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
@@ -309,7 +309,7 @@ class Planner:
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
-            back[:7] = -(up + down)[:7] * 0.65
+            back[:7] = -(up + down)[:7] * ([0.65] * 3 + [1.0] * 4)
             state.track.add(onset + stroke + 0.05, 0.8 / tempo, back, skew=0.1)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)

@@ -146,7 +146,7 @@ class Posture:
         if not self.style.seated:
             part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso
             part[Body.HIPS_Z] = np.clip(0.05 * way[2], -0.014, 0.014) * torso
-            part[Body.SINK] = np.clip(-0.022 * way[1], -0.003, 0.009) * torso
+            part[Body.SINK] = np.clip(-0.018 * way[1], -0.002, 0.006) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         ready = onset - lead

@@ -238,6 +238,7 @@ def _arms(
 
 
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
+_SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger shows half as much again (ours)
 _WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))
 """Pronation, flexion, deviation: within the active ranges of adults (Boone & Azen 1979)."""
 
@@ -268,6 +269,7 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Arra
         h[:, side, Channel.MIDDLES] += fingers * 1.3
     h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
     h[:, :, Channel.MIDDLES] = _limit(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
+    h[:, :, Channel.SPREAD] = _limit(h[:, :, Channel.SPREAD], *_SPREAD_LIMITS)
     if tremor.any():
         shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor[:, None])
         h[:, :, :3] += shake.reshape(-1, 2, 3)

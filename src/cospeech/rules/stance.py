@@ -46,7 +46,7 @@ def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
     base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT + random.uniform(-3, 9))
     base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT - random.uniform(-3, 9))
     base[Body.PITCH] = lean
-    base[Body.SINK] = 0.0 if seated else 0.006
+    base[Body.SINK] = 0.0 if seated else 0.002
     return base
 
 
@@ -139,7 +139,7 @@ class Stance:
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
                 (left[1] + right[1]) / 2 + self._gauss(0.016 * sway),
-                self._random.uniform(0.0, 0.008) + (1 - depth) * self._random.uniform(0.0, 0.022) * sway,
+                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.017) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )
@@ -199,13 +199,13 @@ class Stance:
         )
         if side * (goal[0] - still[0]) < 0.15:  # never across the other foot
             goal[0] = still[0] + side * 0.15
-        self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.010]), [Body.HIPS_X, Body.SINK])
+        self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
         self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
         length = self._random.uniform(0.36, 0.48)
         self._swing(now + 0.42, foot, goal, length, 0.04)
         middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
         self.track.move(
-            now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.003]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
+            now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.002]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
         )
         self._next["shift"] = max(self._next["shift"], now + 0.42 + length + 0.9)
 

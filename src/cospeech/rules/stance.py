@@ -139,7 +139,7 @@ class Stance:
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
                 (left[1] + right[1]) / 2 + self._gauss(0.016 * sway),
-                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.017) * sway,
+                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.023) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )

@@ -76,6 +76,11 @@ class TestStance:
         assert 6 < counted < 14
         assert steps(stood(1, steps=0.0)) == 0
 
+    def test_one_foot_stands_whatever_the_steps(self):
+        for seed in range(12):
+            b = stood(seed, steps=40.0, sway=1.8)
+            assert not ((b[:, Body.LEFT_LIFT] > 0.002) & (b[:, Body.RIGHT_LIFT] > 0.002)).any()
+
     def test_breath_comes_twelve_to_eighteen_times_a_minute(self):
         breath = np.array([stood(seed)[:, Body.BREATH] for seed in range(6)])
         inward = ((breath[:, 1:] > 0.5) & (breath[:, :-1] <= 0.5)).sum(1)

@@ -71,6 +71,7 @@ class Stance:
             "step": self._step_gap(),
         }
         self._follow: float | None = None
+        self._down = 0.0  # when the foot that steps stands again
         self._settled = False
 
     def decide(self, now: float, *, speaking: bool = True) -> None:
@@ -88,7 +89,7 @@ class Stance:
         if now >= self._next["shift"]:
             self._shift(now)
             self._next["shift"] = now + self._random.uniform(2.2, 6.0) * calm / max(self.amounts.sway, 0.4) ** 0.5
-        if now >= self._next["step"]:
+        if now >= max(self._next["step"], self._down):
             self._step(now)
 
     def begin_phrase(self, now: float, start: float) -> None:
@@ -202,6 +203,7 @@ class Stance:
         self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
         self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
         length = self._random.uniform(0.36, 0.48)
+        self._down = now + 0.42 + length + 0.2
         self._swing(now + 0.42, foot, goal, length, 0.04)
         middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
         self.track.move(

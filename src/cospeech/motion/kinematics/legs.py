@@ -22,6 +22,7 @@ _TILT = 92.0  # degrees of pelvic roll per metre of sideways shift: the free sid
 _BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
 _FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
+_BENT = 0.0008  # metres over which a knee begins to bend (ours)
 _SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
@@ -56,14 +57,19 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
     ankles = _ankles(feet, lift, tip)
     if seated:
         ankles = ankles + np.array([0.0, 0.0, _AHEAD])
-        root = np.stack([b[:, Body.HIPS_X], SEAT - b[:, Body.SINK], b[:, Body.HIPS_Z]], -1)
+        root = np.stack([b[:, Body.HIPS_X], SEAT - _sunk(b), b[:, Body.HIPS_Z]], -1)
     else:
         root = np.stack([b[:, Body.HIPS_X], np.zeros(len(b)), b[:, Body.HIPS_Z]], -1)
-        root[:, 1] = _height(root, hips, ankles) - b[:, Body.SINK]
+        root[:, 1] = _height(root, hips, ankles) - _sunk(b)
     if rotations is not None:
         rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], tip)
         rotations[:, _toes()] = _about_x(-np.maximum(tip, 0.0))
     return hips, root
+
+
+def _sunk(b: Array) -> Array:
+    """(N,) metres by which knees that bend lower the hips: never less than nothing, or feet would leave the floor."""
+    return _BENT * np.logaddexp(0.0, b[:, Body.SINK] / _BENT)
 
 
 def weight_shift(b: Array) -> Array:
@@ -150,7 +156,7 @@ def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
     lift, tip = b[:, Body.LEFT_LIFT : Body.RIGHT_LIFT + 1], np.radians(b[:, Body.LEFT_TIP : Body.RIGHT_TIP + 1])
     ankles = _ankles(feet, lift, tip)
     root = place.copy()
-    root[:, 1] = _height(place, hips, ankles) - b[:, Body.SINK]
+    root[:, 1] = _height(place, hips, ankles) - _sunk(b)
     legs = _legs(hips, root, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
     return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), root[:, 1]

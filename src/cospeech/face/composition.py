@@ -16,6 +16,7 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from ..motion.weighted_sum import weighted_sum
 from .blinks import eyelids
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
+from .gaze import lids_and_looks
 from .lips import MouthEstimate, voice_to_mouth
 from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
 
@@ -32,11 +33,7 @@ _SQUINT = _columns("eyeSquintLeft", "eyeSquintRight")
 _SMILE = _columns("mouthSmileLeft", "mouthSmileRight")
 _PRESS = _columns("mouthPressLeft", "mouthPressRight")
 _BROWS = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight", "browDownLeft", "browDownRight")
-_LOOK = _columns(
-    "eyeLookOutLeft", "eyeLookInLeft", "eyeLookOutRight", "eyeLookInRight", "eyeLookUpLeft", "eyeLookUpRight",
-    "eyeLookDownLeft", "eyeLookDownRight",
-)  # fmt: skip
-_JAW, _CLOSE, _DOWN = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"], _LOOK[6:]
+_JAW, _CLOSE = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"]
 _ROLL = _columns("mouthRollLower", "mouthRollUpper")
 _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
@@ -46,9 +43,6 @@ _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name 
 _OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
 _OPENS += np.array([name == "tongueOut" for name in ARKIT]) * 1.0
 
-_LOOK_FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 (ours: what ARKit reports near the limits of comfort)
-_CONVERGENCE = 0.012  # weight inwards on both eyes: something a few metres away is looked at (ours)
-_LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-down shape alone leaves the iris half covered
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
 _CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
@@ -98,7 +92,7 @@ class Face:
         accents: Sequence[Accent],
         words: Sequence,
         emotion: Array,
-        gaze: Array,
+        gaze: Array | None = None,
         head_speed: Array | None = None,
         shifts: Sequence[tuple[float, float]] = (),
         spoken: Array | None = None,
@@ -111,13 +105,13 @@ class Face:
             accents: those at most 1.5 s away (more do no harm).
             words: those at most 0.5 s away, each with ``text``, ``start`` and ``end``; or none.
             emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
-            gaze: (T, 2) radians of yaw (+ to the character's left) and pitch (+ up) of the eyes in the head.
+            gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; where it is not known yet, the face waits for `finish`.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
             shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
             spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
 
         Returns:
-            (T, 52) in 0 … 1.
+            (T, 52) in 0 … 1; without ``gaze`` before gains, with lids as for eyes that look straight ahead.
         """
         times = np.asarray(times, float)
         if not len(times):
@@ -133,8 +127,21 @@ class Face:
         _close_lips(out, closed)
         out *= self._lean
         self._brows(out, times, accents, drift)
-        self._eyes(out, times, heard, np.asarray(gaze, float), head_speed, shifts)
-        return self._scaled(np.clip(out, 0.0, 1.0))
+        self._lids(out, times, heard, head_speed, shifts)
+        out = np.clip(out, 0.0, 1.0)
+        return out if gaze is None else self.finish(out, gaze)
+
+    def finish(self, weights: Array, angles: Array) -> Array:
+        """A face that was made without its gaze, finished: eyes, the lids that follow them, gains.
+
+        Args:
+            weights: (T, 52), as `weights` returns them without ``gaze``.
+            angles: (T, 2, 2), see `gaze.eye_angles`.
+
+        Returns:
+            (T, 52) in 0 … 1.
+        """
+        return self._scaled(lids_and_looks(weights, angles))
 
     def _speech(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
@@ -184,17 +191,14 @@ class Face:
         out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
         out[:, _BROWS[3:]] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
 
-    def _eyes(self, out: Array, times: Array, heard: Heard, gaze: Array, head_speed: Array | None, shifts: Sequence) -> None:
-        yaw, pitch = gaze[:, 0] / _LOOK_FULL[0], gaze[:, 1] / _LOOK_FULL[1]
-        look = (yaw - _CONVERGENCE, _CONVERGENCE - yaw, -yaw - _CONVERGENCE, yaw + _CONVERGENCE, pitch, pitch, -pitch, -pitch)
-        out[:, _LOOK] = np.maximum(np.array(look).T, 0.0)
-        lids = out[:, _BLINK] + _LID_FOLLOWS * out[:, _DOWN] - 0.10 * out[:, _LOOK[4:6]]
+    def _lids(self, out: Array, times: Array, heard: Heard, head_speed: Array | None, shifts: Sequence) -> None:
+        lids = out[:, _BLINK]
         if head_speed is not None:
-            lids += 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
+            lids = lids + 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
         shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts)[:, None]
         lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
-        out[:, _WIDE] = (out[:, _WIDE] + 0.15 * out[:, _LOOK[4:6]]) * (1 - shut)
+        out[:, _WIDE] *= 1 - shut
         out[:, _SQUINT] *= 1 - 0.6 * shut
 
 

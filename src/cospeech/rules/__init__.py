@@ -52,10 +52,11 @@ class RuleBasedModel:
     def __init__(self, mouth: MouthMaker | None = None) -> None:
         self._mouth = mouth
 
-    def session(self, options: GenerationOptions | None = None, /, *, moving: bool = True, **keywords: Any) -> Session:
+    def session(self, options: GenerationOptions | None = None, /, *, moving: bool = True, aimed: bool = True, **keywords: Any) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
 
-        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. Options that only some trained
+        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where
+        another system turns the head, see `Session.aim`. Options that only some trained
         systems have (face, continue_from, look_ahead, takes) are refused.
         """
         options = GenerationOptions.of(options, keywords)
@@ -70,7 +71,7 @@ class RuleBasedModel:
         session = Session(
             _find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
-            gains=face_gains(options.face_gain),
+            gains=face_gains(options.face_gain), aimed=aimed,
         )  # fmt: skip
         if mouth is not None:
             session.share(SharedProsody())

@@ -97,7 +97,7 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": player.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
+        heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if given.face is None else [FaceOverride(head, given.face) for head in heads]
         shared = SharedProsody()
         for each in (listener, *faces):

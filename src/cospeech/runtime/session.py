@@ -308,6 +308,8 @@ class TrainedSession:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, _eyes()] = eyes
+                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, face = aimed.rotations, aimed.face
             if self._seams:
                 rotations, root = self._seams[take].closed(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))

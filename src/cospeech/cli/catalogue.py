@@ -59,7 +59,7 @@ def _styles() -> list[Row]:
 def _emotions() -> list[Row]:
     from ..audio.emotions import EMOTIONS
 
-    return [{"name": "auto", "what": "heard from the speech; the default"}] + [
+    return [{"name": "auto", "what": "larger and quicker where the voice is aroused; the default"}] + [
         {"name": name, "what": f"{name}, whatever the speech sounds like"} for name in EMOTIONS
     ]
 

@@ -72,7 +72,7 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (heard from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        help="auto (larger and quicker where the voice is aroused), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
         "or a .csv of how it changes.",
     ),
 ]

@@ -41,6 +41,8 @@ SLOPE = 0.1  # of LeakyReLU; ours
 BELOW = 0.02  # ours: what of a weight below 0 counts, so that it is not lost
 CALM = log(FLOOR)  # log power of a band in silence
 COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
+CLOSED, OPEN = 0.03, 0.06  # [ours] jawOpen of closed and of open lips: on GRID 97 % of b, p and m fall below the first
+NEAR = 9  # [ours] frames to both sides among which lips open again, 0.15 s at 60 a second
 TURN = 0.25  # [ours] w of the turn of the head, of which the sound says little
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
 
@@ -65,6 +67,8 @@ class SpeechToFaceConfig:
     """ρ, 0 … 1: the share of the squared distance, which leads to the mean instead of the median."""
     distribution: float = 0.5
     """μ."""
+    closure: float = 3.0
+    """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""
     jaw: float = 2.0
     """w of jawOpen; of the other numbers 1."""
     gain: float = 3.0
@@ -80,7 +84,8 @@ class SpeechToFaceConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain": 0, "tilt": 0}
-        for name, least in (low | {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "distribution": 0}).items():
+        more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "distribution": 0, "closure": 0}
+        for name, least in (low | more).items():
             if not getattr(self, name) >= least:
                 raise InputError(f"{name} of a SpeechToFace is {getattr(self, name)}", f"{least} at least")
         if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
@@ -192,17 +197,27 @@ class SpeechToFace(Windowed):
         made, face = self._counted(made[:, rows]) / self.pose_std, face[:, rows] / self.pose_std
         shares, squared = self._shares(made), self.config.squared
         off = made - face
+        off = (1 - squared) * off.abs() + squared * off.square() / 2
         return {
-            "distance": (((1 - squared) * off.abs() + squared * off.square() / 2) * shares).mean(),
+            "distance": (off * shares).mean() + self.config.closure * self._at_closures(off, face, shares),
             "velocity": self.config.velocity * ((made.diff(dim=1) - face.diff(dim=1)).abs() * shares).mean(),
             "distribution": self.config.distribution * self._between_distributions(made, face, batch["speaker"], shares),
         }
 
     def _between_distributions(self, made: Tensor, face: Tensor, speaker: Tensor, shares: Tensor) -> Tensor:
-        """Mean over speakers of the Wasserstein distance between what is made and what was tracked, number by number."""
+        """Mean over speakers of the distance between the distributions of what is made and of what was tracked."""
         kinds = [(x.flatten(0, 1) for x in (made[speaker == s], face[speaker == s])) for s in range(self.styles)]
-        apart = [(a.sort(0).values - b.sort(0).values).abs() * shares for a, b in kinds]
-        return torch.cat(apart).mean()
+        apart = torch.cat([a.sort(0).values - b.sort(0).values for a, b in kinds if len(a)])
+        return ((apart.abs() + apart.square() / 2) * shares).mean()
+
+    def _at_closures(self, off: Tensor, face: Tensor, shares: Tensor) -> Tensor:
+        """Mean of jawOpen's distance, of the frames alone in which the tracked lips are closed between open ones."""
+        if not self._weights:
+            return off.new_zeros(())
+        jaw = ARKIT_INDEX["jawOpen"]
+        open_ = face[..., jaw] * self.pose_std[jaw]
+        around = F.max_pool1d(open_[:, None], 2 * NEAR + 1, 1, NEAR)[:, 0]
+        return (off[..., jaw] * ((open_ < CLOSED) & (around > OPEN))).mean() * shares[jaw] / len(shares)
 
     @property
     def _weights(self) -> int:

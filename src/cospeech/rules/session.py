@@ -25,6 +25,7 @@ from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
+from .arousal import arouse
 from .emotion_modifiers import blend_manners
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
@@ -107,7 +108,17 @@ class Session:
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard; of a track its mean over the speech."""
-        return self.mood.mean
+        return self.mood.heard
+
+    @property
+    def played(self) -> dict[str, float]:
+        """Weight of each emotion that was played, over the speech: of a track its own, else neutral alone."""
+        return self.mood.felt
+
+    @property
+    def arousal(self) -> float | None:
+        """Mean arousal that was heard in the voice and played, −1 … 1; None where an emotion is given."""
+        return self.mood.arousal.mean if self.mood.track is None else None
 
     @property
     def speaker(self) -> None:
@@ -207,7 +218,7 @@ class Session:
         elif self._ticks % 5 == 0:
             recent = [a for a in listener.accents if a.time <= now + HORIZON]
             self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        manner = blend_manners(self.mood.probabilities)
+        manner = arouse(blend_manners(self.mood.probabilities), self.mood.arousal.level)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self.parts:
             self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)

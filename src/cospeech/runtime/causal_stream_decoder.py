@@ -70,7 +70,7 @@ class ChainPlayer:
 
     @property
     def moods(self) -> Moods | None:
-        """See `Player`; nobody hears them where there is no classifier, and none was given."""
+        """See `Decoder`; None where none was given."""
         return self._ear if self._ear.knows else None
 
     @property

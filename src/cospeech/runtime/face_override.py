@@ -33,6 +33,16 @@ class FaceOverride:
         return self._session.emotion
 
     @property
+    def played(self) -> dict[str, float]:
+        """See `cospeech.rules.Session`."""
+        return self._session.played
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session`."""
+        return self._session.arousal
+
+    @property
     def latency(self) -> float:
         """See `cospeech.rules.Session`."""
         return self._session.latency

@@ -162,6 +162,16 @@ class TrainedSession:
         return self._player.emotion or self._faces[0].emotion
 
     @property
+    def played(self) -> dict[str, float]:
+        """See `cospeech.rules.Session.played`."""
+        return self._faces[0].played
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session.arousal`; the rules play it, in the face. A network hears the sound itself."""
+        return self._faces[0].arousal
+
+    @property
     def speaker(self) -> dict[str, float] | None:
         """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
         return self._player.speaker

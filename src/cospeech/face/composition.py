@@ -39,13 +39,19 @@ _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
 for _row, _name in enumerate(MOUTH):
     _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
-_OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 0.9
+_ROUND = [MOUTH.index("mouthFunnel"), MOUTH.index("mouthPucker")]
+_SPREAD_LIPS = 0.8 * np.array(
+    [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
+)  # [ours] what rounded lips, fully, leave less of
+_SHUT, _AJAR = 0.03, 0.10  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
+_OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
+_OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
 _OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
 _OPENS += np.array([name == "tongueOut" for name in ARKIT]) * 1.0
 
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
-_CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
+_CALM, _SWELL, _DRIFT = 0.78, 0.24, 0.12  # an expression's course: its level, more on accents, slow wandering
 _TALKS = (
     0.05,
     0.40,
@@ -155,16 +161,21 @@ class Face:
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
 
     def _learnt(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array) -> tuple[Array, Array]:
-        """(T, 52) and (T,): as a mouth says while somebody talks, and how far words close the lips.
+        """(T, 52) and (T,): as a mouth says while somebody talks, and how far the lips are closed.
 
-        Words have a say where sound tells little: the lips of m, b, p, of f and w, the tongue of th; never the jaw.
+        Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
+        Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well.
         """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
         mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
         mouth.shape[:, 0] = 0.0
-        known = (mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]) @ _SPREAD
-        return np.maximum(shape, known), mouth.claim * mouth.closed
+        known = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
+        rounded = np.minimum(known[:, _ROUND].sum(1), 1.0)
+        shape *= 1 - rounded[:, None] * _SPREAD_LIPS
+        sealed = np.clip((_AJAR - shape[:, _JAW]) / (_AJAR - _SHUT), 0.0, 1.0) * voice.closed * talks
+        closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
+        return np.maximum(shape, known @ _SPREAD), closed
 
     def _scaled(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
@@ -207,5 +218,5 @@ def _close_lips(out: Array, closed: Array) -> None:
     out *= 1 - closed[:, None] * _OPENS
     out[:, _JAW] *= 1 - 0.6 * closed
     out[:, _CLOSE] = np.clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
-    out[:, _PRESS] += 0.22 * closed[:, None]
-    out[:, _ROLL] += 0.10 * closed[:, None]
+    out[:, _PRESS] += 0.30 * closed[:, None]
+    out[:, _ROLL] += 0.16 * closed[:, None]

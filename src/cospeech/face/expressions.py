@@ -18,32 +18,32 @@ __all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
 # for Left and Right. The amounts are ours, by eye. Rows in the order of the emotions of `cospeech.rules`.
 _APEX: dict[str, dict[str, float]] = {
     "neutral": {},
-    "happiness": {  # AU 6 + 12
-        "mouthSmileBoth": 0.85, "cheekSquintBoth": 0.62, "eyeSquintBoth": 0.34, "mouthDimpleBoth": 0.12,
-        "mouthUpperUpBoth": 0.10, "browOuterUpBoth": 0.12, "browInnerUp": 0.08,
+    "happiness": {  # AU 6 + 12 + 25: cheeks lift the lower lid, the upper lid stays up, else it looks smug
+        "mouthSmileBoth": 1.00, "cheekSquintBoth": 0.90, "eyeSquintBoth": 0.08, "eyeWideBoth": 0.20, "mouthUpperUpBoth": 0.26,
+        "mouthLowerDownBoth": 0.14, "jawOpen": 0.05, "browOuterUpBoth": 0.26, "browInnerUp": 0.22,
     },
-    "anger": {  # AU 4 + 5 + 7 + 23/24
-        "browDownBoth": 0.88, "eyeSquintBoth": 0.42, "eyeWideBoth": 0.18, "noseSneerBoth": 0.28, "mouthPressBoth": 0.35,
-        "mouthFrownBoth": 0.20, "mouthRollLower": 0.08, "jawForward": 0.15, "mouthUpperUpBoth": 0.06,
+    "anger": {  # AU 4 + 5 + 7 + 10 + 23/24
+        "browDownBoth": 1.00, "eyeSquintBoth": 0.45, "eyeWideBoth": 0.34, "noseSneerBoth": 0.48, "mouthPressBoth": 0.35,
+        "mouthFrownBoth": 0.40, "mouthRollLower": 0.08, "jawForward": 0.25, "mouthUpperUpBoth": 0.14, "mouthLowerDownBoth": 0.16,
     },
-    "sadness": {  # AU 1 + 4 + 15
-        "browInnerUp": 0.90, "browDownBoth": 0.15, "mouthFrownBoth": 0.72, "eyeBlinkBoth": 0.20, "mouthShrugLower": 0.30,
-        "eyeSquintBoth": 0.10, "cheekSquintBoth": 0.06,
+    "sadness": {  # AU 1 + 4 + 15 + 17
+        "browInnerUp": 1.00, "browDownBoth": 0.22, "mouthFrownBoth": 1.00, "eyeBlinkBoth": 0.28, "mouthShrugLower": 0.46,
+        "eyeSquintBoth": 0.12, "cheekSquintBoth": 0.10,
     },
     "contempt": {  # AU 12 + 14 on one side
-        "mouthSmileLeft": 0.50, "mouthDimpleLeft": 0.60, "eyeSquintBoth": 0.30, "mouthLeft": 0.14, "mouthPressLeft": 0.18,
-        "browOuterUpLeft": 0.36, "browDownRight": 0.36, "eyeBlinkBoth": 0.08, "cheekSquintLeft": 0.15,
+        "mouthSmileLeft": 0.62, "mouthDimpleLeft": 0.70, "eyeSquintBoth": 0.34, "mouthLeft": 0.18, "mouthPressLeft": 0.24,
+        "browOuterUpLeft": 0.50, "browDownRight": 0.50, "eyeBlinkBoth": 0.14, "cheekSquintLeft": 0.20,
     },
     "surprise": {  # AU 1 + 2 + 5 + 26
-        "browInnerUp": 0.85, "browOuterUpBoth": 0.80, "eyeWideBoth": 0.70, "jawOpen": 0.10, "mouthFunnel": 0.06,
+        "browInnerUp": 1.00, "browOuterUpBoth": 1.00, "eyeWideBoth": 0.85, "jawOpen": 0.18, "mouthFunnel": 0.12,
     },
-    "fear": {  # AU 1 + 2 + 4 + 5 + 20
-        "browInnerUp": 0.95, "browOuterUpBoth": 0.30, "browDownBoth": 0.18, "eyeWideBoth": 0.72, "mouthStretchBoth": 0.58,
-        "mouthFrownBoth": 0.20, "mouthLowerDownBoth": 0.10,
+    "fear": {  # AU 1 + 2 + 4 + 5 + 20: the brows are drawn together as they rise, the lips drawn apart
+        "browInnerUp": 1.00, "browOuterUpBoth": 0.12, "browDownBoth": 0.34, "eyeWideBoth": 0.90, "mouthStretchBoth": 0.90,
+        "mouthFrownBoth": 0.42, "mouthLowerDownBoth": 0.24,
     },
     "disgust": {  # AU 9 + 10 + 17
-        "noseSneerBoth": 0.90, "mouthUpperUpBoth": 0.42, "browDownBoth": 0.60, "eyeSquintBoth": 0.35, "cheekSquintBoth": 0.28,
-        "mouthFrownBoth": 0.38, "mouthShrugLower": 0.26, "mouthShrugUpper": 0.12,
+        "noseSneerBoth": 1.00, "mouthUpperUpBoth": 0.50, "browDownBoth": 0.66, "eyeSquintBoth": 0.50, "cheekSquintBoth": 0.36,
+        "mouthFrownBoth": 0.50, "mouthShrugLower": 0.34, "mouthShrugUpper": 0.12,
     },
 }  # fmt: skip
 

@@ -38,7 +38,7 @@ from .nn.windowed import Windowed
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 
 SLOPE = 0.1  # of LeakyReLU; ours
-BELOW = 0.02  # ours: what of a weight below 0 counts, so that it is not lost
+BELOW = 0.1  # [ours] what of a weight below 0 counts: with .02 lips that are mostly still never learnt to move
 CALM = log(FLOOR)  # log power of a band in silence
 COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
 CLOSED, OPEN = 0.03, 0.06  # [ours] jawOpen of closed and of open lips: on GRID 97 % of b, p and m fall below the first
@@ -51,7 +51,7 @@ RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 6
 class SpeechToFaceConfig:
     """Sizes and losses; all ours."""
 
-    frames: int = 96
+    frames: int = 160
     """T of a training window."""
     channels: int = 128
     """Of every convolution."""
@@ -59,17 +59,17 @@ class SpeechToFaceConfig:
     """Frames that a block's convolution sees, so many dilations apart."""
     dilations: tuple[int, ...] = (1, 2, 4)
     """Of each block."""
-    ahead: tuple[int, ...] = (2, 1, 1)
-    """Taps of each block's kernel that lie after the frame; times their dilations 8 frames, 133 ms at 60 a second."""
+    ahead: tuple[int, ...] = (2, 2, 2)
+    """Taps of each block's kernel that lie after the frame; times their dilations 14 frames, 233 ms at 60 a second."""
     velocity: float = 1.0
     """λ."""
     squared: float = 0.5
     """ρ, 0 … 1: the share of the squared distance, which leads to the mean instead of the median."""
-    distribution: float = 0.5
+    distribution: float = 1.0
     """μ."""
     closure: float = 3.0
     """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""
-    jaw: float = 2.0
+    jaw: float = 8.0
     """w of jawOpen; of the other numbers 1."""
     gain: float = 3.0
     """Speech is up to so much louder or softer, in natural log of power: 13 dB."""
@@ -77,7 +77,7 @@ class SpeechToFaceConfig:
     """Its spectrum is tilted by up to so much at either end."""
     tract: float = 0.15
     """Its mel axis is stretched by up to this share."""
-    noise: float = 0.6
+    noise: float = 0.4
     """Share of windows with noise, at its loudest 17 to 60 dB below their loudest band."""
     pauses: float = 0.3
     """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""

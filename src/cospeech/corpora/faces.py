@@ -242,9 +242,7 @@ def _pieces(
         if not len(samples):
             raise InputError(f"'audio/{name}.flac' ends before {start:.1f} s", "is it cut short?")
         heard = Speech(samples, speech.rate, _words(said, len(samples) / speech.rate), name=piece)
-        return Clip(
-            name=piece, speaker=tracks.speaker, corpus="faces", speech=heard, motion=motion, split=split, start=start
-        )
+        return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=heard, motion=motion, split=split, start=start)
 
     whole = len(cuts) == 2
     spans = {name if whole else f"{name}@{k:02d}": (cuts[k], cuts[k + 1]) for k in range(len(cuts) - 1)}

@@ -17,6 +17,7 @@ from ..motion.weighted_sum import weighted_sum
 from .blinks import eyelids
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
 from .gaze import lids_and_looks
+from .laughter import LAUGHS, laughter
 from .lips import MouthEstimate, voice_to_mouth
 from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
 
@@ -68,6 +69,7 @@ class Face:
         seed: which performance.
         intensity: 0 … about 2; scales the expression of emotion and, less, the articulation.
         expressiveness: 0 … about 2; scales brows, small signs and, less, the articulation.
+        emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
         gains: (52,) factors of what comes out; all 1 where not given.
     """
@@ -78,11 +80,13 @@ class Face:
         seed: int,
         intensity: float = 1.0,
         expressiveness: float = 1.0,
+        emphasis: float = 1.0,
         blink_rate: float = 22.0 / 60,
         gains: Array | None = None,
     ) -> None:
         self._gains = np.ones(len(ARKIT)) if gains is None else gains
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
+        self.emphasis = emphasis
         self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
         lean = 0.05 * hashed_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
         self._lean = np.ones(len(ARKIT))
@@ -109,7 +113,7 @@ class Face:
             times: (T,) seconds, ascending.
             heard: the speech at least half a second to both sides of them, clipped at its ends.
             accents: those at most 1.5 s away (more do no harm).
-            words: those at most 0.5 s away, each with ``text``, ``start`` and ``end``; or none.
+            words: those at most 0.5 s away, and `laughter.AFTER` where they are laughter, each with ``text``, ``start`` and ``end``; or none.
             emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
             gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; where it is not known yet, the face waits for `finish`.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
@@ -130,6 +134,8 @@ class Face:
         else:
             out, closed = self._learnt(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
+        laughs = laughter(times, words)[:, None]
+        out += laughs * np.maximum(LAUGHS - out, 0.0)
         _close_lips(out, closed)
         out *= self._lean
         self._brows(out, times, accents, drift)
@@ -196,7 +202,9 @@ class Face:
         return out
 
     def _brows(self, out: Array, times: Array, accents: Sequence[Accent], drift: Array) -> None:
-        moves = accent_brows(times, accents, seed=self.seed) * (self.expressiveness * (0.7 + 0.3 * self.intensity))
+        moves = accent_brows(times, accents, seed=self.seed, amount=self.emphasis) * (
+            self.expressiveness * (0.7 + 0.3 * self.intensity)
+        )
         down = out[:, _BROWS[3:]].mean(1)
         held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
         out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])

@@ -70,22 +70,23 @@ _ALONE = 0.10  # share of rises of one brow only
 _WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
 
 
-def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array:
+def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: float = 1.0) -> Array:
     """(T, 4): brow inner up, outer up left, outer up right, down, raised by accents; 0 … about 0.8.
 
-    Some 40 % of strong accents move the brows; how much, which and how evenly is drawn from the seed and the accent's time.
+    Some 40 % of strong accents move the brows, more or fewer by ``amount`` (0: none); how much, which and how evenly is drawn
+    from the seed and the accent's time.
     """
     if not len(accents):
         return np.zeros((len(times), 4))
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hashed_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
-    chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength)
-    knit = (which > 1 - _KNIT) & (strength > _STRONG)
-    size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength)
+    chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
+    knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
+    size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)
     alone = np.where(side < _ALONE / 2, -1.0, np.where(side > 1 - _ALONE / 2, 1.0, 0.5 * (side - 0.5)))
-    amount = np.stack([
+    raised = np.stack([
         up * (0.55 + 0.45 * inner) * (1 - 0.6 * np.abs(alone)),
         up * (0.9 - 0.5 * inner) * (1 + np.minimum(alone, 0)),
         up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
@@ -95,7 +96,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     ramp = np.minimum(np.maximum(ramp, 0), 1)
     course = ramp * ramp * (3 - 2 * ramp)
-    return np.tanh(weighted_sum(course, amount))  # overlapping rises saturate
+    return np.tanh(weighted_sum(course, raised))  # overlapping rises saturate
 
 
 def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:

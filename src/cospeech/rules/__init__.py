@@ -52,7 +52,9 @@ class RuleBasedModel:
     def __init__(self, mouth: MouthMaker | None = None) -> None:
         self._mouth = mouth
 
-    def session(self, options: GenerationOptions | None = None, /, *, moving: bool = True, aimed: bool = True, **keywords: Any) -> Session:
+    def session(
+        self, options: GenerationOptions | None = None, /, *, moving: bool = True, aimed: bool = True, **keywords: Any
+    ) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
 
         ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where

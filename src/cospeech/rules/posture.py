@@ -158,9 +158,11 @@ class Posture:
 
     def on_accent(self, now: float, accent: Accent, manner: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
-        if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
+        tied = self.style.emphasis
+        if accent.time < now + 0.2 or self._random.random() > (0.45 + 0.5 * accent.strength) * min(tied, 1.0):
             return
         size = (2.5 + 6.0 * accent.strength) * self.style.head * manner.head * self.size * self._random.uniform(0.6, 1.25)
+        size *= 0.4 + 0.6 * tied
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
         nod = np.zeros(BODY_CHANNELS)

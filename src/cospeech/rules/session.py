@@ -84,7 +84,8 @@ class Session:
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.face = Face(
-            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60,
+            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness,
+            emphasis=style.emphasis, blink_rate=style.blinks / 60,
             gains=gains,
         )  # fmt: skip
         self.mouth, self._aimed = mouth, aimed

@@ -3,10 +3,11 @@
     python tools/measure_face.py RAW [--bundle BUNDLE.cospeech] [--clips 20]
 
 RAW is what ``cospeech prepare faces`` reads; held out is what it puts into the split "test", whole takes. Every clip's sound is
-played in the style of its own speaker at the rate of its track, by what every system speaks with; a speaker whom the bundle does
-not know is played in its default style, and all of their clips are held out. Figures are means over clips with 95 % intervals
-(percentile bootstrap over clips); shares of a distance are quotients of such means. Lips are judged where words tell of b, p and
-m: closed, where the aperture ``jawOpen − mouthClose`` falls below .03 around the onset, or ``mouthPress`` exceeds .05.
+played in the style of its own speaker at the rate of its track, by what every system speaks with; a speaker whom the bundle
+does not know is played in its default style, and all of their clips are held out. Figures are means over clips with 95 %
+intervals (percentile bootstrap over clips); shares of a distance are quotients of such means. Lips are judged where words tell
+of b, p and m: they are closed where the aperture ``jawOpen − mouthClose`` falls below .03 around the onset, or ``mouthPress``
+exceeds .05.
 """
 
 from __future__ import annotations
@@ -156,7 +157,7 @@ def closures(clip: Played, face: np.ndarray) -> np.ndarray:
     aperture, pressed, hits = jaw - np.minimum(close, jaw), np.maximum(*press), []
     for centre, half, viseme in zip(clip.phones.centre, clip.phones.half, clip.phones.viseme, strict=True):
         first, last = (round((centre - half + way) * clip.fps) for way in ONSET)
-        if VISEMES[viseme] in BILABIAL and 0 <= first and last < len(face):
+        if VISEMES[viseme] in BILABIAL and first >= 0 and last < len(face):
             hits.append(aperture[first : last + 1].min() < APERTURE or pressed[first : last + 1].max() > PRESSED)
     return np.array(hits)
 

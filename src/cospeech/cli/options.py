@@ -72,8 +72,8 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (larger and quicker where the voice is aroused), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
-        "or a .csv of how it changes.",
+        help="auto (larger and quicker where the voice is aroused), neutral, happiness, anger, sadness, contempt, surprise, "
+        "fear or disgust; or a .csv of how it changes.",
     ),
 ]
 Speaker = Annotated[str | None, option("--speaker", metavar="NAME", help="A speaker by name; for `rules` the same as a style.")]

@@ -113,7 +113,8 @@ class Face:
             times: (T,) seconds, ascending.
             heard: the speech at least half a second to both sides of them, clipped at its ends.
             accents: those at most 1.5 s away (more do no harm).
-            words: those at most 0.5 s away, and `laughter.AFTER` where they are laughter, each with ``text``, ``start`` and ``end``; or none.
+            words: those at most 0.5 s away, and `laughter.AFTER` where they are laughter, each with ``text``, ``start`` and
+                ``end``; or none.
             emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
             gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; where it is not known yet, the face waits for `finish`.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.

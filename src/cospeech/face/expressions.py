@@ -24,7 +24,8 @@ _APEX: dict[str, dict[str, float]] = {
     },
     "anger": {  # AU 4 + 5 + 7 + 10 + 23/24
         "browDownBoth": 1.00, "eyeSquintBoth": 0.45, "eyeWideBoth": 0.34, "noseSneerBoth": 0.48, "mouthPressBoth": 0.35,
-        "mouthFrownBoth": 0.40, "mouthRollLower": 0.08, "jawForward": 0.25, "mouthUpperUpBoth": 0.14, "mouthLowerDownBoth": 0.16,
+        "mouthFrownBoth": 0.40, "mouthRollLower": 0.08, "jawForward": 0.25, "mouthUpperUpBoth": 0.14,
+        "mouthLowerDownBoth": 0.16,
     },
     "sadness": {  # AU 1 + 4 + 15 + 17
         "browInnerUp": 1.00, "browDownBoth": 0.22, "mouthFrownBoth": 1.00, "eyeBlinkBoth": 0.28, "mouthShrugLower": 0.46,

@@ -1,7 +1,7 @@
 """Laughter that a transcript tells of ("haha", "[laughter]"): a laughing face, and the smile that it leaves behind.
 
-Sound alone does not decide here. Laughter comes in some five bursts per second (Bachorowski et al. 2001, J. Acoust. Soc. Am. 110),
-and so do syllables; a rule from rhythm, pitch and breath took 3 % of earnest recordings for laughter.
+Sound alone does not decide here. Laughter comes in some five bursts per second (Bachorowski et al. 2001, J. Acoust. Soc. Am.
+110), and so do syllables; a rule from rhythm, pitch and breath took 3 % of earnest recordings for laughter.
 """
 
 from __future__ import annotations

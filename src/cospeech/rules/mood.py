@@ -1,7 +1,7 @@
 """The emotion of a performance: the one that is given; or, of the voice, its arousal, and a guess that is only reported.
 
-The guess at the eight emotions follows pitch, effort, rate and dynamics by rule. It does not name acted emotions reliably (on one
-actress's anger, joy and sadness, neutral stays the likeliest), it cannot hear irony, and it reads no words. So it is never
+The guess at the eight emotions follows pitch, effort, rate and dynamics by rule. It does not name acted emotions reliably (on
+one actress's anger, joy and sadness, neutral stays the likeliest), it cannot hear irony, and it reads no words. So it is never
 played: what a voice alone tells surely is arousal (`Arousal`). Numbers are ours, set on that actress and on neutral readers.
 """
 

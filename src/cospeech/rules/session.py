@@ -274,7 +274,7 @@ class Session:
         """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.
 
         Args:
-            motion: of our humanoid. Its eyes stand as planned in the world, and its face is that of a session that does not aim.
+            motion: of our humanoid. Its eyes stand as planned in the world; its face is that of a session that does not aim.
         """
         if motion.face is None:
             return motion

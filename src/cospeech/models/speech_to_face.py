@@ -8,10 +8,10 @@ of speech, no adversary. Which face it is, with its tracker's units, is a style:
 
 What is optimised, in standard deviations of each number, y the tracked face with left and right made even:
 
-    min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + μ Σ_s E w |sort ŷ₊ − sort y|
+    min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + μ Σ_s E w z(sort ŷ₊ − sort y)
 
 Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last sum compares, per speaker and number, the
-sorted values of the batch, z = |·| + (·)² / 2: a distance between the distribution of what is made and that of what was tracked.
+sorted values of the batch, z(x) = |x| + x² / 2: how far the distribution of what is made is from that of what was tracked.
 Absolute distance alone leads to the median, which is 0 for a lip that is mostly still; the lip then never moves.
 
 Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter

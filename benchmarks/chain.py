@@ -37,7 +37,7 @@ from cospeech.runtime.backends import backend_of
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
 from cospeech.runtime.chain_engine import ChainEngine
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.training.checkpoint import network
 from cospeech.training.export.chain_graph import LoweredChain, lower_chain
@@ -71,8 +71,8 @@ def system_of(recipe: Recipe, net: Any) -> ChainSystem:
     words[0] = 0
     statistics = ChainStatistics(
         pose_mean=0 * d, pose_std=0.1 * d, audio_mean=-4 * a, audio_std=3 * a, pose_low=-BOUND * d, pose_high=BOUND * d,
-        audio_low=-4 * a, audio_high=4 * a, centres=zeros, made=zeros, gains=ones, live_made=zeros, live_gains=ones,
-        strays=np.ones(2, np.float32),
+        audio_low=-4 * a, audio_high=4 * a, speaker_mean=zeros, model_mean=zeros, style_gain=ones, live_model_mean=zeros, live_style_gain=ones,
+        noise_gain=np.ones(2, np.float32),
         words=words,
     )  # fmt: skip
     styles = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE)
@@ -113,17 +113,23 @@ class Timed:
 
 def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
     """Seconds of processor time of each part, whole speech, offline: `TrainedModel.session`, its parts timed."""
-    players = backend_of(system)
-    wish = ResolvedStyle(players.styles.blend(None), np.zeros(0))
-    listener = players.listen(wish.controls)
-    player = players.play(wish.blend, listener.quiet, GenerationOptions(look_ahead=inf))
-    face = RuleBasedModel(shipped_mouth).session(parts=("face",), fps=FPS, emotion=player.moods or "auto")
+    backend = backend_of(system)
+    resolved_style = ResolvedStyle(backend.styles.blend(None), np.zeros(0))
+    frontend = backend.listen(resolved_style.controls)
+    decoder = backend.play(resolved_style.blend, frontend.silence, GenerationOptions(look_ahead=inf))
+    face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=decoder.moods or "auto")
     shared = SharedProsody()
-    for each in (listener, face):
+    for each in (frontend, face):
         each.share(shared)
-    timed = {"features and words": Timed(listener), "classifier and network": Timed(player), "face": Timed(face)}
+    timed = {"features and words": Timed(frontend), "classifier and network": Timed(decoder), "face": Timed(face)}
     session: Any = TrainedSession(
-        system, *list(timed.values())[:2], [timed["face"]], fps=FPS, parts=PARTS, wish=wish, direct=lambda style: wish
+        system,
+        *list(timed.values())[:2],
+        [timed["face"]],
+        fps=FPS,
+        parts=PARTS,
+        resolved_style=resolved_style,
+        direct=lambda style: resolved_style,
     )  # type: ignore[arg-type]
     begun = time.process_time()
     for chunk in speech.chunks(2.0):
@@ -187,7 +193,7 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"Chain of Generation, one core of {processor()}, onnxruntime; {load()}")
     recipes = {
-        name: load_recipe(SHIPPED / f"{name}.toml", ["model.gain=0"])
+        name: load_recipe(SHIPPED / f"{name}.toml", ["model.gain_augmentation=0"])
         for name in ("chain_of_generation_humanoid", "chain_live_humanoid")
     }
     teacher = untrained(recipes["chain_of_generation_humanoid"])

@@ -34,9 +34,9 @@ from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import CODE, FlowSizes, pack_weights
 
 PAPER = FlowSizes(
-    pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, heard=13, nu=50, feature=32, blocks=5, channels=256
+    pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, speech_frames=13, nu=50, feature=32, blocks=5, channels=256
 )
-HOSTILE = FlowSizes(pose=9, audio=24, steps=2, hidden=16, layers=2, history=5, heard=11, nu=50)
+HOSTILE = FlowSizes(pose=9, audio=24, steps=2, hidden=16, layers=2, history=5, speech_frames=11, nu=50)
 BOUND = 8.0  # deviations; poses of the training data lie within
 FRAMES, ROUNDS = 8, 9  # of a run; runs of each kind
 
@@ -45,7 +45,7 @@ def random_arrays(s: FlowSizes, seed: int = 0, strength: float = 1.0) -> dict[st
     """Weights as PyTorch draws them for recurrent and linear layers, the couplings' last layer too (times ``strength``)."""
     rng = np.random.default_rng(seed)
     edge = s.hidden**-0.5
-    context = s.kept + s.history * s.pose + s.heard * s.audio + s.feature
+    context = s.first_half + s.history * s.pose + s.speech_frames * s.audio + s.feature
     out: dict[str, np.ndarray] = {}
 
     def uniform(*shape: int, scale: float = edge) -> np.ndarray:
@@ -57,7 +57,7 @@ def random_arrays(s: FlowSizes, seed: int = 0, strength: float = 1.0) -> dict[st
             for name, shape in (("weight_ih", (s.gates, s.hidden if layer else context)), ("weight_hh", (s.gates, s.hidden))):
                 out[f"{at}coupling.net.rnn.{name}_l{layer}"] = uniform(*shape)
                 out[f"{at}coupling.net.rnn.{name.replace('weight', 'bias')}_l{layer}"] = uniform(s.gates)
-        moved = s.pose - s.kept
+        moved = s.pose - s.first_half
         out |= {f"{at}coupling.net.out.weight": uniform(2 * moved, s.hidden) * strength}
         out |= {f"{at}coupling.net.out.bias": uniform(2 * moved) * strength}
         # a rotation times one near it: L U with unit diagonals, and signs all positive
@@ -98,7 +98,7 @@ class Material:
 
     def __init__(self, s: FlowSizes, takes: int, frames: int, seed: int = 1) -> None:
         rng = np.random.default_rng(seed)
-        self.audio = rng.normal(size=(frames + s.heard - 1, s.audio)).astype(np.float32)
+        self.audio = rng.normal(size=(frames + s.speech_frames - 1, s.audio)).astype(np.float32)
         self.history = rng.normal(size=(takes, s.history, s.pose)).astype(np.float32)
         self.z = rng.normal(size=(takes, frames, s.pose)).astype(np.float32)
 
@@ -121,7 +121,7 @@ def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -
         return None
     torch.set_num_threads(1)
     config = FlowConfig(
-        steps=s.steps, hidden=s.hidden, layers=s.layers, history=s.history, look_ahead=s.heard - s.history - 1,
+        steps=s.steps, hidden=s.hidden, layers=s.layers, history=s.history, look_ahead=s.speech_frames - s.history - 1,
         feature=s.feature, encoder_channels=s.channels, encoder_blocks=s.blocks,
     )  # fmt: skip
     model = StylisedFlow(config, pose=s.pose, audio=s.audio).eval()
@@ -270,8 +270,8 @@ def endless(frames: int) -> None:
 
 def endless_speech(frames: int) -> None:
     """The bundle that ships on the example speech, over and over."""
-    player = load("stylised-flow")
-    system = player.system  # type: ignore[attr-defined]  # a bundle
+    decoder = load("stylised-flow")
+    system = decoder.system  # type: ignore[attr-defined]  # a bundle
     s, sizes = system.statistics, system.engine.sizes
     speech = Speech.load(EXAMPLE)
     rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)

@@ -1,7 +1,7 @@
 """How fast Mix-StAGE plays and trains on one core: ``python benchmarks/mix_stage.py`` (needs the extra ``train``).
 
 The paper's size (256 channels, five halvings, 8 sub-generators, 8 speakers, 96 numbers a pose, 64 bands of speech) with random
-weights; speech, styles and nudges are normal noise. Played by onnxruntime in float32:
+weights; speech, styles and the noise of the modes are normal noise. Played by onnxruntime in float32:
 
 * offline, 10 s of speech at 15 frames per second in one pass: 150 frames, filled up to 160;
 * live, as `cospeech.runtime.sliding_window_decoder.LIVE` has it: a window of 64 frames for every 4 that are new, paced as a
@@ -47,9 +47,9 @@ def paper_size() -> MixStage:
 def system_of(engine: WindowEngine) -> WindowSystem:
     """Enough of a bundle for a player."""
     zeros, ones = np.zeros(POSE, np.float32), np.ones(POSE, np.float32)
-    quiet, loud = np.zeros(AUDIO, np.float32), np.ones(AUDIO, np.float32)
+    silence, loud = np.zeros(AUDIO, np.float32), np.ones(AUDIO, np.float32)
     statistics = WindowStatistics(
-        pose_mean=zeros, pose_std=ones, audio_mean=quiet, audio_std=loud, pose_low=-BOUND * ones, pose_high=BOUND * ones,
+        pose_mean=zeros, pose_std=ones, audio_mean=silence, audio_std=loud, pose_low=-BOUND * ones, pose_high=BOUND * ones,
         audio_low=-BOUND * loud, audio_high=BOUND * loud, centres=np.zeros((SPEAKERS, POSE), np.float32),
         codes=np.eye(SPEAKERS, dtype=np.float32), made=np.zeros((SPEAKERS, POSE), np.float32),
         gains=np.ones((SPEAKERS, POSE), np.float32),
@@ -72,15 +72,15 @@ def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, fl
     system, setting = system_of(engine), live(engine.sizes)
     statistics = system.statistics
     manner = StyleEmbedding(statistics.codes[0], statistics.centres[0], np.zeros((0, 0, POSE), np.float32))
-    quiet = np.zeros((1, AUDIO), np.float32)
-    player = SlidingWindowDecoder(system, setting, ((1.0, manner),), [0], quiet)
+    silence = np.zeros((1, AUDIO), np.float32)
+    decoder = SlidingWindowDecoder(system, setting, ((1.0, manner),), [0], silence)
     rows = np.random.default_rng(0).normal(size=(int(seconds * FPS), AUDIO)).astype(np.float32)
     work, clock, due = [], [], time.perf_counter()
     for first in range(0, len(rows) - setting.hop + 1, setting.hop):
         due += setting.hop / FPS / 4  # four times as fast as people speak: as demanding, and over sooner
         time.sleep(max(0.0, due - time.perf_counter()))
         begun, worked = time.perf_counter(), time.process_time()
-        made = player.push(rows[first : first + setting.hop])
+        made = decoder.push(rows[first : first + setting.hop])
         if made.shape[1]:
             work.append((time.process_time() - worked) * 1e3)
             clock.append((time.perf_counter() - begun) * 1e3)
@@ -116,8 +116,8 @@ def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]
 
 def eager(net: MixStage) -> Callable[[], object]:
     """The pass of `playing`, by PyTorch."""
-    heard, style, nudge = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
-    return torch.no_grad()(lambda: net.make(heard, style, nudge))
+    heard, style, mode_noise = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
+    return torch.no_grad()(lambda: net.make(heard, style, mode_noise))
 
 
 def load() -> str:

@@ -15,7 +15,7 @@ from cospeech.audio.features.words import BUCKETS
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, write_chain
 from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.window_bundle import half
+from cospeech.runtime.window_bundle import halve_weights
 from cospeech.training.export.recurrent_graph import RecurrentGraph, Wave
 
 __all__ = ["LOOK_AHEAD", "NAMES", "REACH", "WORDS", "small_chain", "small_chain_statistics", "write_small_chain"]
@@ -51,25 +51,25 @@ def small_chain(
         b, whole = RecurrentGraph(weights, name), name == "make"
         own = ("T",) if whole else ()
         shapes = {"rows": (1, *own, audio + words), "style": ("N", *own, style)} | (
-            {"nudge": ("N", *own, noise)} if noise else {}
+            {"mode_noise": ("N", *own, noise)} if noise else {}
         )
-        rows, who, *nudge = (b.rows(key, shape[-1], many=key != "rows", frames=whole) for key, shape in shapes.items())
+        rows, who, *mode_noise = (b.rows(key, shape[-1], many=key != "rows", frames=whole) for key, shape in shapes.items())
         beyond = {"face": 53 * faces, "seed": (pose + 1) * (seeds > 0)} if whole else {}
         beyond = {key: b.rows(key, width, many=False) for key, width in beyond.items() if width}
         shapes |= {key: (1, "T", x.channels) for key, x in beyond.items()}
         heard = conv(b, rows, CHANNELS, 3, pads=(1, 1)) if whole else conv(b, b.behind(rows, 2), CHANNELS, 3)
         heard = b.each("LeakyRelu", heard, alpha=0.2)
-        pool = b.pooled(heard, "ReduceMean") if whole else b.sliding(b.behind(heard, POOLED - 1), "AveragePool", POOLED)
+        pool = b.pool(heard, "ReduceMean") if whole else b.sliding(b.behind(heard, POOLED - 1), "AveragePool", POOLED)
         heard = b.both("Mul", heard, b.each("Sigmoid", conv(b, pool, CHANNELS, 1)))
-        x = b.joined(*nudge, *beyond.values(), heard, conv(b, who, CHANNELS, 1))
+        x = b.concatenate(*mode_noise, *beyond.values(), heard, conv(b, who, CHANNELS, 1))
         ways = 2 if whole else 1
         x = b.lstm(x, _recurrent_weights(rng, x.channels, ways), ways=ways, layers=2, stateful=not whole)
         b.as_rows(conv(b, x, pose, 1), "poses", frames=whole)
-        graphs[name] = b.made(shapes, {"poses": ("N", *own, pose)})
+        graphs[name] = b.serialise(shapes, {"poses": ("N", *own, pose)})
     if judges:
         b = RecurrentGraph(weights, "classify")
         b.as_rows(conv(b, b.rows("rows", audio, many=False), style, 2 * REACH + 1, pads=(REACH, REACH)), "logits")
-        graphs["classify"] = b.made({"rows": (1, "T", audio)}, {"logits": (1, "T", style)})
+        graphs["classify"] = b.serialise({"rows": (1, "T", audio)}, {"logits": (1, "T", style)})
     sizes = ChainSizes(
         pose=pose, audio=audio, words=words, speakers=len(NAMES), noise=noise, window=WINDOW, reach=REACH if judges else 0,
         look_ahead=LOOK_AHEAD if live else 0, faces=52 * faces, seeds=seeds,
@@ -86,10 +86,10 @@ def small_chain_statistics(sizes: ChainSizes, seed: int = 1, vocabulary: int = B
     arrays = {
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
-        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, by_speaker),
-        "made": rng.normal(0, 0.1, by_speaker), "gains": rng.uniform(0.6, 1.6, by_speaker),
-        "live_made": rng.normal(0, 0.1, by_speaker), "live_gains": rng.uniform(0.6, 1.6, by_speaker), "words": words,
-        "strays": np.array([1.5, 2.0]),
+        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "speaker_mean": rng.normal(0, 0.3, by_speaker),
+        "model_mean": rng.normal(0, 0.1, by_speaker), "style_gain": rng.uniform(0.6, 1.6, by_speaker),
+        "live_model_mean": rng.normal(0, 0.1, by_speaker), "live_style_gain": rng.uniform(0.6, 1.6, by_speaker), "words": words,
+        "noise_gain": np.array([1.5, 2.0]),
     }  # fmt: skip
     return ChainStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 
@@ -110,7 +110,7 @@ def write_small_chain(
     facts |= {} if vocabulary is None else {"vocabulary": list(vocabulary)}
     statistics = small_chain_statistics(sizes, vocabulary=BUCKETS if vocabulary is None else len(vocabulary))
     write_chain(
-        path, half(weights) if small else weights, graphs, sizes, statistics, pose=pose, fps=fps, audio=audio, facts=facts,
+        path, halve_weights(weights) if small else weights, graphs, sizes, statistics, pose=pose, fps=fps, audio=audio, facts=facts,
         card="# Random weights\n",
     )  # fmt: skip
     return path

@@ -17,7 +17,7 @@ NAMES = ("ada", "ben", "cleo")
 
 class FakeEngine:
     """A linear filter over 2 · ``near`` + 1 frames, a mean over each ``multiple`` of frames, a gain and an offset by the style,
-    an offset by softmax(nudge); frames beyond the window are zeros, as a convolution has them.
+    an offset by softmax(mode_noise); frames beyond the window are zeros, as a convolution has them.
 
     Args:
         sizes: of the network; its reach is ``near`` + ``multiple`` − 1.
@@ -31,24 +31,24 @@ class FakeEngine:
         assert self.near >= 0
         self.taps = rng.normal(0, 0.1, (2 * self.near + 1, sizes.audio, sizes.pose))
         self.pooled = rng.normal(0, 0.1, (sizes.audio, sizes.pose))
-        self.gains, self.offsets = rng.uniform(0.2, 1.5, sizes.styles), rng.normal(0, 0.5, (sizes.styles, sizes.pose))
+        self.style_gain, self.offsets = rng.uniform(0.2, 1.5, sizes.styles), rng.normal(0, 0.5, (sizes.styles, sizes.pose))
         self.modes = rng.normal(0, 0.5, (sizes.modes, sizes.pose))
         self.seen = rng.normal(0, 1, (sizes.pose, sizes.styles))
         self.calls: list[tuple[int, int]] = []
 
-    def make(self, rows, style, nudge):
+    def make(self, rows, style, mode_noise):
         s, frames = self.sizes, len(rows)
         assert frames % s.multiple == 0
         assert style.shape == (len(style), frames, s.styles)
-        assert nudge.shape == (len(style), frames, s.modes)
+        assert mode_noise.shape == (len(style), frames, s.modes)
         self.calls.append((len(style), frames))
         padded = np.pad(rows.astype(float), ((self.near, self.near), (0, 0)))
         heard = sum(padded[k : k + frames] @ tap for k, tap in enumerate(self.taps))
         heard = heard + np.repeat(rows.reshape(-1, s.multiple, s.audio).mean(1), s.multiple, 0) @ self.pooled
-        gain = 1 + style @ self.gains if s.styles else np.ones(style.shape[:2])
+        gain = 1 + style @ self.style_gain if s.styles else np.ones(style.shape[:2])
         out = heard * gain[..., None] + style @ self.offsets
         if s.modes:
-            weights = np.exp(nudge - nudge.max(-1, keepdims=True))
+            weights = np.exp(mode_noise - mode_noise.max(-1, keepdims=True))
             out = out + weights / weights.sum(-1, keepdims=True) @ self.modes
         return out.astype(np.float32)
 
@@ -71,8 +71,8 @@ def fake_statistics(sizes: WindowSizes, codes: np.ndarray) -> WindowStatistics:
     arrays = {
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0), "audio_low": np.full(a, -4.0),
-        "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, (len(codes), d)), "codes": codes,
-        "made": np.zeros((len(codes), d)), "gains": rng.uniform(0.6, 1.6, (len(codes), d)),
+        "audio_high": np.full(a, 4.0), "speaker_mean": rng.normal(0, 0.3, (len(codes), d)), "codes": codes,
+        "model_mean": np.zeros((len(codes), d)), "style_gain": rng.uniform(0.6, 1.6, (len(codes), d)),
     }  # fmt: skip
     return WindowStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 

@@ -141,7 +141,7 @@ ODD = (
 )  # fmt: skip
 
 
-def _places(tree: object) -> list[tuple[object, object]]:
+def _gesture_space(tree: object) -> list[tuple[object, object]]:
     found: list[tuple[object, object]] = []
     stack = [tree]
     while stack:
@@ -189,7 +189,7 @@ def bent_tree(tree: object, chance: random.Random) -> object:
     """A copy with one to three hostile values."""
     tree = json.loads(json.dumps(tree))
     for _ in range(chance.choice((1, 1, 2, 3))):
-        node, key = chance.choice(_places(tree))
+        node, key = chance.choice(_gesture_space(tree))
         try:
             chance.choice(TREE_OPERATORS)(node, key, chance)
         except (KeyError, IndexError):  # an earlier one has taken the place away

@@ -30,7 +30,7 @@ from cospeech.runtime.model import TrainedModel
 def small_sizes(pose: str, audio: str) -> FlowSizes:
     sizes = {
         "pose": find_pose(pose).dimensions, "audio": audio_width(audio), "steps": 2, "hidden": 8, "layers": 2, "history": 4,
-        "heard": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2,
+        "speech_frames": 8, "nu": 50, "feature": 3, "blocks": 1, "channels": 6, "style": 2,
     }  # fmt: skip
     return FlowSizes(**sizes)
 
@@ -38,11 +38,11 @@ def small_sizes(pose: str, audio: str) -> FlowSizes:
 def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
     """By the names of a network's ``state_dict``; nothing is zero."""
     rng = np.random.default_rng(seed)
-    context = s.kept + s.history * s.pose + s.heard * s.audio + s.feature + s.style
+    context = s.first_half + s.history * s.pose + s.speech_frames * s.audio + s.feature + s.style
     shapes: dict[str, tuple[int, ...]] = {}
     fixed: dict[str, np.ndarray] = {}
     for k in range(s.steps):
-        at, moved = f"flow.steps.{k}.", s.pose - s.kept
+        at, moved = f"flow.steps.{k}.", s.pose - s.first_half
         for layer in range(s.layers):
             rnn = f"{at}coupling.net.rnn."
             shapes |= {f"{rnn}weight_ih_l{layer}": (s.gates, s.hidden if layer else context)}
@@ -77,7 +77,7 @@ def statistics(sizes: FlowSizes, seed: int = 1, controls: int = 0) -> Statistics
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
         "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "histories": rng.normal(size=(2 * 3, sizes.history, d)),
-        "styles": rng.uniform(-1, 1, (2, sizes.style)), "centres": rng.normal(0, 0.3, (2, d)),
+        "styles": rng.uniform(-1, 1, (2, sizes.style)), "speaker_mean": rng.normal(0, 0.3, (2, d)),
         "controls": np.sort(rng.normal(size=(QUANTILES, controls)), 0),
     }  # fmt: skip
     return Statistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
@@ -101,7 +101,7 @@ def write_small(
     return path
 
 
-# on stage -----------------------------------------------------------------------------------------------------------------
+# ready to play ------------------------------------------------------------------------------------------------------------
 
 
 def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:

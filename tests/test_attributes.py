@@ -1,4 +1,4 @@
-"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; twins differ in what they are for."""
+"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; derived speakers differ in what they are for."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 
 from cospeech.corpora import attributes
 from cospeech.corpora.attributes import attributes_of, body_of, speaker_attributes
-from cospeech.corpora.augment import mirrored, mirrored_motion, mirrored_points
+from cospeech.corpora.augment import mirror_clip, mirror_motion, mirror_points
 from cospeech.corpora.beat import read as beat
 from cospeech.corpora.clip import Clip, Dropped
-from cospeech.corpora.derived_speakers import arm_joints, heard_of, hold_motion, mean_poses, twin_of
+from cospeech.corpora.derived_speakers import arm_joints, derive_clip, find_original, hold_motion, mean_poses
 from cospeech.corpora.pats import read as pats
 from cospeech.corpora.prepare import prepare
-from cospeech.corpora.prepare.derive_speakers import twin_maker
-from cospeech.corpora.samples import stored_clips
+from cospeech.corpora.prepare.derive_speakers import plan_derivations
+from cospeech.corpora.samples import load_stored_clips
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
 from cospeech.motion.points import Points
@@ -26,7 +26,7 @@ from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multi
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.skeletons.pats import JOINTS
 from cospeech.training.batch_loader import check_mirror
-from cospeech.training.windows import Windows, mirrored_clip
+from cospeech.training.windows import Windows, is_mirror_image
 from test_prepare import moving, voice
 
 FPS = 15.0
@@ -66,7 +66,7 @@ def test_what_is_measured_is_what_was_put_in():
 def test_a_mirror_turns_what_has_a_side():
     points = person()
     points.values[:, JOINTS.index("LWrist"), 0] += 60
-    here, there = of(points), of(mirrored_points(points))
+    here, there = of(points), of(mirror_points(points))
     assert here.orientation > 5
     assert there.orientation == pytest.approx(-here.orientation)
     assert there.right_share == pytest.approx(1 - here.right_share)
@@ -80,7 +80,7 @@ def test_a_mirror_of_any_skeleton(kind):
     motion = replace(
         motion, rotations=np.concatenate([quat_multiply(turn, motion.rotations[:, :1]), motion.rotations[:, 1:]], 1)
     )
-    here, there = (attributes_of(*body_of(m), 30.0) for m in (motion, mirrored_motion(motion)))
+    here, there = (attributes_of(*body_of(m), 30.0) for m in (motion, mirror_motion(motion)))
     assert there.orientation == pytest.approx(-here.orientation, abs=1e-3)
     assert there.right_share == pytest.approx(1 - here.right_share, abs=1e-3)
     assert (there.rate, there.amplitude, there.seated) == pytest.approx((here.rate, here.amplitude, here.seated), rel=1e-3)
@@ -159,15 +159,15 @@ def test_every_representation_can_be_measured(name):
     assert 0 <= found.right_share <= 1
 
 
-# Twins -------------------------------------------------------------------------------------------------------------------
+# Derived speakers -------------------------------------------------------------------------------------------------------------------
 
 
 def test_a_still_arm_moves_nothing_of_the_other():
     clip = Clip("a", "s", "pats", points=person())
     (mean,) = mean_poses([(clip, True)]).values()
-    for twin, still, share in (("leftarm", "R", 0.0), ("rightarm", "L", 1.0)):
-        made = twin_of(clip, twin, mean)
-        assert (made.name, made.speaker) == (f"a|twin-{twin}", f"s|{twin}")
+    for derivation, still, share in (("leftarm", "R", 0.0), ("rightarm", "L", 1.0)):
+        made = derive_clip(clip, derivation, mean)
+        assert (made.name, made.speaker) == (f"a|derived-{derivation}", f"s|{derivation}")
         found = of(made.points)
         assert found.right_share == pytest.approx(share, abs=1e-6)
         held = [k for k, name in enumerate(JOINTS) if name.startswith(still) and not name.endswith("Eye")]
@@ -182,8 +182,8 @@ def test_a_still_arm_is_still_in_what_networks_see_however_near_the_camera():
     clip = Clip("a", "s", "pats", points=replace(near, values=near.values * zoom))
     (mean,) = mean_poses([(clip, True)]).values()
     pose = find_pose("keypoints2d")
-    for twin, still in (("leftarm", "R"), ("rightarm", "L")):
-        vectors = pose.encode(twin_of(clip, twin, mean).points)
+    for derivation, still in (("leftarm", "R"), ("rightarm", "L")):
+        vectors = pose.encode(derive_clip(clip, derivation, mean).points)
         held = [k for k, name in enumerate(pose.names) if name.startswith(still)]
         assert np.ptp(vectors[:, held], 0).max() < 1e-9
         other = [k for k in range(96) if k not in held]
@@ -240,19 +240,19 @@ def test_means_are_of_training_clips_where_there_are_any():
 
 def test_twins_that_cannot_be_are_refused():
     clips = [Clip("a", "cleo", "pats", points=person(2)), Dropped("b", "bad")]
-    for twins, mirror, words in [
+    for derived_speakers, mirror, words in [
         (["leftleg"], False, "did you mean 'leftarm'"),
         (["cloe|leftarm"], False, "did you mean 'cleo'"),
         (["mirror"], True, "choose one"),
     ]:
         with pytest.raises(InputError, match=words):
-            twin_maker(twins, lambda: iter(clips), mirror)
+            plan_derivations(derived_speakers, lambda: iter(clips), mirror)
     chain = Skeleton(("a", "b"), (-1, 0), np.eye(3)[:2])
     with pytest.raises(InputError, match="without a left hand"):
         arm_joints(chain, "left")
     with pytest.raises(InputError, match="layout"):
         mean_poses([(Clip("a", "s", "x", points=replace(person(1), layout="other")), True)])
-    assert twin_maker([], lambda: pytest.fail("read for nothing"), True)(clips[0]) == []
+    assert plan_derivations([], lambda: pytest.fail("read for nothing"), True)(clips[0]) == []
 
 
 @pytest.fixture(scope="module")
@@ -271,7 +271,7 @@ def raw(tmp_path_factory):
 @pytest.fixture(scope="module")
 def made(raw, tmp_path_factory):
     folder = tmp_path_factory.mktemp("made") / "store"
-    return folder, prepare("pats", raw, folder, twins=("cleo|leftarm", "cleo|rightarm", "dan|mirror"))
+    return folder, prepare("pats", raw, folder, derived_speakers=("cleo|leftarm", "cleo|rightarm", "dan|mirror"))
 
 
 def test_twins_are_speakers_in_every_split(made):
@@ -279,12 +279,12 @@ def test_twins_are_speakers_in_every_split(made):
     assert set(store.speakers) == {"ann", "cleo", "dan", "cleo|leftarm", "cleo|rightarm", "dan|mirror"}
     for speaker in store.speakers:
         assert sorted(c.split for c in store.clips if c.speaker == speaker) == ["test", "train", "validation"]
-    assert (report.clips, report.twins, report.augmented) == (9, 9, 0)
-    assert "of twins: 9" in report.summary()
+    assert (report.clips, report.derived_speakers, report.augmented) == (9, 9, 0)
+    assert "of derived speakers: 9" in report.summary()
     assert "\n" not in report.summary()
     for entry in store.clips:
-        if entry.speaker != heard_of(entry.speaker) or "|" in entry.name:
-            np.testing.assert_array_equal(store.clip(entry)["audio"], store.clip(heard_of(entry.name))["audio"])
+        if entry.speaker != find_original(entry.speaker) or "|" in entry.name:
+            np.testing.assert_array_equal(store.clip(entry)["audio"], store.clip(find_original(entry.name))["audio"])
 
 
 def test_the_report_says_how_each_speaker_gestures(made):
@@ -305,19 +305,19 @@ def test_the_report_says_how_each_speaker_gestures(made):
 def test_twins_are_not_taken_for_augmented_clips(made):
     store = Store(made[0])
     names = [clip.name for clip in store.clips]
-    assert not any(map(mirrored_clip, names))
-    assert mirrored_clip(mirrored(Clip("a", "s", "pats", points=person(1))).name)
+    assert not any(map(is_mirror_image, names))
+    assert is_mirror_image(mirror_clip(Clip("a", "s", "pats", points=person(1))).name)
     everything = Windows(store, 30)
     assert np.array_equal(Windows(store, 30, mirror=False).clips, everything.clips)
     with pytest.raises(InputError, match="no mirrored clips"):
         check_mirror(store, True)
     held, rest = (Windows(store, 30, split=split, held_out=0.4) for split in ("validation", "train"))
-    said = [{heard_of(store.clips[k].name) for k in part.clips} for part in (held, rest)]
-    assert not said[0] & said[1], "what is held out is heard in no twin either"
+    said = [{find_original(store.clips[k].name) for k in part.clips} for part in (held, rest)]
+    assert not said[0] & said[1], "what is held out is heard in no derived speaker either"
 
 
 def test_twins_are_augmented_like_anybody(raw, tmp_path):
-    report = prepare("pats", raw, tmp_path / "s", twins=["cleo|leftarm"], mirror=True)
+    report = prepare("pats", raw, tmp_path / "s", derived_speakers=["cleo|leftarm"], mirror=True)
     store = Store(tmp_path / "s")
     assert report.augmented == 4
     assert "cleo|leftarm|mirror" in store.speakers
@@ -325,11 +325,11 @@ def test_twins_are_augmented_like_anybody(raw, tmp_path):
 
 
 def test_the_sound_of_a_twin_is_found(made, raw):
-    clips = {clip.name: clip for clip in stored_clips(made[0], split="test", raw=raw)}
-    twins = [name for name in clips if "|twin-" in name]
-    assert len(twins) == 3
-    for name in twins:
-        np.testing.assert_array_equal(clips[name].speech.samples, clips[heard_of(name)].speech.samples)
+    clips = {clip.name: clip for clip in load_stored_clips(made[0], split="test", raw=raw)}
+    derived_speakers = [name for name in clips if "|derived-" in name]
+    assert len(derived_speakers) == 3
+    for name in derived_speakers:
+        np.testing.assert_array_equal(clips[name].speech.samples, clips[find_original(name)].speech.samples)
 
 
 def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
@@ -343,11 +343,11 @@ def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return real(clip, plan)
 
-    twins = ("cleo|leftarm", "cleo|rightarm", "dan|mirror")
+    derived_speakers = ("cleo|leftarm", "cleo|rightarm", "dan|mirror")
     monkeypatch.setattr(pieces, "encode", dies)
     with pytest.raises(KeyboardInterrupt):
-        prepare("pats", raw, tmp_path / "s", twins=twins)
-    prepare("pats", raw, tmp_path / "s", twins=twins)
+        prepare("pats", raw, tmp_path / "s", derived_speakers=derived_speakers)
+    prepare("pats", raw, tmp_path / "s", derived_speakers=derived_speakers)
     assert len(calls) == 8 + 18 - 7
     assert len(set(calls)) == 18
     for path in made[0].iterdir():
@@ -361,8 +361,8 @@ def test_twins_of_rotations(tmp_path):
         for who in ("a", "b")
     ]
     beat.write(clips, tmp_path / "raw")
-    report = prepare("beat", tmp_path / "raw", tmp_path / "s", twins=["leftarm", "mirror"], filters=False)
-    assert report.twins == 8
+    report = prepare("beat", tmp_path / "raw", tmp_path / "s", derived_speakers=["leftarm", "mirror"], filters=False)
+    assert report.derived_speakers == 8
     for who in ("a", "b"):
         assert report.attributes[f"{who}|leftarm"].right_share < 0.01
         assert report.attributes[f"{who}|mirror"].right_share == pytest.approx(1 - report.attributes[who].right_share, abs=0.02)

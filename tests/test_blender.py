@@ -11,7 +11,7 @@ import pytest
 
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_continuous, rotvec_to_quat
-from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeleton import find_skeleton
 from motions import gesturing
 
 SCRIPT = Path(__file__).parent / "blender" / "check_bvh.py"
@@ -33,7 +33,7 @@ def in_blender(python: str, motion: Motion, folder: Path) -> dict:
 
 
 def wandering(name: str) -> Motion:
-    skeleton, rng = named_skeleton(name), np.random.default_rng(5)
+    skeleton, rng = find_skeleton(name), np.random.default_rng(5)
     turns = rotvec_to_quat(np.cumsum(rng.normal(0, 0.06, (45, len(skeleton), 3)), 0))
     root = np.cumsum(rng.normal(0, 0.01, (45, 3)), 0) + skeleton.offsets[0]
     return Motion(fps=30, rotations=quat_continuous(turns), root=root, skeleton=skeleton)

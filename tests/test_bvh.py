@@ -27,7 +27,7 @@ from cospeech.motion.rotations import (
     quat_rotate,
     rotvec_to_quat,
 )
-from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from motions import gesturing
 
 HEADER = """HIERARCHY
@@ -121,7 +121,7 @@ def read(tmp_path: Path, text: str | bytes, **options: object) -> Motion:
 
 @pytest.mark.parametrize("name", ["humanoid", "mixamo", "beat", "smplx", "unreal"])
 def test_another_reader_finds_the_same_positions(tmp_path, name):
-    motion = wild(40, named_skeleton(name))
+    motion = wild(40, find_skeleton(name))
     names, positions, fps = read_plainly(written(tmp_path, motion))
     order = [names.index(n) for n in motion.skeleton.names]
     assert np.abs(positions[:, order] - 100 * motion.positions()).max() < 1e-4  # centimetres
@@ -130,7 +130,7 @@ def test_another_reader_finds_the_same_positions(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["humanoid", "mixamo", "beat", "smplx", "unreal"])
 def test_our_reader_gives_the_same_motion_and_skeleton(tmp_path, name):
-    motion = wild(40, named_skeleton(name))
+    motion = wild(40, find_skeleton(name))
     motion.save(tmp_path / "a.bvh")
     again = Motion.load(tmp_path / "a.bvh")
     assert np.degrees(quat_angle(again.rotations, motion.rotations)).max() < 1e-4
@@ -591,7 +591,7 @@ def test_t_poses_of_others(shared):
 
 def test_reading_is_fast(tmp_path):
     """BEAT's size: 75 joints at 120 fps, wanted ≥ 20 × real time; the bound is half of that, for slow machines."""
-    motion = wild(1200, named_skeleton("beat"), fps=120)
+    motion = wild(1200, find_skeleton("beat"), fps=120)
     motion.save(tmp_path / "a.bvh")
     start = time.process_time()
     again = Motion.load(tmp_path / "a.bvh")

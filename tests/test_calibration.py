@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch", exc_type=ImportError)
 
 from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
-from cospeech.training.export.window import GAINS, _calibrated  # noqa: E402
+from cospeech.training.export.window import GAINS, _calibrate_network  # noqa: E402
 from windowed_networks import KINDS, make_network  # noqa: E402
 
 SPEAKERS, PERSISTENCE = 3, 12.0
@@ -26,7 +26,7 @@ def test_styles_have_their_speakers_mean_and_deviation(name):
     net = make_network(name, speakers=SPEAKERS)
     known = examples(net)
     codes = net.speaker_styles(known["stretches"])
-    made, gains = _calibrated(net, codes, known, PERSISTENCE)
+    made, gains = _calibrate_network(net, codes, known, PERSISTENCE)
     assert made.shape == gains.shape == (SPEAKERS, net.pose)
     speech = known["speech"].reshape(-1, 64, net.audio)
     noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, PERSISTENCE).mT if net.modes else torch.zeros(24, 64, 0)
@@ -46,5 +46,5 @@ def test_styles_have_their_speakers_mean_and_deviation(name):
 def test_gains_are_between_their_bounds_for_what_does_not_move():
     net = make_network("mix-stage", speakers=SPEAKERS)
     known = examples(net) | {"stretches": torch.zeros(SPEAKERS, 4, 128, net.pose)}
-    _, gains = _calibrated(net, torch.eye(SPEAKERS), known, PERSISTENCE)
+    _, gains = _calibrate_network(net, torch.eye(SPEAKERS), known, PERSISTENCE)
     assert (gains == GAINS[0]).all()

@@ -90,8 +90,8 @@ def test_words_are_means_of_their_subwords_or_rows_of_a_vocabulary(tmp_path):
 @pytest.mark.parametrize("kind", [{"live": False}, {"judges": False}, {"noise": 0}, {"words": 0}], ids=str)
 def test_chains_that_lack_something(tmp_path, kind):
     system = open_chain(read_bundle(write_small_chain(tmp_path / "a.cospeech", **kind)))
-    assert (system.engine.lives, system.engine.judges) == ("live" not in kind, "judges" not in kind)
-    assert (VOICE in system.styles) is system.engine.judges
+    assert (system.engine.lives, system.engine.classifies) == ("live" not in kind, "judges" not in kind)
+    assert (VOICE in system.styles) is system.engine.classifies
 
 
 def test_one_door_for_every_kind(tmp_path):
@@ -170,8 +170,8 @@ def test_statistics_and_weights_that_do_not_fit(tmp_path):
     said[0, 0] = 1
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"audio_std": -arrays["audio_std"]}, {"pose_low": arrays["pose_high"] + 1},
-        {"audio_low": arrays["audio_high"] + 1}, {"centres": arrays["centres"][:, 1:]}, {"centres": arrays["centres"][:1]},
-        {"gains": 0 * arrays["gains"]}, {"live_gains": -arrays["gains"]}, {"live_made": arrays["made"][0]}, {"words": said},
+        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]}, {"speaker_mean": arrays["speaker_mean"][:1]},
+        {"style_gain": 0 * arrays["style_gain"]}, {"live_style_gain": -arrays["style_gain"]}, {"live_model_mean": arrays["model_mean"][0]}, {"words": said},
         {"words": arrays["words"][1:]}, {"words": arrays["words"][:, 1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

@@ -119,12 +119,12 @@ def test_shapes_to_judge(shape):
 
 
 def test_what_it_cannot_do_is_told():
-    assert (engine().judges, engine().lives) == (True, True)
-    assert (engine(judges=False).judges, engine(live=False).lives) == (False, False)
+    assert (engine().adversarial, engine().lives) == (True, True)
+    assert (engine(adversarial=False).adversarial, engine(live=False).lives) == (False, False)
     with pytest.raises(InputError, match="frame by frame"):
         engine(live=False).live(1)
     with pytest.raises(InputError, match="classifier"):
-        engine(judges=False).classify(np.zeros((9, AUDIO)))
+        engine(adversarial=False).classify(np.zeros((9, AUDIO)))
 
 
 def test_bounds_graphs_and_weights_that_are_none():

@@ -37,7 +37,7 @@ POSE, AUDIO, SPEAKERS, ROWS, FRAMES = 7, 5, 3, 4, 24
 HANDS = [2, 3, 6]
 SMALL = {
     "frames": FRAMES, "latent": 8, "hidden": 6, "layers": 2, "reduction": 4, "word_width": 5, "text_channels": 6,
-    "classifier_channels": 6, "dropout": 0.0, "judge_channels": 4,
+    "classifier_channels": 6, "dropout": 0.0, "discriminator_channels": 4,
 }  # fmt: skip
 
 
@@ -49,7 +49,7 @@ def chain(seed: int = 0, **changes) -> ChainOfGeneration:
 
 def live(seed: int = 0, teacher=None, **changes) -> ChainLive:
     torch.manual_seed(seed)
-    config = ChainLiveConfig(**(SMALL | {"look_ahead": 3, "pooled": 5} | changes))
+    config = ChainLiveConfig(**(SMALL | {"look_ahead": 3, "pooling_window": 5} | changes))
     return ChainLive(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, teacher=teacher)
 
 
@@ -81,39 +81,45 @@ def reached(net, terms: dict) -> set[str]:
 
 
 @pytest.mark.parametrize("make", [chain, live])
-@pytest.mark.parametrize("labelled", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("label_conditioning", [0.0, 0.5, 1.0])
 def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, labelled):
-    net = make(adversarial=1.0, noise=2, labelled=labelled, borrowed=0.3, manner=1.0).train()
+    net = make(adversarial=1.0, noise=2, label_conditioning=labelled, speech_swap=0.3, motion_statistics=1.0).train()
     data = batch(net)
     parts = net.objectives()
-    assert [*parts] == ["classifier", "judge", "gestures"]
+    assert [*parts] == ["classifier", "discriminator", "gestures"]
     assert reached(net, parts["classifier"].loss(data, 0)) == {"classifier"}
-    assert reached(net, parts["judge"].loss(data, 0)) >= {"judge"}
+    assert reached(net, parts["discriminator"].loss(data, 0)) >= {"discriminator"}
     for value in net.classifier.parameters():
         value.grad = None
     sum(parts["gestures"].loss(data, 0).values()).backward()
     assert all(value.grad is None for value in net.classifier.parameters())
-    assert reached(net, parts["gestures"].loss(batch(net), 0)) == {"ear", "word", "cascade", "rhythm", "judge"}
+    assert reached(net, parts["gestures"].loss(batch(net), 0)) == {
+        "speech_encoder",
+        "word",
+        "cascade",
+        "rhythm",
+        "discriminator",
+    }
     own = {id(p) for p in net.classifier.parameters()}
-    assert not own & {id(p) for name in ("judge", "gestures") for p in parts[name].parameters}
+    assert not own & {id(p) for name in ("discriminator", "gestures") for p in parts[name].parameters}
 
 
 def test_the_first_stage_ends_where_the_second_begins():
     parts = chain(classifier_steps=5, adversarial=1.0).objectives()
-    due = [{name for name, part in parts.items() if part.due(step)} for step in (0, 4, 5, 900)]
-    assert due == [{"classifier"}, {"classifier"}, {"judge", "gestures"}, {"judge", "gestures"}]
+    due = [{name for name, part in parts.items() if part.is_active_at(step)} for step in (0, 4, 5, 900)]
+    assert due == [{"classifier"}, {"classifier"}, {"discriminator", "gestures"}, {"discriminator", "gestures"}]
 
 
 def test_what_was_made_for_the_judge_is_what_the_chain_is_judged_for():
     net = chain(adversarial=1.0, noise=2, dropout=0.4).train()
     data = batch(net)
-    net.judge_loss(data, 0)
-    kept = net._left[1].made.pose
+    net.discriminator_loss(data, 0)
+    kept = net._shared_forward[1].made.pose
     calls = []
     net.terms = lambda batch, turn: calls.append(turn.made.pose) or {}
     net.gesture_loss(data, 0)
     assert calls[0] is kept
-    assert net._left is None
+    assert net._shared_forward is None
 
 
 # equations ------------------------------------------------------------------------------------------------------------
@@ -288,7 +294,7 @@ def test_what_is_played_without_seeds_is_made():
     for net in (chain(noise=2).eval(), live(noise=2, seeds=2).eval()):
         data, noise = arrays(), torch.randn(ROWS, FRAMES, 2)
         rows = torch.cat([data["audio"], net.words(data["text"])], 2)
-        style = net.recognised(data["audio"]).unsqueeze(1).expand(-1, FRAMES, -1)
+        style = net.estimate_style(data["audio"]).unsqueeze(1).expand(-1, FRAMES, -1)
         with torch.no_grad():
             made = net.make(rows, style, noise)
         assert torch.equal(made, net.play(data, lacks=("seed",), noise=noise)["pose"])
@@ -304,7 +310,13 @@ def steady(**changes) -> ChainOfGeneration:
 
 @pytest.mark.parametrize(
     ("share", "array"),
-    [("wordless", "text"), ("unseeded", "pose"), ("labelled", "speaker"), ("labelled", "emotion"), ("faced", "face")],
+    [
+        ("word_dropout", "text"),
+        ("seed_dropout", "pose"),
+        ("label_conditioning", "speaker"),
+        ("label_conditioning", "emotion"),
+        ("face_teacher_forcing", "face"),
+    ],
 )
 def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
     for value in (0.0, 1.0):
@@ -314,7 +326,7 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
         if array == "emotion":
             other = (data["emotion"] + 1) % 8
         first, second = (net._turn(Batch(data.arrays | more, StepRandom(0, 0))).made.pose for more in ({}, {array: other}))
-        matters = (value == 0.0) if share in ("wordless", "unseeded") else (value == 1.0)
+        matters = (value == 0.0) if share in ("word_dropout", "seed_dropout") else (value == 1.0)
         assert torch.equal(first, second) is not matters
     half = steady(**{share: 0.5})
     drawn = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).made.pose for step in (0, 0, 1)]
@@ -323,7 +335,7 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
 
 
 def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recording():
-    net = chain(borrowed=1.0, adversarial=1.0, manner=2.0).train()
+    net = chain(speech_swap=1.0, adversarial=1.0, motion_statistics=2.0).train()
     data = batch(net)
     turn = net._turn(data)
     for name in ("audio", "text", "face"):
@@ -341,8 +353,8 @@ def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recor
         told += np.abs(made.mean(0) - pose.mean(0)).mean() + np.abs(made.std(0) - pose.std(0)).mean()
         for order, weight in ((1, 3), (2, 9)):
             told += weight * np.abs(np.diff(made, order, 0).std(0) - np.diff(pose, order, 0).std(0)).mean()
-    assert terms["manner"].item() == pytest.approx(2 * told / ROWS / 4, rel=1e-2)
-    half = chain(borrowed=0.5).train()
+    assert terms["motion_statistics"].item() == pytest.approx(2 * told / ROWS / 4, rel=1e-2)
+    half = chain(speech_swap=0.5).train()
     assert 0 < half._turn(Batch(arrays(rows=30), StepRandom(0, 0))).own.sum() < 30
     assert half.eval()._turn(data).own.all()
 
@@ -420,7 +432,7 @@ def test_causal_layers_play_in_pieces_and_see_no_future(layer):
         whole = layer(x, Memory())
         memory, parts = Memory(), []
         for piece in x.split([1, 1, 5, 2, 21], 2):
-            memory = Memory(memory.left)
+            memory = Memory(memory.new_states)
             parts.append(layer(piece, memory))
         assert torch.allclose(torch.cat(parts, 2), whole, atol=1e-6)
         later = x.clone()
@@ -430,7 +442,7 @@ def test_causal_layers_play_in_pieces_and_see_no_future(layer):
 
 def test_the_student_learns_what_its_teacher_makes_of_the_same():
     teacher = chain(3, noise=2).eval().requires_grad_(False)
-    net = live(1, teacher, noise=2, taught=2.0).train()
+    net = live(1, teacher, noise=2, distillation=2.0).train()
     data = batch(net)
     assert net.classifier is teacher.classifier
     assert net.word is teacher.word
@@ -486,7 +498,7 @@ def test_sizes_that_do_not_fit_are_told():
     base = ChainConfig(**SMALL)
     for wrong in (
         {"frames": 4},
-        {"ear": "left"},
+        {"speech_encoder": "left"},
         {"noise": -1},
         {"hidden": 0},
         {"frames": 10, "adversarial": 1.0},
@@ -497,7 +509,7 @@ def test_sizes_that_do_not_fit_are_told():
     for hands in ([], [*range(POSE)], [1, 1], [9]):
         with pytest.raises(InputError, match="hands"):
             ChainOfGeneration(base, pose=POSE, audio=AUDIO, speakers=2, hands=hands)
-    for wrong in ({"look_ahead": 0}, {"pooled": 1}):
+    for wrong in ({"look_ahead": 0}, {"pooling_window": 1}):
         with pytest.raises(InputError, match="look-ahead"):
             live(**wrong)
     with pytest.raises(InputError, match="odd"):
@@ -507,7 +519,7 @@ def test_sizes_that_do_not_fit_are_told():
 def test_louder_speech_is_heard_in_training_alone_and_by_all():
     steps = [0.5, 1.0, 0.0, 0.0, 0.25]
     torch.manual_seed(0)
-    config = ChainConfig(**(SMALL | {"gain": 12.0, "adversarial": 1.0}))
+    config = ChainConfig(**(SMALL | {"gain_augmentation": 12.0, "adversarial": 1.0}))
     net = ChainOfGeneration(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, louder=steps).train()
     data = batch(net)
     turn = net._turn(data)
@@ -519,10 +531,10 @@ def test_louder_speech_is_heard_in_training_alone_and_by_all():
     assert len({round(value.item(), 4) for value in shift[:, 0, 0]}) == ROWS
     assert torch.equal(turn.played["audio"], turn.recorded["audio"])
     assert torch.equal(net.eval()._turn(data).recorded["audio"], data["audio"])
-    for wrong in ({"gain": -1.0}, {"gain": 3.0}):
+    for wrong in ({"gain_augmentation": -1.0}, {"gain_augmentation": 3.0}):
         with pytest.raises(InputError, match="louder"):
             chain(**wrong)
-    heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain=6.0), audio=AUDIO, speakers=2, louder=steps)
+    heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain_augmentation=6.0), audio=AUDIO, speakers=2, louder=steps)
     clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, StepRandom(0, 0))
     assert heard.train().loss(clip, 0)["emotion"] != heard.eval().loss(clip, 0)["emotion"]
 
@@ -584,7 +596,7 @@ def recipe(name: str, needs: dict | None = None, data: dict | None = None, **con
 
 def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
     store = spoken_store(tmp_path / "store")
-    config = SMALL | {"classifier_steps": 2, "gain": 6.0, "adversarial": 1.0, "noise": 2}
+    config = SMALL | {"classifier_steps": 2, "gain_augmentation": 6.0, "adversarial": 1.0, "noise": 2}
     train(recipe("chain-of-generation", **config), store, tmp_path / "run")
     net, facts = load_run(tmp_path / "run")
     assert facts["sizes"]["hands"] == [2, 3, 6]

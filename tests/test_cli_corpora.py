@@ -40,10 +40,24 @@ def test_synthesise_and_prepare(app, tmp_path):
     assert done.exit_code == 0
     assert "speakers: 1" in done.output
     assert "synthetic" in done.output
-    line = ["prepare", "trinity", raw, store, "--fps", "10", "--mirror", "--pitch", "2", "--speed", "1.1", "--twin", "leftarm"]
+    line = [
+        "prepare",
+        "trinity",
+        raw,
+        store,
+        "--fps",
+        "10",
+        "--mirror",
+        "--pitch",
+        "2",
+        "--speed",
+        "1.1",
+        "--derive-speaker",
+        "leftarm",
+    ]
     done = CliRunner().invoke(app, line, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "of twins: 5, by augmentation: 24" in done.output
+    assert "of derived speakers: 5, by augmentation: 24" in done.output
     assert Store(store).fps == 10
     assert app.told == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):

@@ -15,7 +15,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.poses import POSES, find_pose
 from cospeech.motion.poses.controls import CONTROLS, QUANTILES, control_row, read_controls, style_controls
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply
-from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeleton import find_skeleton
 from cospeech.training.style_controls import control_quantiles, with_controls
 
 FPS = 20.0
@@ -23,7 +23,7 @@ FPS = 20.0
 
 def raised(pose_name: str, angle: float, frames: int = 200, yaw: float = 0.0) -> Motion:
     """Both arms turned down from the T-pose by an angle about the front, the whole body turned about Y."""
-    skeleton = named_skeleton(find_pose(pose_name).skeleton)
+    skeleton = find_skeleton(find_pose(pose_name).skeleton)
     names = {"trinity": ("LeftArm", "RightArm"), "humanoid": ("leftUpperArm", "rightUpperArm")}[skeleton.kind]
     rotations = np.broadcast_to(skeleton.rest, (frames, len(skeleton), 4)).copy()
     for name, sign in zip(names, (-1, 1), strict=True):

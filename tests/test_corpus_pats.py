@@ -13,7 +13,7 @@ import pytest
 
 from cospeech.audio.speech import Speech, Word
 from cospeech.corpora import Clip, Dropped
-from cospeech.corpora.hdf5_lmdb import Vault
+from cospeech.corpora.hdf5_lmdb import Hdf5LmdbReader
 from cospeech.corpora.pats import read as pats
 from cospeech.corpora.pats.pandas_frame import read_frame, unpack
 from cospeech.errors import InputError
@@ -141,9 +141,9 @@ def test_tables_agree_with_the_representation():
     assert keypoints2d.JOINTS == JOINTS
     vectors = keypoints2d.KEYPOINTS2D.encode(make_clip(1).points)
     kept = list(keypoints2d.KEPT)
-    from cospeech.corpora.pats.points import normalized
+    from cospeech.corpora.pats.points import normalise_points
 
-    flat = normalized(pats.from_points(make_clip(1).points.values))
+    flat = normalise_points(pats.from_points(make_clip(1).points.values))
     assert np.allclose(vectors, np.concatenate([flat[:, kept], flat[:, 52:][:, kept]], 1)), "encode() gives pose/normalize"
 
 
@@ -186,9 +186,9 @@ def test_transforms():
 
 
 def test_twins(small, tmp_path):
-    pats.write([make_clip(0), make_clip(1, "noah")], tmp_path / "written", twins=True)
+    pats.write([make_clip(0), make_clip(1, "noah")], tmp_path / "written", transforms=True)
     assert [clip.name for clip in pats.read(tmp_path / "written")] == ["1000", "1001"]
-    clips = list(pats.read(tmp_path / "written", twins=True))
+    clips = list(pats.read(tmp_path / "written", transforms=True))
     assert [(clip.name, clip.speaker) for clip in clips[2:]] == [
         ("1000|mirror", "oliver|mirror"),
         ("1001|mirror", "noah|mirror"),
@@ -197,7 +197,7 @@ def test_twins(small, tmp_path):
     root = copy(small, tmp_path / "raw")
     row = "dev,2.0,0:00:02.0,1000|{0},oliver|{0},0:00:00.0,,\n"
     (root / "cmu_intervals_df_transforms.csv").write_text(HEAD + row.format("mirror") + row.format("leftarm"))
-    *_, made, dropped = pats.read(root, twins=True)
+    *_, made, dropped = pats.read(root, transforms=True)
     assert np.allclose(made.points.values, pats.mirror(make_clip(0).points.values)), "made where it has no file"
     assert made.split == "validation"
     assert "leftarm" in dropped.reason
@@ -227,9 +227,9 @@ def test_pandas_reads_our_tables_and_we_read_its(small, tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == str({"Word": ["hello", "wörld"], "start_frame": [0, 6], "end_frame": [5, 11]})
     expected = {"Word": ["the", "naïve", "the"], "start_frame": [0, 3, 9], "end_frame": [2, 8, 14]}
-    with Vault("hdf5") as vault:
+    with Hdf5LmdbReader("hdf5") as reader:
         for kind in ("fixed", "table", "objects"):
-            assert read_frame(*vault.hdf5(tmp_path / f"{kind}.h5"), "text/meta") == expected, kind
+            assert read_frame(*reader.hdf5(tmp_path / f"{kind}.h5"), "text/meta") == expected, kind
 
 
 @pytest.mark.parametrize(

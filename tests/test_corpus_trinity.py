@@ -13,7 +13,7 @@ from corpus_files import WORDS, clip, damaged, same_turns, sort_out
 from cospeech.corpora import Dropped
 from cospeech.corpora.trinity import read as trinity
 from cospeech.errors import InputError
-from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeleton import find_skeleton
 from cospeech.motion.skeletons.trinity import FULL_BODY, UPPER_BODY
 
 
@@ -72,7 +72,7 @@ def test_files_are_laid_out_as_trinitys_are(raw):
     assert channels[0] == "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
     assert set(channels[1:]) == {"CHANNELS 3 Zrotation Xrotation Yrotation"}
     joints = [line.split()[1] for line in lines if line.split()[0] in ("ROOT", "JOINT")]
-    assert joints == list(named_skeleton("trinity").names)
+    assert joints == list(find_skeleton("trinity").names)
     assert "Frame Time: 0.016667" in lines
     assert len(lines[-1].split()) == 3 * len(joints) + 3
     about = soundfile.info(raw / "Audio" / "Recording_001.wav")
@@ -82,7 +82,7 @@ def test_files_are_laid_out_as_trinitys_are(raw):
 
 
 def test_the_papers_joints():
-    names = named_skeleton("trinity").names
+    names = find_skeleton("trinity").names
     assert (len(names), len(UPPER_BODY) * 3, len(FULL_BODY) * 3 + 9) == (57, 45, 69)
     assert {*UPPER_BODY, *FULL_BODY} < set(names)
 

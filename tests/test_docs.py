@@ -19,7 +19,7 @@ import cospeech
 from cospeech.cli.catalogue import catalogue
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import app
-from cospeech.models import MODELS, NETWORKS, shipped_bundle
+from cospeech.models import MODELS, NETWORKS, find_bundle
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -130,7 +130,7 @@ def run(line: str, place: Path) -> subprocess.CompletedProcess[str]:
 def needs_weights(text: str) -> None:
     """Skip what plays a trained model whose weights do not ship yet."""
     for name in NETWORKS:
-        if re.search(rf"(--model |load\(\")({name})\b", text) and shipped_bundle(name) is None:
+        if re.search(rf"(--model |load\(\")({name})\b", text) and find_bundle(name) is None:
             pytest.skip(f"needs the weights of {name}, which do not ship (tools/build_weights.py)")
 
 

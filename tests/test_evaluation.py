@@ -16,7 +16,7 @@ from cospeech.audio.speech import Speech, example
 from cospeech.cli.evaluate import register
 from cospeech.corpora import Clip, Semantic
 from cospeech.corpora.motion_files import load_motions
-from cospeech.corpora.samples import POSE_STATISTICS, sample_of, stored_clips, track_of
+from cospeech.corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of, track_of
 from cospeech.errors import InputError
 from cospeech.evaluation import evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Score, Tools, load_metric
@@ -333,7 +333,7 @@ def corpus(tmp_path_factory):
 
 
 def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(corpus):
-    clips = stored_clips(corpus / "store", split=None, raw=corpus / "raw")
+    clips = load_stored_clips(corpus / "store", split=None, raw=corpus / "raw")
     assert len(clips) > 2
     for clip in clips:
         assert abs(float(clip.speech.duration) - clip.motion.duration) < 0.1
@@ -346,16 +346,16 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
 
 
 def test_a_store_without_its_corpus_is_mute(corpus):
-    clips = stored_clips(corpus / "store", split=None)
+    clips = load_stored_clips(corpus / "store", split=None)
     assert all(clip.speech is None for clip in clips)
     found = evaluate_clips({}, clips, metrics=("beat_align", "pck"))
     assert found.cells["ground truth"]["beat_align"] is None
     assert "speech" in found.why["ground truth"]["beat_align"]
-    assert {c.name for c in stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
+    assert {c.name for c in load_stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
     with pytest.raises(InputError, match="did you mean 'test'"):
-        stored_clips(corpus / "store", split="tets")
+        load_stored_clips(corpus / "store", split="tets")
     with pytest.raises(InputError):
-        stored_clips(corpus / "speech")
+        load_stored_clips(corpus / "speech")
 
 
 def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
@@ -363,7 +363,7 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
     register(app)
     generated = tmp_path / "generated"
     generated.mkdir()
-    for clip in stored_clips(corpus / "store", split="test"):
+    for clip in load_stored_clips(corpus / "store", split="test"):
         clip.motion.save(generated / f"{clip.name}.npz")
     head = [f"mine={generated}", "--corpus", str(corpus / "store")]
     line = [*head, "--metrics", "pck,w1_speed", "-o", str(tmp_path / "table.json")]
@@ -405,7 +405,7 @@ def test_the_public_call_takes_a_model_and_a_store(corpus):
 
     by_object = cospeech.evaluate(cospeech.load("rules"), corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
     by_name = cospeech.evaluate("rules", corpus / "store", metrics=["w1_speed"], raw=corpus / "raw")
-    alone = cospeech.evaluate(None, stored_clips(corpus / "store"), metrics=["w1_speed"])
+    alone = cospeech.evaluate(None, load_stored_clips(corpus / "store"), metrics=["w1_speed"])
     assert by_object.rows[0] == "RuleBasedModel"
     assert by_name.cells["rules"]["w1_speed"].value == by_object.cells["RuleBasedModel"]["w1_speed"].value
     assert alone.rows == tuple(CONTROLS)

@@ -27,7 +27,7 @@ from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.rotations import quat_multiply, rotvec_to_quat  # noqa: E402
-from cospeech.motion.skeleton import named_skeleton  # noqa: E402
+from cospeech.motion.skeleton import find_skeleton  # noqa: E402
 from cospeech.training.checkpoint import write_facts, write_tensors  # noqa: E402
 from cospeech.training.feature_networks import load_features  # noqa: E402
 
@@ -99,7 +99,7 @@ def test_features_do_not_depend_on_the_other_windows(features):
 
 
 def test_vectors_of_rotations_are_those_of_the_motion():
-    pose, skeleton = find_pose("expmap-full"), named_skeleton("trinity")
+    pose, skeleton = find_pose("expmap-full"), find_skeleton("trinity")
     rotvecs = np.random.default_rng(0).normal(size=(30, len(skeleton), 3)).cumsum(0) * 0.01
     rotations = quat_multiply(np.broadcast_to(skeleton.rest, (30, len(skeleton), 4)), rotvec_to_quat(rotvecs))
     motion = Motion(20.0, rotations, np.broadcast_to(skeleton.offsets[0], (30, 3)).copy(), skeleton=skeleton)

@@ -16,7 +16,7 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.experiments.figures.scatter import Panel, draw_map  # noqa: E402
 from cospeech.experiments.tables import gesture_space as spaces  # noqa: E402
 from cospeech.experiments.tables import heatmaps  # noqa: E402
-from cospeech.experiments.tables.stages import PlayableRun  # noqa: E402
+from cospeech.experiments.tables.runs import PlayableRun  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D, to_points  # noqa: E402
 from test_mixing import swinging  # noqa: E402
@@ -34,7 +34,7 @@ class Puppet(Windowed):
         super().__init__()
         self.shown, self.hears = torch.nn.Parameter(shown), hears
 
-    def make(self, audio: torch.Tensor, style: torch.Tensor, nudge: torch.Tensor) -> torch.Tensor:
+    def make(self, audio: torch.Tensor, style: torch.Tensor, mode_noise: torch.Tensor) -> torch.Tensor:
         who = audio[:, 0, 0].round().long() if self.hears else style[:, 0].argmax(-1)
         loud = 1 + 0.1 * audio[:, :1, 1:2]
         return self.shown[who][:, : audio.shape[1]] * loud
@@ -69,7 +69,7 @@ def player_of(store: Store, *, hears: bool) -> PlayableRun:
     net = Puppet(torch.from_numpy(stretches[:, 0].astype(np.float32)), hears=hears)
     statistics = {"pose_mean": mean, "pose_std": std, "audio_mean": np.zeros(3), "audio_std": np.ones(3)}
     facts = {"recipe": {"data": {}}, "store": {"speakers": list(WAYS)}}
-    return PlayableRun(net, facts, statistics, "print", stretches)
+    return PlayableRun(net, facts, statistics, "fingerprint", stretches)
 
 
 def test_windows_are_of_the_speakers_test_clips_and_do_not_overlap(store):

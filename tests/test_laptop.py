@@ -13,7 +13,7 @@ import soundfile
 from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
-from cospeech.training.recipe import SHIPPED, load_recipe, shipped
+from cospeech.training.recipe import SHIPPED, list_recipes, load_recipe
 from test_docs import FENCE, ROOT
 
 PAGE = ROOT / "docs" / "tutorials" / "train_a_model.md"
@@ -47,14 +47,14 @@ def test_the_block_of_the_page_runs(tmp_path):
 
 
 def test_recipes_that_come_with_the_program(tmp_path, monkeypatch):
-    assert "laptop" in shipped()
-    for name in shipped():
+    assert "laptop" in list_recipes()
+    for name in list_recipes():
         recipe = load_recipe(name)
         assert recipe == load_recipe(SHIPPED / f"{name}.toml")
-        assert {Path(run).name for run in recipe.needs.values()} <= set(shipped()), "what it needs can be trained, too"
+        assert {Path(run).name for run in recipe.needs.values()} <= set(list_recipes()), "what it needs can be trained, too"
     monkeypatch.chdir(tmp_path)
     Path("laptop").write_text((SHIPPED / "laptop.toml").read_text("utf-8").replace("batch = 32", "batch = 7"), "utf-8")
     assert load_recipe("laptop").train.batch == 7, "a file of the user's comes first"
-    told = rf"cannot read 'latpop': .* \(a TOML file, or one that comes with the program: {', '.join(shipped())}\)"
+    told = rf"cannot read 'latpop': .* \(a TOML file, or one that comes with the program: {', '.join(list_recipes())}\)"
     with pytest.raises(InputError, match=told):
         load_recipe("latpop")

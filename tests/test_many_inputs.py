@@ -85,10 +85,10 @@ def test_weights_of_labels():
 
 @pytest.mark.parametrize("name", ["camn+alone", "multi-context+regression"])
 def test_a_share_of_training_windows_has_no_seeds(name):
-    net, data = network(name, unseeded=0.25), batch(network(name), rows=400)
-    flags = net.train().trained_on(data, 0.25).seed[:, 0, -1]
+    net, data = network(name, seed_dropout=0.25), batch(network(name), rows=400)
+    flags = net.train().collect_training_inputs(data, 0.25).seed[:, 0, -1]
     assert 0.18 < 1 - flags.mean() < 0.32
-    assert net.eval().trained_on(data, 0.25).seed[:, :SEEDS, -1].all()
+    assert net.eval().collect_training_inputs(data, 0.25).seed[:, :SEEDS, -1].all()
 
 
 # CaMN ----------------------------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ def test_camn_is_as_large_as_the_authors():
 
 def test_hands_are_made_of_the_body_and_put_in_their_columns():
     net = loud("camn")
-    given = net.given(batch(net).arrays)
+    given = net.collect_inputs(batch(net).arrays)
     made = net(given)
     with torch.no_grad():
         net.body_out[-1].bias += 1
@@ -126,7 +126,7 @@ def test_hands_are_made_of_the_body_and_put_in_their_columns():
 def test_the_loss_is_hubers_of_poses_weighted_by_what_they_mean():
     net = loud("camn")
     data = batch(net)
-    made, pose = (x.numpy() for x in (net(net.given(data.arrays)).detach(), data["pose"]))
+    made, pose = (x.numpy() for x in (net(net.collect_inputs(data.arrays)).detach(), data["pose"]))
     meant = 1 + data["semantic"].numpy()[..., None]
     apart = np.abs(made - pose) * meant
     expected = 500 * np.where(apart < 0.1, apart**2 / 0.2, apart - 0.05).mean()
@@ -181,16 +181,16 @@ def test_the_discriminator_begins_when_it_is_told_to():
     data = batch(net)
     objectives = net.objectives()
     assert [*objectives] == ["discriminator", "generator"]
-    assert [step for step in range(10) if objectives["discriminator"].due(step)] == [7, 8, 9]
-    assert "adversarial" not in net.generated(data, 6)
-    assert "adversarial" in net.generated(data, 7)
+    assert [step for step in range(10) if objectives["discriminator"].is_active_at(step)] == [7, 8, 9]
+    assert "adversarial" not in net.generator_loss(data, 6)
+    assert "adversarial" in net.generator_loss(data, 7)
     assert [*network("multi-context+regression").objectives()] == ["generator"]
 
 
 def test_each_turn_moves_its_own():
     net = network("multi-context+all").train()
     data = batch(net)
-    sum(net.judged(data, 0).values()).backward()
+    sum(net.discriminator_loss(data, 0).values()).backward()
     assert all((p.grad is not None) is key.startswith("discriminator.") for key, p in net.named_parameters())
 
 
@@ -198,13 +198,13 @@ def test_the_divergence_is_that_of_two_gaussians():
     """KL(N(μ, σ) ‖ N(0, 1)) = E log (N(μ, σ) / N(0, 1)), here by quadrature."""
     net = network("multi-context+all").eval()
     data = batch(net)
-    mean, variance = (x.detach().double().numpy() for x in net.speaker(net.given(data.arrays).speaker))
+    mean, variance = (x.detach().double().numpy() for x in net.speaker(net.collect_inputs(data.arrays).speaker))
     x = np.linspace(-30, 30, 20001)
     sigma = np.exp(variance / 2)[..., None]
     density = np.exp(-((x - mean[..., None]) ** 2) / (2 * sigma**2)) / (sigma * np.sqrt(2 * np.pi))
     ratio = -((x - mean[..., None]) ** 2) / (2 * sigma**2) - np.log(sigma) + x**2 / 2
     expected = 0.1 * ((density * ratio).sum(-1) * (x[1] - x[0])).mean()
-    assert net.generated(data, 0)["divergence"].item() == pytest.approx(expected, rel=1e-4)
+    assert net.generator_loss(data, 0)["divergence"].item() == pytest.approx(expected, rel=1e-4)
 
 
 def test_diversity_is_worth_no_more_than_it_is_cut_at():
@@ -212,5 +212,5 @@ def test_diversity_is_worth_no_more_than_it_is_cut_at():
     data = batch(net)
     with torch.no_grad():
         net.out[-1].weight *= 1e6
-    terms = net.generated(Batch(data.arrays, StepRandom(0, 0)), 0)
+    terms = net.generator_loss(Batch(data.arrays, StepRandom(0, 0)), 0)
     assert terms["diversity"].item() == pytest.approx(-0.01 * 1000)

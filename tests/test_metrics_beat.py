@@ -13,7 +13,7 @@ from cospeech.errors import InputError
 from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order
-from cospeech.metrics.onsets import backtracked, onset_frames, onset_strength, onset_times, rms
+from cospeech.metrics.onsets import backtrack, onset_frames, onset_strength, onset_times, rms
 from cospeech.rules import RuleBasedModel
 
 FORMS = ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat")
@@ -33,7 +33,7 @@ def test_onsets_are_those_of_librosa(rate):
     np.testing.assert_allclose(onset_times(samples, rate), librosa.frames_to_time(onsets, sr=rate))
     energy = librosa.feature.rms(y=samples)[0]
     np.testing.assert_allclose(rms(samples), energy, atol=1e-6)
-    np.testing.assert_array_equal(backtracked(onsets, rms(samples)), librosa.onset.onset_backtrack(onsets, energy))
+    np.testing.assert_array_equal(backtrack(onsets, rms(samples)), librosa.onset.onset_backtrack(onsets, energy))
 
 
 def test_silence_has_no_onsets_and_nonsense_is_refused():

@@ -282,7 +282,7 @@ def test_legs_and_faces_of_a_clip_reach_the_sample():
 
 
 def test_faces_of_a_store_reach_the_metrics(tmp_path):
-    from cospeech.corpora.samples import stored_clips
+    from cospeech.corpora.samples import load_stored_clips
     from cospeech.corpora.store import Entry
     from cospeech.corpora.store_writer import Piece, write_store
     from cospeech.motion.poses import find_pose
@@ -297,6 +297,6 @@ def test_faces_of_a_store_reach_the_metrics(tmp_path):
     write_store(
         tmp_path / "s", pieces, corpus="beat", pose=pose.name, fps=FPS, names={"pose": pose.names, "face": ARKIT}
     )  # fmt: skip
-    a, b = stored_clips(tmp_path / "s")
+    a, b = load_stored_clips(tmp_path / "s")
     np.testing.assert_allclose(a.motion.face, weights)
     assert b.motion.face is None

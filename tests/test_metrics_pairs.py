@@ -13,7 +13,7 @@ from sklearn.metrics import f1_score
 from cospeech.errors import InputError
 from cospeech.metrics import Sample, Tools, load_metric
 from cospeech.metrics.cca import canonical
-from cospeech.metrics.mode_f1 import confusion, mode_features, nearest_centre, weighted_f1
+from cospeech.metrics.mode_f1 import average_f1, confusion, mode_features, nearest_centre
 from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_multiply, quat_normalize, rotvec_to_quat
 
 FPS, FRAMES = 30.0, 90
@@ -259,7 +259,7 @@ def test_f1_of_counts_is_that_of_scikit_learn():
         true, made = rng.integers(0, 5, (2, 60))
         made[rng.random(60) < 0.2] = 6
         expected = f1_score(true, made, average="weighted", labels=range(8), zero_division=0)
-        assert weighted_f1(confusion(true, made, 8)) == pytest.approx(expected, abs=1e-12)
+        assert average_f1(confusion(true, made, 8)) == pytest.approx(expected, abs=1e-12)
 
 
 def test_mode_f1_wants_the_points_of_pats():

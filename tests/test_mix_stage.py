@@ -26,7 +26,7 @@ from cospeech.training.train import train  # noqa: E402
 torch.set_num_threads(1)
 POSE, AUDIO, SPEAKERS, MODES, ROWS = 6, 16, 3, 4, 3
 TINY = {"modes": MODES, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
-AUTHORS = {"soft": True, "judging": "distance", "growth": 0.1, "id_freezes": True}
+AUTHORS = {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True}
 PARTS = ("audio_content", "pose_content", "style.encoder", "style.matrix", "unet", "generators", "mode_logits", "discriminator")
 
 
@@ -181,7 +181,7 @@ def test_of_every_frame_the_owner_alone_is_moved(net):
 def test_the_style_encoder_judges_generated_poses_frozen_or_not(freezes):
     net = network(id_freezes=freezes).train()
     made = torch.randn(ROWS, POSE, 64, requires_grad=True)
-    loss = net.style.judge(made).square().sum()
+    loss = net.style.recognise(made).square().sum()
     assert torch.autograd.grad(loss, made, retain_graph=True)[0].abs().max() > 0
     assert ("style.encoder" in reached(net, loss)) is not freezes
 
@@ -218,7 +218,7 @@ def test_objectives_share_out_all_parameters():
     assert not judge & others
     assert judge | others == {id(p) for p in net.parameters()}
     assert list(net.objectives()) == ["discriminator", "generator"]
-    due = [[o.due(step) for o in network(alternate=True).objectives().values()] for step in range(4)]
+    due = [[o.is_active_at(step) for o in network(alternate=True).objectives().values()] for step in range(4)]
     assert due == [[True, False], [False, True]] * 2
 
 
@@ -235,9 +235,9 @@ def test_a_curriculum_goes_from_pose_to_speech():
 def test_the_adversarial_terms_are_those_of_equation_7_or_of_the_authors():
     data = batch()
     judged = network().eval().discriminator_loss(data, 0)
-    fooled = network().eval().generator_loss(data, 0)["adv"]
-    assert torch.allclose(judged["false"], -fooled)  # what D maximises, the others minimise
-    net = network(judging="distance", growth=0.1).eval()
+    generator_loss = network().eval().generator_loss(data, 0)["adv"]
+    assert torch.allclose(judged["false"], -generator_loss)  # what D maximises, the others minimise
+    net = network(adversarial_loss="distance", growth=0.1).eval()
     first, later, last = (net.discriminator_loss(data, step)["false"] for step in (0, 301, 10**6))
     assert torch.allclose(later, 1.1 * first)
     assert torch.allclose(last, 2 * first)

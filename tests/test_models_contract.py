@@ -30,8 +30,15 @@ _MIX = {"modes": 4, "channels": 8, "depth": 3, "style": 4, "patch_channels": 4}
 _MANY = {"frames": 12, "hidden": 8, "layers": 2, "audio": 6, "text": 4, "speaker": 3, "word_width": 5}
 _CHAIN = {"frames": 10, "latent": 8, "hidden": 8, "layers": 2, "reduction": 4, "word_width": 5, "text_channels": 6}
 _CHAIN |= {"classifier_channels": 6}
-_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "judge_channels": 4, "reconstruction": 5.0, "face": 5.0}
-_PLAYED |= {"wordless": 0.5, "unseeded": 0.5, "labelled": 0.5, "faced": 0.5, "borrowed": 0.3, "manner": 1.0}
+_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "discriminator_channels": 4, "reconstruction": 5.0, "face": 5.0}
+_PLAYED |= {
+    "word_dropout": 0.5,
+    "seed_dropout": 0.5,
+    "label_conditioning": 0.5,
+    "face_teacher_forcing": 0.5,
+    "speech_swap": 0.3,
+    "manner": 1.0,
+}
 TINY = {
     "gesture-autoencoder": {"frames": 18, "width": 8, "code": 4},
     "fgd-autoencoder": {"frames": 18, "channels": 4, "hidden": 16, "code": 4},
@@ -49,8 +56,9 @@ TINY = {
     },
     "moglow": _FLOW | {"controls": ("hand_height", "hand_radius")},
     "mix-stage": _MIX,
-    "mix-stage+played": _MIX | {"judging": "squares", "judge_poses": True, "persistence": 6.0, "reconstruction": 0.5},
-    "mix-stage+authors": _MIX | {"soft": True, "judging": "distance", "growth": 0.1, "id_freezes": True},
+    "mix-stage+played": _MIX
+    | {"adversarial_loss": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
+    "mix-stage+authors": _MIX | {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True},
     "stage": _MIX | {"modes": 1},
     "cmix-gan": {name: size for name, size in _MIX.items() if name != "style"},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 1},
@@ -58,16 +66,16 @@ TINY = {
     "speaker-classifier+plain": {"channels": 4, "plain": True},
     "chain-of-generation": _CHAIN,
     "chain-of-generation+played": _CHAIN | _PLAYED,
-    "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooled": 5},
-    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooled": 5},
+    "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooling_window": 5},
+    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooling_window": 5},
     "speech-classifier": {"frames": 10, "channels": 6},
     "seq2seq": {"frames": 10, "hidden": 8, "word_width": 5},
     "camn": _MANY,
-    "camn+alone": _MANY | {"semantic": False, "unseeded": 0.5},
+    "camn+alone": _MANY | {"semantic": False, "seed_dropout": 0.5},
     "multi-context": _MANY,
     "multi-context+all": _MANY | {"emotion": 2, "face": 4, "adversarial_from": 0, "slope": 0.2},
-    "multi-context+regression": _MANY | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "unseeded": 0.5},
-    "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "judge": 4},
+    "multi-context+regression": _MANY | {"adversarial": 0.0, "diversity": 0.0, "divergence": 0.0, "seed_dropout": 0.5},
+    "speech2gesture": {"frames": 20, "channels": 8, "depth": 2, "decoder": 1, "discriminator_channels": 4},
     "speech-to-face": {"frames": 34, "channels": 8, "dilations": (1, 2), "ahead": (2, 1)},
 }
 
@@ -368,7 +376,7 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
 
 
 @pytest.mark.parametrize("name", windowed())
-def test_nudges_move_the_modes_and_only_them(name):
+def test_mode_noise_moves_the_modes_and_only_them(name):
     net = trained_windowed(name)
     audio, style = speech(net, 1, 64), styles(net, 1, 64)
     with torch.no_grad():

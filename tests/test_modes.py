@@ -50,9 +50,9 @@ def test_of_a_body_they_are_metres_from_the_hips():
 
 def _standing():
     from cospeech.motion.motion import Motion
-    from cospeech.motion.skeleton import named_skeleton
+    from cospeech.motion.skeleton import find_skeleton
 
-    skeleton = named_skeleton("humanoid")
+    skeleton = find_skeleton("humanoid")
     rotations = np.broadcast_to(skeleton.rest, (1, len(skeleton), 4)).copy()
     return Motion(20.0, rotations, skeleton.offsets[:1].copy(), skeleton=skeleton)
 

@@ -10,7 +10,7 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_angle, quat_identity, quat_multiply, rotvec_to_quat
-from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeleton import find_skeleton
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.motion.skeletons.humanoid import MIRROR
 from motions import gesturing
@@ -37,7 +37,7 @@ def test_shape_and_values_are_checked():
         {"root": good.root * np.nan},
         {"rotations": good.rotations + np.inf},
         {"face": good.face + np.nan},
-        {"skeleton": named_skeleton("mixamo")},
+        {"skeleton": find_skeleton("mixamo")},
     ):
         with pytest.raises(InputError):
             replace(good, **change)

@@ -22,7 +22,7 @@ from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
-from cospeech.runtime.mouth import BundleMouth, open_mouth, spoken_setting
+from cospeech.runtime.mouth import BundleMouth, choose_layout, open_mouth
 from test_rules_face import EMOTIONS, act, channel, hear, opening, silence, speech
 from window_bundles import NAMES, write_small_window
 
@@ -67,8 +67,8 @@ def test_it_says_what_the_network_says(system):
     ears = hear_columns(system.audio, system.fps)
     columns = np.concatenate([ears.push(Speech(samples)), ears.finish()])
     ears = hear_columns(system.audio, system.fps)
-    quiet = np.concatenate([ears.push(Speech(np.zeros(RATE, np.float32))), ears.finish()])[:1]
-    columns = np.concatenate([np.repeat(quiet, 40, 0), columns, np.repeat(quiet, 40, 0)])
+    silence = np.concatenate([ears.push(Speech(np.zeros(RATE, np.float32))), ears.finish()])[:1]
+    columns = np.concatenate([np.repeat(silence, 40, 0), columns, np.repeat(silence, 40, 0)])
     rows = np.clip((reduce_audio(columns, system.audio) - s.audio_mean) / s.audio_std, s.audio_low, s.audio_high)
     who = system.styles.index(system.style)
     codes = np.broadcast_to(s.codes[who], (1, len(rows), len(NAMES)))
@@ -76,7 +76,7 @@ def test_it_says_what_the_network_says(system):
     n = system.smooth
     padded = np.concatenate([np.repeat(made[:1], n, 0), made, np.repeat(made[-1:], n, 0)])
     smooth = sum(comb(2 * n, k) / 4**n * padded[k : k + len(made)] for k in range(2 * n + 1))
-    wanted = (s.centres[who] + s.gains[who] * (smooth - s.made[who])) * s.pose_std + s.pose_mean
+    wanted = (s.speaker_mean[who] + s.style_gain[who] * (smooth - s.model_mean[who])) * s.pose_std + s.pose_mean
     assert np.allclose(said(system, samples, times=np.arange(180) / 60), np.clip(wanted[:, :52], 0, 1), atol=2e-5)
 
 
@@ -96,11 +96,11 @@ def test_it_waits_less_than_a_face_and_says_so(system):
     behind = []
     for k in range(0, len(samples), 100):
         mouth.push(samples[k : k + 100])
-        behind.append((k + 100) / RATE - mouth.known)
+        behind.append((k + 100) / RATE - mouth.certain_until)
     assert max(behind[200:]) <= mouth.latency + 100 / RATE
     assert max(behind[200:]) > mouth.latency - 0.05  # what it says is no excuse
     with pytest.raises(RuntimeError, match="known until"):
-        mouth.at(np.array([mouth.known + 0.1]))
+        mouth.at(np.array([mouth.certain_until + 0.1]))
     with pytest.raises(InputError, match=r"waits 1\.[4-9]"):
         BundleMouth(replace(system, smooth=60))
 
@@ -109,20 +109,20 @@ def test_it_forgets_what_is_past(system):
     mouth, kept, at = BundleMouth(system), [], 0
     for samples in np.split(sound(60.0), 120):
         mouth.push(samples)
-        until = max(int(mouth.known * 30), at)
+        until = max(int(mouth.certain_until * 30), at)
         mouth.at(np.arange(at, until) / 30)
         at = until
-        kept.append(len(mouth._kept) + len(mouth._sampled._made[0]) + len(mouth._player._windows._rows))
+        kept.append(len(mouth._kept) + len(mouth._sampled._made[0]) + len(mouth._decoder._windows._rows))
     assert at > 58 * 30
     assert max(kept[20:]) == max(kept[60:]) < 200
 
 
 def test_windows_hold_what_matters_to_the_network(system):
     sizes = system.engine.sizes
-    exact = spoken_setting(sizes, 60.0)
+    exact = choose_layout(sizes, 60.0)
     assert exact.ahead >= sizes.reach <= exact.past
     assert exact.fade == 0
-    far = spoken_setting(replace(sizes, reach=None), 60.0)
+    far = choose_layout(replace(sizes, reach=None), 60.0)
     assert (far.ahead, far.waits <= far.window, far.window % sizes.multiple) == (30, True, 0)
     assert far.fade > 0
 
@@ -135,11 +135,11 @@ def test_what_is_no_face_is_refused(tmp_path, bundle, monkeypatch):
     broken.write_bytes(bundle.read_bytes()[:-1000])
     for path, problem in ((broken, "broken"), (tmp_path / "nothing.cospeech", "nothing.cospeech")):
         monkeypatch.setattr(mouths, "SHIPPED_FACE", path)
-        mouths._shipped.cache_clear()
+        mouths._open_default.cache_clear()
         with pytest.raises(InputError, match=problem):
-            RuleBasedModel(mouths.shipped_mouth).generate(Speech(sound(1.0)))
-    RuleBasedModel(mouths.shipped_mouth).generate(Speech(sound(1.0)), parts=("body",))  # which needs no mouth
-    mouths._shipped.cache_clear()
+            RuleBasedModel(mouths.open_default_mouth).generate(Speech(sound(1.0)))
+    RuleBasedModel(mouths.open_default_mouth).generate(Speech(sound(1.0)), parts=("body",))  # which needs no mouth
+    mouths._open_default.cache_clear()
 
 
 class Said:
@@ -275,7 +275,7 @@ def test_gains_are_read():
 
 
 @pytest.mark.parametrize(
-    ("gain", "match"),
+    ("style_gain", "match"),
     [
         ("jawOpn:1", "jawOpen"), ("mouthsmile:1", "mouthSmile"), ("jaw:1", "no channel"), ("mouth:1", "no channel"),
         (2.1, "0 … 2"), (-0.1, "0 … 2"), (float("nan"), "0 … 2"), (True, "0 … 2"), (None, "0 … 2"), ("", "0 … 2"),

@@ -47,14 +47,14 @@ def test_the_losses_are_those_of_the_equation(net):
         chance = StepRandom(0, 0)
         chance.normal(3, 2)
         style = chance.normal(3, 2)
-        (content, audio_style), (own, own_style) = net.heard.encode(a), net.moved.encode(y)
-        made = net.moved.decode(content, style)
-        content_again, style_again = net.moved.encode(made)
+        (content, audio_style), (own, own_style) = net.speech.encode(a), net.motion.encode(y)
+        made = net.motion.decode(content, style)
+        content_again, style_again = net.motion.encode(made)
         expected = {
-            "pose_same": 2 * (net.moved.decode(own, own_style) - y).abs().mean(),
+            "pose_same": 2 * (net.motion.decode(own, own_style) - y).abs().mean(),
             "pose_content": 3 * (content_again - content).abs().mean(),
             "pose_style": 5 * (style_again - style).abs().mean(),
-            "pose_cycle": 7 * (net.heard.decode(content_again, audio_style) - a).abs().mean(),
+            "pose_cycle": 7 * (net.speech.decode(content_again, audio_style) - a).abs().mean(),
             "pose_adversarial": 11 * net.judge_moved.distance(made, 1.0),
         }
     assert {k: terms[k].item() for k in expected} == pytest.approx({k: v.item() for k, v in expected.items()}, rel=1e-5)
@@ -84,8 +84,8 @@ def test_each_objective_moves_its_own_and_all_of_it(net):
 def test_content_knows_no_place_and_no_size_and_style_does(net):
     poses = walks()["pose"].mT
     with torch.no_grad():
-        content, style = net.moved.encode(poses)
-        louder, other = net.moved.encode(3 * poses + 1)
+        content, style = net.motion.encode(poses)
+        louder, other = net.motion.encode(3 * poses + 1)
     assert torch.allclose(content, louder, atol=2e-3)
     assert (style - other).abs().max() > 0.05
     assert content.shape == (3, 16, 16)
@@ -148,7 +148,7 @@ def test_trained_it_gives_poses_back_from_content_and_style(tmp_path):
     windows = open_set(recipe, Store(store), torch.device("cpu")).feed(net.eval(), "train", False).at(16, 0, 0)
     pose = torch.from_numpy(windows["pose"]).mT
     with torch.no_grad():
-        content, style = net.moved.encode(pose)
-        back, strange = net.moved.decode(content, style), net.moved.decode(content, style.flip(0))
+        content, style = net.motion.encode(pose)
+        back, strange = net.motion.decode(content, style), net.motion.decode(content, style.flip(0))
     assert (back - pose).abs().mean() < 0.7 * pose.abs().mean()
     assert (back - pose).abs().mean() < 0.9 * (strange - pose).abs().mean()

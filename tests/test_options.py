@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.generate import check_asked
+from cospeech.generate import check_request
 from cospeech.motion.named_numbers import read_named_numbers
 from cospeech.motion.parts import PARTS
 from cospeech.rules import GenerationOptions, RuleBasedModel
@@ -36,7 +36,7 @@ def test_whoever_is_asked_says_the_same(options, said, tmp_path):
         lambda: GenerationOptions(**options),
         lambda: RuleBasedModel().session(**options),
         lambda: TrainedModel.open(write_small(tmp_path / "a.cospeech")).session(**options),
-        lambda: check_asked(RuleBasedModel(), **options),
+        lambda: check_request(RuleBasedModel(), **options),
     ):
         with pytest.raises(InputError) as told:
             ask()

@@ -12,7 +12,7 @@ from cospeech.motion.points import Points
 from cospeech.motion.poses import POSES, direction_vectors, euler, expmap, find_pose, keypoints2d
 from cospeech.motion.poses.rot6d import Rot6D
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply, quat_normalize
-from cospeech.motion.skeleton import Skeleton, named_skeleton
+from cospeech.motion.skeleton import Skeleton, find_skeleton
 
 RNG = np.random.default_rng(5)
 
@@ -121,7 +121,7 @@ def test_a_shoulder_on_the_neck_is_refused():
 
 @pytest.mark.parametrize("pose", [euler.EULER, Rot6D(), Rot6D(("Hips", "Head"))], ids=lambda p: f"{p.name}{p.dimensions}")
 def test_rotations_there_and_back_on_beat(pose):
-    motion = moving(named_skeleton("beat"))
+    motion = moving(find_skeleton("beat"))
     vectors = pose.encode(motion)
     back = pose.decode(vectors, 20.0)
     chosen = [motion.skeleton.index[name] for name in pose.joints]
@@ -134,7 +134,7 @@ def test_rotations_there_and_back_on_beat(pose):
 @pytest.mark.parametrize("name", ["rot6d-smplx", "rot6d-humanoid"])
 def test_whole_skeletons_there_and_back(name):
     pose = find_pose(name)
-    motion = moving(named_skeleton(pose.skeleton))
+    motion = moving(find_skeleton(pose.skeleton))
     back = pose.decode(pose.encode(motion), motion.fps)
     assert quat_angle(back.rotations, motion.rotations).max() < 1e-6
     assert back.skeleton.kind == pose.skeleton
@@ -142,7 +142,7 @@ def test_whole_skeletons_there_and_back(name):
 
 @pytest.mark.parametrize("pose", [expmap.UPPER, expmap.FULL], ids=lambda p: p.name)
 def test_exponential_maps_there_and_back(pose):
-    motion = moving(named_skeleton("trinity"))
+    motion = moving(find_skeleton("trinity"))
     vectors = pose.encode(motion)
     place, turn = expmap.walk(motion)
     options = {"start": (place[0, 0], place[0, 2], turn[0])} if pose.hips else {}
@@ -155,7 +155,7 @@ def test_exponential_maps_there_and_back(pose):
 
 
 def test_the_walking_point_is_smoothed_as_scipy_does():
-    motion = moving(named_skeleton("trinity"))
+    motion = moving(find_skeleton("trinity"))
     place, _ = expmap.walk(motion)
     for axis in (0, 2):
         expected = gaussian_filter1d(motion.root[:, axis], 0.25 * motion.fps, mode="nearest")
@@ -164,7 +164,7 @@ def test_the_walking_point_is_smoothed_as_scipy_does():
 
 
 def test_hips_do_not_depend_on_where_and_which_way_the_walk_goes():
-    motion = moving(named_skeleton("trinity"))
+    motion = moving(find_skeleton("trinity"))
     turn = axis_angle_to_quat(np.array([0.0, 1, 0]), 1.3)
     rotations = motion.rotations.copy()
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
@@ -177,7 +177,7 @@ def test_hips_do_not_depend_on_where_and_which_way_the_walk_goes():
 @pytest.mark.parametrize("pose", [euler.EULER, expmap.UPPER], ids=lambda p: p.name)
 def test_no_jumps_past_half_a_turn(pose):
     """An arm that turns from 150° to 250°: the vectors go on as smoothly as it does."""
-    skeleton = named_skeleton("beat") if pose is euler.EULER else named_skeleton("trinity")
+    skeleton = find_skeleton("beat") if pose is euler.EULER else find_skeleton("trinity")
     rotations = np.broadcast_to(skeleton.rest, (60, len(skeleton), 4)).copy()
     angles = np.radians(np.linspace(150, 250, 60))
     rotations[:, skeleton.index["LeftArm"]] = axis_angle_to_quat(np.array([0.36, 0.48, 0.8]), angles)

@@ -11,7 +11,7 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses.face import FACE, MIRROR
 from cospeech.motion.rotations import quat_angle, quat_multiply, rotvec_to_quat
-from cospeech.motion.skeleton import humanoid, named_skeleton
+from cospeech.motion.skeleton import find_skeleton, humanoid
 
 RNG = np.random.default_rng(0)
 FRAMES = 30
@@ -67,7 +67,7 @@ def test_what_is_no_face_is_refused():
     body = FACE.decode(vectors())
     with pytest.raises(InputError, match="without a face"):
         FACE.encode(replace(body, face=None))
-    other = named_skeleton("trinity")
+    other = find_skeleton("trinity")
     still = Motion(20.0, np.broadcast_to(other.rest, (2, len(other), 4)), np.zeros((2, 3)), skeleton=other)
     with pytest.raises(InputError, match="retarget"):
         FACE.encode(still)

@@ -11,7 +11,7 @@ from cospeech.motion.kinematics.hands import CHANNELS, HAND_SHAPES
 from cospeech.motion.kinematics.legs import SEAT, STANCE, plant
 from cospeech.motion.poses.humanoid import HUMANOID, JOINTS, hand_basis
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_continuous, quat_multiply
-from cospeech.motion.skeleton import named_skeleton
+from cospeech.motion.skeleton import find_skeleton
 from cospeech.rules import STYLES, RuleBasedModel
 from rules_laws import babble
 
@@ -173,8 +173,8 @@ def test_bad_vectors_are_told(vectors, words):
 
 def test_other_skeletons_are_told():
     with pytest.raises(InputError, match="retarget"):
-        HUMANOID.decode(np.zeros((1, 57)), 20, named_skeleton("beat"))
-    beat = named_skeleton("beat")
+        HUMANOID.decode(np.zeros((1, 57)), 20, find_skeleton("beat"))
+    beat = find_skeleton("beat")
     rest = np.broadcast_to(beat.rest, (3, len(beat), 4))
     with pytest.raises(InputError, match="retarget"):
         HUMANOID.encode(Motion(20, rest, np.zeros((3, 3)), skeleton=beat))

@@ -16,7 +16,7 @@ import soundfile
 
 from cospeech.audio.features import AUDIO_NAMES, analyse, audio_features
 from cospeech.audio.speech import Speech, Word
-from cospeech.corpora.augment import faster, mirrored, mirrored_motion, shifted
+from cospeech.corpora.augment import faster, mirror_clip, mirror_motion, shift_pitch
 from cospeech.corpora.beat import read as beat
 from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
@@ -28,7 +28,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.poses import direction_vectors, find_pose
 from cospeech.motion.rotations import quat_angle, quat_continuous, quat_normalize
-from cospeech.motion.skeleton import Skeleton, named_skeleton
+from cospeech.motion.skeleton import Skeleton, find_skeleton
 from cospeech.rules import EMOTIONS
 from leftovers import abandoned
 
@@ -42,7 +42,7 @@ def voice(seconds: float, seed: int = 0, pitch: float = 140.0) -> Speech:
 
 
 def moving(skeleton: str, seconds: float, fps: float, seed: int = 0) -> Motion:
-    joints = named_skeleton(skeleton)
+    joints = find_skeleton(skeleton)
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * fps)) / fps
     phase = rng.uniform(0, 6, (len(joints), 3))
@@ -210,19 +210,19 @@ def test_wrong_options_are_answered_in_one_line(raw, made, tmp_path):
 
 def test_a_mirrored_clip_is_a_mirror(raw):
     clip = next(iter(beat.read(raw)))
-    twin = mirrored_motion(clip.motion)
+    twin = mirror_motion(clip.motion)
     names = list(clip.motion.skeleton.names)
     other = [names.index(n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")) for n in names]
     np.testing.assert_allclose(twin.positions(), clip.motion.positions()[:, other] * [-1, 1, 1], atol=1e-6)
-    back = mirrored_motion(twin)
+    back = mirror_motion(twin)
     assert quat_angle(back.rotations, clip.motion.rotations).max() < 1e-6
-    assert mirrored(clip).speaker == "ann|mirror"
+    assert mirror_clip(clip).speaker == "ann|mirror"
 
 
 @pytest.mark.parametrize("kind", ["humanoid", "trinity", "smplx", "mixamo", "vrm", "unreal"])
 def test_any_skeleton_has_a_mirror(kind):
     motion = moving(kind, 1.0, 10.0)
-    twin = mirrored_motion(motion)
+    twin = mirror_motion(motion)
     other = [twin.skeleton.index[name] for name in motion.skeleton.names]
     here, there = motion.positions(), twin.positions()
     # every joint has a partner at its mirrored place in all frames, and none is its own off the middle
@@ -235,7 +235,7 @@ def test_a_skeleton_without_sides_is_refused():
     chain = Skeleton(("a", "b", "c"), (-1, 0, 1), np.eye(3))
     motion = Motion(10.0, np.zeros((2, 3, 4)) + [0, 0, 0, 1.0], np.zeros((2, 3)), skeleton=chain)
     with pytest.raises(InputError, match="without left and right"):
-        mirrored_motion(motion)
+        mirror_motion(motion)
 
 
 def test_a_folder_of_the_user_s(tmp_path):
@@ -259,12 +259,12 @@ def test_a_folder_of_the_user_s(tmp_path):
 @pytest.mark.parametrize(("layout", "joints", "axes"), [("ted", 10, 3), ("pats", 52, 2)])
 def test_mirrored_points_change_places(layout, joints, axes):
     values = np.random.default_rng(0).normal(size=(5, joints, axes))
-    points = mirrored(Clip("a", "s", layout, points=Points(15, values, layout))).points
+    points = mirror_clip(Clip("a", "s", layout, points=Points(15, values, layout))).points
     names = __import__(f"cospeech.motion.skeletons.{layout}", fromlist=["JOINTS"]).JOINTS
     left, right = ("leftWrist", "rightWrist") if layout == "ted" else ("LHandThumb3", "RHandThumb3")
     np.testing.assert_array_equal(points.values[:, names.index(left), 0], -values[:, names.index(right), 0])
     np.testing.assert_array_equal(points.values[:, names.index(left), 1], values[:, names.index(right), 1])
-    again = mirrored(Clip("a", "s", layout, points=points)).points
+    again = mirror_clip(Clip("a", "s", layout, points=points)).points
     np.testing.assert_array_equal(again.values, values)
 
 
@@ -282,7 +282,7 @@ def test_faster_and_higher():
     assert quick.semantics[0].end == pytest.approx(1.6)
     assert pitch_of(quick.speech) == pytest.approx(140 * 1.25, rel=0.02)
     for semitones in (-3, 4):
-        high = shifted(clip, semitones)
+        high = shift_pitch(clip, semitones)
         assert high.speech.duration == clip.speech.duration == Fraction(4)
         assert high.motion is clip.motion
         assert pitch_of(high.speech) == pytest.approx(140 * 2 ** (semitones / 12), rel=0.02)
@@ -354,7 +354,7 @@ def test_pats_brings_its_own_spectra_and_words():
     assert arrays["audio"].shape == (30, len(pieces.audio_names("pats")))
     np.testing.assert_array_equal(arrays["audio"][:, 0], (np.arange(30) / 15 * 103).astype(int))
     assert arrays["word"][7:13].tolist() == [0, 1, 1, 1, 1, 0]
-    assert set(pieces.needed(clip)) == {"audio/log_mel_400", "words"}
+    assert set(pieces.select_extra(clip)) == {"audio/log_mel_400", "words"}
     with pytest.raises(InputError, match="ready-made"):
         faster(clip, 1.1)
     lacking = replace(clip, extra={})

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.training.recipe import SHIPPED, Data, Train, build, changed, load_recipe, read_recipe
+from cospeech.training.recipe import SHIPPED, Data, Train, build, list_changes, load_recipe, read_recipe
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = """
@@ -139,9 +139,9 @@ def test_a_config_is_built_of_a_section():
 
 def test_what_may_change_and_what_may_not(path):
     old = load_recipe(path).to_dict()
-    assert changed(old, load_recipe(path, ["train.steps=9000", "train.device=cuda", "train.threads=4"]).to_dict()) == []
-    assert changed(old, load_recipe(path, ["train.lr=0.5"]).to_dict()) == ["train.lr: 1.0, now 0.5"]
-    assert changed(old, load_recipe(path, ["model.nu=9"]).to_dict()) == ["model.nu: nothing, now 9"]
+    assert list_changes(old, load_recipe(path, ["train.steps=9000", "train.device=cuda", "train.threads=4"]).to_dict()) == []
+    assert list_changes(old, load_recipe(path, ["train.lr=0.5"]).to_dict()) == ["train.lr: 1.0, now 0.5"]
+    assert list_changes(old, load_recipe(path, ["model.nu=9"]).to_dict()) == ["model.nu: nothing, now 9"]
 
 
 def test_every_recipe_of_ours_is_one():
@@ -160,7 +160,14 @@ def test_recipes_of_the_tables_are_at_the_values_of_their_networks_and_say_so():
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     from cospeech.training.checkpoint import network
 
-    theirs = {"soft": True, "curriculum": 1000, "judging": "distance", "growth": 0.1, "id_freezes": True, "alternate": True}
+    theirs = {
+        "soft": True,
+        "curriculum": 1000,
+        "adversarial_loss": "distance",
+        "growth": 0.1,
+        "id_freezes": True,
+        "alternate": True,
+    }
     names = ("mix_stage", "stage", "cmix_gan", "speech2gesture", "munit", "speaker_classifier", "mix_stage_authors")
     for name in names:
         base = name.removesuffix("_authors")
@@ -186,7 +193,7 @@ def test_speakers_are_a_list_of_names(path):
     assert recipe.data.speakers == ("ann", "bob")
     assert recipe.train.of("discriminator").weight_decay == 1e-4
     assert read_recipe(recipe.to_dict()) == recipe
-    assert changed(load_recipe(path).to_dict(), recipe.to_dict())[0] == "data.speakers: [], now ['ann', 'bob']"
+    assert list_changes(load_recipe(path).to_dict(), recipe.to_dict())[0] == "data.speakers: [], now ['ann', 'bob']"
     for wrong in ('data.speakers="ann"', "data.speakers=[1]", "data.speakers=ann", "train.weight_decay=-1"):
         with pytest.raises(InputError, match=r"data\.speakers is|train\.weight_decay is"):
             load_recipe(path, [wrong])

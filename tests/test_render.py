@@ -15,13 +15,13 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.export.mannequin import Character, Part
 from cospeech.export.render import raster
-from cospeech.export.render.camera import CAMERAS, Camera, view_named
-from cospeech.export.render.frames import BACKDROP, Film
+from cospeech.export.render.camera import CAMERAS, Camera, find_view
+from cospeech.export.render.frames import BACKDROP, FrameStream
 from cospeech.export.render.framing import FramedPose, Framing, PoseStage, box_of
 from cospeech.export.render.keyframes import Keyframes
 from cospeech.export.render.light import develop, from_srgb
 from cospeech.export.render.scene import Scene
-from cospeech.export.render.worker import Artist, Helper, Look, pack
+from cospeech.export.render.worker import FrameRenderer, Helper, Look, pack
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from motions import gesturing
@@ -132,7 +132,7 @@ def test_projection_by_hand():
 @pytest.mark.parametrize("size", [(120, 120), (320, 90), (60, 200)])
 def test_a_view_shows_the_whole_box_and_no_more_than_needed(name, size):
     low, high = np.array([-0.7, 0.3, -0.3]), np.array([0.6, 1.9, 0.8])
-    camera = view_named(name).camera(low, high, *size)
+    camera = find_view(name).camera(low, high, *size)
     corners = np.array([[(low, high)[k >> a & 1][a] for a in range(3)] for k in range(8)])
     x, y, inverse = camera.project(corners).T
     assert (inverse > 0).all()
@@ -230,16 +230,16 @@ def test_nothing_in_view_is_the_backdrop_and_drawing_twice_gives_the_same():
 
 
 def frames_of(motion, pieces, look, rate):
-    with Film(look, motion.fps, rate) as film:
+    with FrameStream(look, motion.fps, rate) as frames:
         out = []
         for a, b in zip((0, *pieces), (*pieces, len(motion)), strict=True):
-            out += [picture for batch in film.push(motion[a:b]) for picture in batch]
-        return np.array(out + [picture for batch in film.flush() for picture in batch])
+            out += [picture for batch in frames.push(motion[a:b]) for picture in batch]
+        return np.array(out + [picture for batch in frames.flush() for picture in batch])
 
 
 @pytest.fixture(scope="module")
 def look():
-    return Look(48, 40, view_named("body"), BACKDROP)
+    return Look(48, 40, find_view("body"), BACKDROP)
 
 
 def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
@@ -254,7 +254,7 @@ def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
 @pytest.mark.parametrize(("fps", "rate", "count"), [(30, 30, 17), (60, 30, 9), (25, 30, 21), (30, 12.5, 8), (29.97, 29.97, 17)])
 def test_film_is_as_long_as_the_motion(look, monkeypatch, fps, rate, count):
     monkeypatch.setattr(
-        "cospeech.export.render.frames.Artist.draw", lambda self, rows: np.zeros((len(rows), 40, 48, 3), np.uint8)
+        "cospeech.export.render.frames.FrameRenderer.draw", lambda self, rows: np.zeros((len(rows), 40, 48, 3), np.uint8)
     )
     assert len(frames_of(gesturing(17, fps), (5,), look, rate)) == count == np.ceil(17 / fps * rate - 1e-6)
 
@@ -262,7 +262,7 @@ def test_film_is_as_long_as_the_motion(look, monkeypatch, fps, rate, count):
 def test_film_shows_the_frame_of_its_time(look, monkeypatch):
     seen = []
     monkeypatch.setattr(
-        Artist, "draw", lambda self, rows: seen.append(rows[0, :220].copy()) or np.zeros((1, 40, 48, 3), np.uint8)
+        FrameRenderer, "draw", lambda self, rows: seen.append(rows[0, :220].copy()) or np.zeros((1, 40, 48, 3), np.uint8)
     )
     motion = gesturing(20, 60)
     frames_of(motion, (), look, 20)
@@ -273,26 +273,26 @@ def test_film_shows_the_frame_of_its_time(look, monkeypatch):
 @pytest.mark.parametrize("size", [(0, 40), (48, 100_000), (-3, 5)])
 def test_film_of_no_sensible_size(size):
     with pytest.raises(InputError, match="pixels"):
-        Film(Look(*size, view_named("body"), BACKDROP), 30, 30)
+        FrameStream(Look(*size, find_view("body"), BACKDROP), 30, 30)
 
 
 def test_unknown_camera_lists_those_known():
     with pytest.raises(InputError, match=r"'drone'.*body.*face"):
-        view_named("drone")
+        find_view("drone")
 
 
 def test_helpers_end_with_the_film(look):
-    film = Film(look, 30, 30)
+    frames = FrameStream(look, 30, 30)
 
     def interrupted():
-        with film:
-            list(film.push(gesturing(340)))
+        with frames:
+            list(frames.push(gesturing(340)))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert film._all_helpers
-    assert all(helper._process.poll() is not None for helper in film._all_helpers)
+    assert frames._all_helpers
+    assert all(helper._process.poll() is not None for helper in frames._all_helpers)
 
 
 def test_a_dead_helper_is_an_internal_error(look):
@@ -307,8 +307,8 @@ def test_a_dead_helper_is_an_internal_error(look):
 def test_helpers_end_when_their_parent_is_killed(tmp_path):
     code = (
         "from cospeech.export.render.worker import Helper, Look\n"
-        "from cospeech.export.render.camera import view_named; import time\n"
-        "h = Helper(Look(48, 40, view_named('body'), (9, 9, 9))); print(h._process.pid, flush=True); time.sleep(60)"
+        "from cospeech.export.render.camera import find_view; import time\n"
+        "h = Helper(Look(48, 40, find_view('body'), (9, 9, 9))); print(h._process.pid, flush=True); time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     child = int(parent.stdout.readline())
@@ -368,7 +368,7 @@ def test_stage_finds_the_floor_of_files_that_have_another(lift, stays):
 
 @pytest.mark.parametrize("pieces", [1, 7])
 def test_hands_never_leave_the_picture_and_the_camera_moves_smoothly(pieces):
-    fps, view, skeleton = 30.0, view_named("body"), humanoid()
+    fps, view, skeleton = 30.0, find_view("body"), humanoid()
     motion = gesturing(900, fps)
     rotations = motion.rotations.copy()
     rotations[600:, skeleton.index["leftUpperArm"]] = [0, 0, np.sin(0.6), np.cos(0.6)]  # up, all at once
@@ -419,6 +419,6 @@ def test_a_row_says_all_about_a_picture(look):
     placed = stage.place(gesturing(2))
     poses = list(map(FramedPose, *placed))
     box = box_of(look.view, humanoid(), placed.positions)
-    pictures = Artist(look).draw(np.stack([pack(pose, box) for pose in poses]))
+    pictures = FrameRenderer(look).draw(np.stack([pack(pose, box) for pose in poses]))
     assert pictures.shape == (2, 40, 48, 3)
     assert pictures.std(axis=(1, 2)).min() > 5

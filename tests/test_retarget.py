@@ -25,7 +25,7 @@ from cospeech.motion.rotations import (
     quat_rotate,
     rotvec_to_quat,
 )
-from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from cospeech.motion.skeletons import SKELETONS
 from motions import gesturing
 
@@ -80,7 +80,7 @@ def test_there_and_back_is_the_same_motion(kind):
     assert set(ours) == set(again)
     for name in ours:
         assert degrees_apart(ours[name], again[name]) < 0.01, name
-    kept = [k for k, n in enumerate(humanoid().names) if n in recognise(named_skeleton(kind))]
+    kept = [k for k, n in enumerate(humanoid().names) if n in recognise(find_skeleton(kind))]
     world = [humanoid().forward(m.rotations, m.root)[1][:, kept] for m in (motion, back)]
     assert np.degrees(quat_angle(*world)).max() < 0.01  # twists too
     assert np.abs(back.root - motion.root).max() < 1e-9
@@ -108,7 +108,7 @@ def test_from_any_to_any(source, goal):
 
 def test_the_t_pose_stays_the_t_pose():
     for source in SKELETONS:
-        body = named_skeleton(source)
+        body = find_skeleton(source)
         still = Motion(fps=30, rotations=body.rest[None], root=body.offsets[:1], skeleton=body)
         for goal in SKELETONS:
             there = still.retarget(goal)
@@ -160,7 +160,7 @@ def test_axes_of_bones_do_not_matter():
 
 
 def test_a_root_that_is_not_the_hips():
-    body = named_skeleton("mixamo")
+    body = find_skeleton("mixamo")
     lifted = Skeleton(
         ("Armature", *body.names),
         (-1, *(p + 1 for p in body.parents)),
@@ -375,7 +375,7 @@ def test_names_of_many_makes(make):
 
 def test_bones_on_the_way_do_not_disturb():
     """Twist bones, helpers, tips, IK targets and a mesh's root among the rest."""
-    body = named_skeleton("unreal")
+    body = find_skeleton("unreal")
     names, parents, offsets = list(body.names), list(body.parents), list(body.offsets)
     extra = [("upperarm_twist_01_l", "upperarm_l"), ("lowerarm_twist_02_l", "lowerarm_l"), ("thigh_twist_01_r", "thigh_r"),
              ("ik_hand_l", "pelvis"), ("ik_foot_l", "pelvis"), ("hand_l_end", "hand_l"), ("head_end", "head"),
@@ -394,7 +394,7 @@ def test_bones_on_the_way_do_not_disturb():
 
 @pytest.mark.parametrize("kind", SKELETONS)
 def test_shape_alone_is_enough(kind):
-    body = named_skeleton(kind)
+    body = find_skeleton(kind)
     nameless = renamed(body, {n: f"joint{k}" for k, n in enumerate(body.names)})
     assert by_names(nameless) == {}
     found, true = recognise(nameless), recognise(body)

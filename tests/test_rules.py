@@ -14,17 +14,17 @@ from cospeech.motion.kinematics.arms import arm_lengths, hand_rotations, reach, 
 from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.body_volume import push_from_head, push_from_torso
 from cospeech.motion.kinematics.hands import HAND_SHAPES
-from cospeech.motion.noise import hashed_normal, hashed_uniform, smooth_noise
+from cospeech.motion.noise import hash_normal, hash_uniform, smooth_noise
 from cospeech.motion.rotations import quat_angle, quat_rotate
 from cospeech.rules import EMOTIONS, LOOK_AHEAD, STYLES, RuleBasedModel, Style
-from cospeech.rules.emotion_modifiers import MANNERS, blend_manners
+from cospeech.rules.emotion_modifiers import MANNERS, blend_modifiers
 from cospeech.rules.lexicon import LEXICON, form_for
+from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk
 from cospeech.rules.plan import LEAD
 from cospeech.rules.posture import Posture
 from cospeech.rules.repertoire import FORMS, LEXICAL_FORMS
-from cospeech.rules.rests import RESTS
+from cospeech.rules.rest_poses import RESTS
 from cospeech.rules.styles import mix_styles
-from cospeech.rules.track import MinimumJerkTrack, minimum_jerk
 from rules_laws import babble
 
 RATE = 16000
@@ -59,12 +59,12 @@ class TestNoise:
         assert abs(np.corrcoef(a[:, 0], a[:, 1])[0, 1]) < 0.08
 
     def test_hashes_are_spread_evenly_and_do_not_repeat(self):
-        u = hashed_uniform(7, 3, np.arange(50_000))
+        u = hash_uniform(7, 3, np.arange(50_000))
         assert u.min() > 0
         assert u.max() < 1
         assert len(np.unique(u)) == len(u)
         assert np.abs(np.histogram(u, 20, (0, 1))[0] / 2500 - 1).max() < 0.1
-        assert abs(hashed_normal(7, 3, np.arange(50_000)).std() - 1) < 0.02
+        assert abs(hash_normal(7, 3, np.arange(50_000)).std() - 1) < 0.02
 
 
 class TestTrack:
@@ -186,7 +186,7 @@ class TestTables:
         )  # fmt: skip
 
     def test_manners_blend_linearly(self):
-        half = blend_manners(np.array([0.5, 0.5, 0, 0, 0, 0, 0, 0]))
+        half = blend_modifiers(np.array([0.5, 0.5, 0, 0, 0, 0, 0, 0]))
         assert half.amplitude == pytest.approx((MANNERS["neutral"].amplitude + MANNERS["happiness"].amplitude) / 2)
 
     def test_styles_mix_between_their_parents(self):
@@ -228,7 +228,7 @@ class TestListening:
             listener.push(chunk)
         assert len(listener._loudness._rows) < 1800
         assert len(listener.accents) < 60
-        assert listener.known > 118
+        assert listener.certain_until > 118
 
 
 class TestPerformance:

@@ -169,7 +169,7 @@ def test_manifests(tmp_path, change):
         {"hidden": 9}, {"hidden": "8"}, {"hidden": 8.5}, {"hidden": True}, {"hidden": -1}, {"steps": 10**12}, {"layers": 3},
         {"cell": "lstm"}, {"cell": []}, {"history": 5}, {"nu": None}, {"nu": "inf"}, {"int8": False}, {"int8": "yes"},
         {"odd": 1},
-        {"heard": 4}, {"feature": 0}, {"style": 0},
+        {"speech_frames": 4}, {"feature": 0}, {"style": 0},
     ],
     ids=str,
 )  # fmt: skip
@@ -198,7 +198,7 @@ def test_statistics_that_make_no_sense(tmp_path):
     arrays = Bundle("x", manifest, members).arrays("statistics.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"pose_low": arrays["pose_high"] + 1}, {"histories": arrays["histories"][:0]},
-        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"centres": arrays["centres"][:, 1:]},
+        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"speaker_mean": arrays["speaker_mean"][:, 1:]},
         {"histories": arrays["histories"][0]}, {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip
@@ -308,7 +308,13 @@ def test_the_size_that_ships_is_small(tmp_path):
     from cospeech.runtime.flow_bundle import write_flow
 
     sizes = replace(
-        small_sizes("expmap-humanoid", "mel20-prosody"), steps=8, hidden=128, history=5, heard=11, feature=16, channels=32
+        small_sizes("expmap-humanoid", "mel20-prosody"),
+        steps=8,
+        hidden=128,
+        history=5,
+        speech_frames=11,
+        feature=16,
+        channels=32,
     )
     path = tmp_path / "large.cospeech"
     arrays = random_arrays(sizes)

@@ -89,7 +89,7 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
 def test_float_engine_is_the_network(changes):
     model = network(**changes)
     engine = engine_of(model.export(), sizes_of(model.config, int8=False))
-    audio, past, z = speech(20 + model.heard), histories(2), latents(2, 21)
+    audio, past, z = speech(20 + model.speech_frames), histories(2), latents(2, 21)
     shown = histories(2, 19)
     styles = np.stack([engine.style_code(poses) for poses in shown]) if engine.sizes.style else None
     made = engine.begin(past, styles).frames(engine.windows(audio), z)
@@ -115,7 +115,7 @@ def test_quantised_engine_is_near_the_network():
 
 def test_lstm_cells():
     """One step whose coupling is PyTorch's LSTM."""
-    sizes = FlowSizes(pose=POSE, audio=AUDIO, steps=1, hidden=10, layers=2, history=2, heard=3, cell="lstm", int8=False)
+    sizes = FlowSizes(pose=POSE, audio=AUDIO, steps=1, hidden=10, layers=2, history=2, speech_frames=3, cell="lstm", int8=False)
     torch.manual_seed(1)
     from cospeech.models.nn.flow import Flow, RecurrentNet
 
@@ -192,20 +192,23 @@ def test_latents_are_those_of_the_network(changes):
     engine = engine_of(model.export(), sizes_of(model.config, int8=False))
     poses, audio = histories(1, 40)[0], speech(40)
     wanted = model.latents(torch.from_numpy(poses)[None], torch.from_numpy(audio)[None])[0].detach().numpy()
-    style = engine.style_code(poses[: model.shown]) if model.shown else None
-    found = engine.latents(poses[model.shown :], audio[model.shown :], style)
+    style = engine.style_code(poses[: model.style_frames]) if model.style_frames else None
+    found = engine.latents(poses[model.style_frames :], audio[model.style_frames :], style)
     np.testing.assert_allclose(found, wanted, atol=1e-3)
 
 
 def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
     model = network(residual=True)
-    free, pulled = (engine_of(model.export(), replace(sizes_of(model.config, int8=False), pull=pull)) for pull in (1.0, 0.9))
+    free, with_feedback = (
+        engine_of(model.export(), replace(sizes_of(model.config, int8=False), feedback_gain=feedback_gain))
+        for feedback_gain in (1.0, 0.9)
+    )
     audio, past, z = speech(60), histories(2), latents(2, 53)
-    loose, held = (engine.begin(past).frames(engine.windows(audio), z) for engine in (free, pulled))
+    loose, held = (engine.begin(past).frames(engine.windows(audio), z) for engine in (free, with_feedback))
     np.testing.assert_allclose(held[:, 0], 0.9 * loose[:, 0], rtol=1e-5, atol=1e-6)
     assert held.std() < loose.std()
     poses = np.concatenate([past[0], held[0], np.zeros((TINY.look_ahead, POSE), np.float32)])
-    assert np.abs(pulled.latents(poses, audio) - z[0]).max() < 1e-3
+    assert np.abs(with_feedback.latents(poses, audio) - z[0]).max() < 1e-3
 
 
 @pytest.mark.parametrize("said", ["first\nsecond", "", "\n"])
@@ -232,7 +235,7 @@ def test_a_hostile_network_stays_within_bounds():
     takes = engine.begin(np.zeros((1, sizes.history, POSE)))
     draw = StudentT(POSE, 1, seed=0, temperature=2.0)  # heavy tails
     for _ in range(20):
-        made = takes.frames(engine.windows(1e3 * speech(1000 + sizes.heard - 1, 5)), draw.draw(1000)[None])[0]
+        made = takes.frames(engine.windows(1e3 * speech(1000 + sizes.speech_frames - 1, 5)), draw.draw(1000)[None])[0]
         assert np.isfinite(made).all()
         assert (np.abs(made) <= edge * (1 + 1e-6)).all()
     assert made.std(0).min() > 1e-3
@@ -283,7 +286,7 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(InputError):
         FlowEngine(sizes, weights, graphs | {"frame": graphs["speech"]}, -edge, edge)
     with pytest.raises(InputError):
-        FlowEngine(replace(sizes, history=6, heard=8), weights, graphs, -edge, edge)
+        FlowEngine(replace(sizes, history=6, speech_frames=8), weights, graphs, -edge, edge)
     engine = FlowEngine(sizes, weights, graphs, -edge, edge)
     with pytest.raises(InputError, match="histories"):
         engine.begin(np.zeros((1, 4, POSE)))

@@ -10,7 +10,7 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_multiply, quat_rotate, rotvec_to_quat
-from cospeech.motion.skeleton import Skeleton, humanoid, named_skeleton
+from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from cospeech.motion.skeletons import SKELETONS
 from cospeech.motion.skeletons.humanoid import HEIGHT, MIRROR
 from cospeech.motion.skeletons.vrm import FROM_VRM0, REQUIRED
@@ -68,7 +68,7 @@ def test_trees_that_are_none(names, parents, count, message):
 
 def test_equality_is_of_what_matters():
     assert humanoid() == replace(humanoid(), kind="other")
-    assert humanoid() != named_skeleton("mixamo")
+    assert humanoid() != find_skeleton("mixamo")
     assert humanoid() != replace(humanoid(), offsets=humanoid().offsets * 1.01)
     turned = humanoid().rest.copy()
     turned[3] = axis_angle_to_quat((1, 0, 0), 0.01)
@@ -85,14 +85,14 @@ def test_groups_of_the_humanoid_are_a_partition():
 
 def test_unknown_names_come_with_the_nearest():
     with pytest.raises(InputError, match=r"'Mixamo' \(did you mean 'mixamo'\? known: humanoid, .*unreal"):
-        named_skeleton("Mixamo")
+        find_skeleton("Mixamo")
     with pytest.raises(InputError, match="known: humanoid"):
-        named_skeleton("q")
+        find_skeleton("q")
 
 
 @pytest.mark.parametrize("kind", SKELETONS)
 def test_tables_are_people_in_a_t_pose(kind):
-    body, table = named_skeleton(kind), import_module(SKELETONS[kind])
+    body, table = find_skeleton(kind), import_module(SKELETONS[kind])
     names = table.NAMES
     assert body.kind == kind
     assert set(names) <= set(humanoid().names)
@@ -122,7 +122,7 @@ def test_tables_are_people_in_a_t_pose(kind):
 
 @pytest.mark.parametrize(("kind", "count"), [("humanoid", 55), ("vrm", 55), ("mixamo", 65), ("beat", 75), ("smplx", 55)])
 def test_tables_have_the_joints_of_their_make(kind, count):
-    assert len(named_skeleton(kind)) == count
+    assert len(find_skeleton(kind)) == count
 
 
 def test_smplx_is_in_the_order_of_the_model():
@@ -160,14 +160,14 @@ def test_smplx_is_in_the_order_of_the_model():
         52,
         53,
     ]
-    assert list(named_skeleton("smplx").parents) == tree
+    assert list(find_skeleton("smplx").parents) == tree
 
 
 def test_beat_is_what_is_published(shared):
     import json
 
     published = json.loads((shared / "data" / "beat_speaker2_skeleton.json").read_text())
-    ours = named_skeleton("beat")
+    ours = find_skeleton("beat")
     joints = [n for n in published if not n.endswith("_Nub")]
     assert list(ours.names) == joints
     for k, name in enumerate(joints):

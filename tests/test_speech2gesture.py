@@ -20,7 +20,7 @@ from cospeech.training.train import train  # noqa: E402
 from tiny_store import make_store  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
-TINY = Speech2GestureConfig(frames=32, channels=8, depth=2, decoder=1, judge=4)
+TINY = Speech2GestureConfig(frames=32, channels=8, depth=2, decoder=1, discriminator_channels=4)
 POSE, AUDIO = 6, 16
 NO_STYLE = torch.zeros(3, 1, 0)
 
@@ -43,7 +43,7 @@ def test_the_losses_are_those_of_the_equations(net):
     data = walks()
     with torch.no_grad():
         made = net.generate(data["audio"], NO_STYLE)
-        real, false = (net.judge(poses) for poses in (data["pose"], made))
+        real, false = (net.discriminate(poses) for poses in (data["pose"], made))
         judged, moved = (objective.loss(data, 0) for objective in net.objectives().values())
     expected = {"real": ((real - 1) ** 2).mean(), "made": 3 * (false**2).mean()}
     assert {k: v.item() for k, v in judged.items()} == pytest.approx({k: v.item() for k, v in expected.items()})
@@ -73,18 +73,18 @@ def test_the_discriminator_sees_motion_and_not_where_it_is(net):
     net.eval()
     poses = walks()["pose"]
     with torch.no_grad():
-        scores = net.judge(poses)
-        assert torch.allclose(net.judge(poses + 7), scores, atol=1e-5)
-        assert not torch.allclose(net.judge(2 * poses), scores, atol=1e-3)
-        assert net.judge(torch.zeros(2, 64, POSE)).shape == (2, 12)
-        assert net.judge(torch.zeros(2, 20, POSE)).shape == (2, 1)
+        scores = net.discriminate(poses)
+        assert torch.allclose(net.discriminate(poses + 7), scores, atol=1e-5)
+        assert not torch.allclose(net.discriminate(2 * poses), scores, atol=1e-3)
+        assert net.discriminate(torch.zeros(2, 64, POSE)).shape == (2, 12)
+        assert net.discriminate(torch.zeros(2, 20, POSE)).shape == (2, 1)
 
 
 def test_a_patch_judges_about_a_second(net):
     """Its field: 4 of the first convolution, then strides of 2 and 4: 34 frames, 2.3 s, of which the middle counts most."""
     net.eval()
     poses = torch.zeros(1, 128, POSE, requires_grad=True)
-    scores = net.judge(poses + torch.randn(1, 128, POSE).cumsum(1))
+    scores = net.discriminate(poses + torch.randn(1, 128, POSE).cumsum(1))
     (gradient,) = torch.autograd.grad(scores[0, 14], poses)
     seen = gradient.abs().sum(-1)[0].nonzero().flatten()
     assert 30 <= seen[-1] - seen[0] + 1 <= 36
@@ -115,7 +115,14 @@ def test_any_number_of_mel_bands_and_all_are_heard(audio):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("frames", 19), ("channels", 3), ("depth", 0), ("judge", 0), ("adversarial", -1.0), ("fake", float("nan"))],
+    [
+        ("frames", 19),
+        ("channels", 3),
+        ("depth", 0),
+        ("discriminator_channels", 0),
+        ("adversarial", -1.0),
+        ("fake", float("nan")),
+    ],
 )
 def test_settings_that_are_none_are_told(field, value):
     with pytest.raises(InputError, match=field):
@@ -130,7 +137,7 @@ def test_the_recipe_is_at_the_authors_sizes_and_the_defaults_are_its_own():
 
 def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):
     """Poses of the little store are a linear map of its audio; the net hears it: another window's speech is worse."""
-    config = {"frames": 32, "channels": 16, "depth": 2, "decoder": 1, "judge": 8}
+    config = {"frames": 32, "channels": 16, "depth": 2, "decoder": 1, "discriminator_channels": 8}
     settings = {"steps": 150, "batch": 16, "lr": 3e-3, "threads": 1, "validate_every": 60, "best": "generator.l1"}
     recipe = read_recipe({"model": {"name": "speech2gesture", **config}, "train": settings})
     store = make_store(tmp_path / "store")

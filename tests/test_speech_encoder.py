@@ -224,12 +224,12 @@ def test_a_run_trains_the_transformer_and_not_the_cnn(base, store, tmp_path):
     model, facts = load_run(tmp_path / "run")
     assert model.arrays[1] == "wav2vec"
     assert facts["config"]["encoder"] == base
-    began, now = load_transformer(base).state_dict(), model.ear.transformer.state_dict()
+    began, now = load_transformer(base).state_dict(), model.speech_encoder.transformer.state_dict()
     assert {*began} == {*now}
     still = [name for name in began if began[name].is_floating_point() and torch.equal(began[name], now[name])]
     assert [name for name in still if "k_proj.bias" not in name] == []  # which softmax does not notice
     sizes = {tuple(value.shape) for value in before.values() if value.ndim == 3}
-    assert not any(tuple(value.shape) in sizes for name, value in model.ear.named_parameters() if "conv" not in name)
+    assert not any(tuple(value.shape) in sizes for name, value in model.speech_encoder.named_parameters() if "conv" not in name)
     for name, value in load_cnn(base).state_dict().items():
         assert torch.equal(value, before[name])
     assert not any(parameter.requires_grad for parameter in load_cnn(base).parameters())
@@ -260,6 +260,6 @@ def test_a_store_without_the_features_is_told(raw, base, tmp_path):
 
 def test_what_streams_cannot_hear_through_it(base):
     sizes = {"pose": 6, "audio": 5, "speakers": 2, "hands": [4, 5], "text": 0}
-    ChainOfGeneration(ChainConfig(**TINY, ear="wav2vec", encoder=base), **sizes)
+    ChainOfGeneration(ChainConfig(**TINY, speech_encoder="wav2vec", encoder=base), **sizes)
     with pytest.raises(InputError, match="hears all of a speech"):
-        ChainLive(ChainLiveConfig(**TINY, ear="wav2vec", encoder=base), **sizes)
+        ChainLive(ChainLiveConfig(**TINY, speech_encoder="wav2vec", encoder=base), **sizes)

@@ -20,7 +20,7 @@ from cospeech.runtime.sliding_window_decoder import live  # noqa: E402
 from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
-CALMED = {"gain": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
+CALMED = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
 ROWS, BANDS, SPEAKERS = 6, 12, 2
 
 
@@ -29,7 +29,7 @@ def network(pose: int = 55, **changes) -> SpeechToFace:
     net = SpeechToFace(SpeechToFaceConfig(**{"channels": 8, "frames": 48} | changes), pose=pose, audio=BANDS, speakers=SPEAKERS)
     draw = torch.Generator().manual_seed(1)
     uniform = lambda n, low, high: low + (high - low) * torch.rand(n, generator=draw)  # noqa: E731
-    net.told({
+    net.set_statistics({
         "pose_mean": uniform(pose, 0.01, 0.1), "pose_std": uniform(pose, 0.01, 0.1),
         "audio_mean": uniform(BANDS, -4, -2), "audio_std": uniform(BANDS, 1, 2),
     })  # fmt: skip
@@ -106,7 +106,7 @@ def test_the_loss_is_the_distance_in_units_of_weights():
 
 def test_a_number_that_never_moves_stays_what_it_is():
     net = network()
-    net.told({
+    net.set_statistics({
         "pose_mean": torch.tensor([0.0, 0.1] * 27 + [0.0]), "pose_std": torch.ones(55),
         "audio_mean": torch.zeros(BANDS), "audio_std": torch.ones(BANDS),
     })  # fmt: skip
@@ -133,7 +133,7 @@ def test_with_nothing_asked_for_speech_is_as_it_was():
 
 
 def test_louder_is_a_shift_of_all_bands_and_tilt_a_slope():
-    before, after, _ = changed(network(**CALMED | {"gain": 2.0}))
+    before, after, _ = changed(network(**CALMED | {"gain_augmentation": 2.0}))
     shift = after - before
     assert torch.allclose(shift, shift[:, :1, :1].expand_as(shift), atol=1e-3)
     assert 0.1 < shift.abs().max() <= 2
@@ -146,7 +146,7 @@ def test_louder_is_a_shift_of_all_bands_and_tilt_a_slope():
 def test_a_longer_tract_moves_bands_down_the_axis():
     axis = torch.linspace(0, 1, BANDS).expand(3, 5, BANDS)
     factors = torch.tensor([[1.0], [0.9], [1.1]])
-    moved = speech_to_face._stretched(axis, factors)
+    moved = speech_to_face._stretch(axis, factors)
     wanted = np.clip(np.arange(BANDS) * factors.numpy(), 0, BANDS - 1) / (BANDS - 1)
     np.testing.assert_allclose(moved[:, 0].numpy(), wanted, atol=1e-6)
 
@@ -173,7 +173,7 @@ def test_in_pauses_there_is_silence_and_a_face_at_rest():
 @pytest.mark.parametrize(
     "wrong",
     [{"frames": 20}, {"channels": 0}, {"velocity": -1.0}, {"dilations": ()}, {"dilations": (0, 1, 2)}, {"ahead": (1, 1)},
-     {"ahead": (5, 0, 0)}, {"ahead": (-1, 0, 0)}, {"gain": float("nan")}],
+     {"ahead": (5, 0, 0)}, {"ahead": (-1, 0, 0)}, {"gain_augmentation": float("nan")}],
     ids=str,
 )  # fmt: skip
 def test_sizes_that_are_none_are_told(wrong):

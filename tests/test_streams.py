@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cospeech import models
-from cospeech.audio.speech import Speech, Word, counted_from, example
+from cospeech.audio.speech import Speech, Word, example, shift_times
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_angle
@@ -236,7 +236,7 @@ def test_long_pieces_are_worked_off_in_short_ones():
     """A stream of one long piece holds seconds of motion, not all of it."""
     for name in ("rules", "mix-stage"):
         session, most = model(name).session(), 0
-        made = rule_session.streamed(session, [said(15.0)])
+        made = rule_session.stream_motion(session, [said(15.0)])
         for _ in made:
             most = max(most, sum(map(len, session._ready if name == "rules" else (takes[0] for takes in session._ready))))
         assert most <= 2 * 60
@@ -290,7 +290,7 @@ def test_the_words_of_a_window_count_from_its_start(name):
     assert same(model(name).generate(window, seed=1), alone)
     assert same(Motion.concatenate(model(name).stream(window.chunks(0.3), seed=1)), alone)
     assert not same(model(name).generate(Speech(window.samples, words=()), seed=1), alone)
-    assert counted_from(window, 3.0).words == words
+    assert shift_times(window, 3.0).words == words
 
 
 # the joint with what was before ---------------------------------------------------------------------------------------
@@ -317,9 +317,9 @@ def test_a_seam_is_gone_after_half_a_second_and_leaves_out_what_is_not_generated
     rest = np.zeros((60, len(humanoid()), 4), np.float32)
     rest[..., 3] = 1
     seam, still = Seam(before, 30.0, still=[3, 4], placed=False), np.zeros((60, 3), np.float32)
-    pieces = [seam.closed(rest[a:b], still[a:b], a) for a, b in ((0, 7), (7, 8), (8, 60))]
+    pieces = [seam.blend(rest[a:b], still[a:b], a) for a, b in ((0, 7), (7, 8), (8, 60))]
     turned, root = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    once, _ = Seam(before, 30.0, still=[3, 4], placed=False).closed(rest, still, 0)
+    once, _ = Seam(before, 30.0, still=[3, 4], placed=False).blend(rest, still, 0)
     assert turned.tobytes() == once.tobytes()
     assert not root.any()
     assert np.array_equal(turned[:, [3, 4]], rest[:, [3, 4]])

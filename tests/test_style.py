@@ -26,7 +26,7 @@ from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
-from cospeech.runtime.style_measures import example, latents_of, named
+from cospeech.runtime.style_measures import embed_flow_speaker, example, latents_of
 from runtime_bundles import write_small
 
 WAYS = {
@@ -116,7 +116,7 @@ def test_weights():
     known, a, b = Styles(system()), acted(0.0), acted(1.0)
     half = known.blend({a: 0.5})
     assert [share for share, _ in half] == [0.5, 0.5]
-    np.testing.assert_array_equal(half[1][1].code, named(system(), "ada").code)
+    np.testing.assert_array_equal(half[1][1].code, embed_flow_speaker(system(), "ada").code)
     assert [share for share, _ in known.blend({a: 3, "ben": 1})] == [0.75, 0.25]
     assert [share for share, _ in known.blend({a: 0.7, b: 0.3})] == [0.7, 0.3]
     assert [share for share, _ in known.blend({a: 0.7, b: 0.2, "ben": 0.1})] == pytest.approx([0.7, 0.2, 0.1])
@@ -154,19 +154,19 @@ def test_five_minutes_with_an_example():
 
 
 def test_latents_of_an_example_make_it_again():
-    manner = example(system(), acted(0.0))
-    (poses,), sizes = manner.shown, system().engine.sizes
-    (z,) = latents_of(system(), manner, manner.code)
+    embedding = example(system(), acted(0.0))
+    (poses,), sizes = embedding.poses, system().engine.sizes
+    (z,) = latents_of(system(), embedding, embedding.code)
     assert z.shape == (len(poses) - sizes.history, sizes.pose)
-    takes = system().engine.begin(poses[None, : sizes.history], manner.code[None])
-    windows = np.zeros((40, sizes.heard, sizes.audio), np.float32)
+    takes = system().engine.begin(poses[None, : sizes.history], embedding.code[None])
+    windows = np.zeros((40, sizes.speech_frames, sizes.audio), np.float32)
     np.testing.assert_allclose(takes.frames(windows, z[None, :40])[0], poses[sizes.history :][:40], atol=0.02)
 
 
 def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
-    manner = example(system(), acted(0.0))
-    (z,) = latents_of(system(), manner, manner.code)
-    source = SegmentSource(system(), ((1.0, manner),), seed=5)
+    embedding = example(system(), acted(0.0))
+    (z,) = latents_of(system(), embedding, embedding.code)
+    source = SegmentSource(system(), ((1.0, embedding),), seed=5)
     drawn = np.concatenate([source.draw(n) for n in (1, 3, 76, len(z) - 80 + 200)])
     np.testing.assert_allclose(drawn[: len(z)], z, atol=1e-4)
     seconds = drawn[len(z) :].reshape(10, 20, -1)
@@ -174,20 +174,22 @@ def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
     for place, second in zip(places, seconds, strict=True):
         np.testing.assert_allclose(second, z[place : place + 20], atol=1e-4)
     assert len(set(places)) > 5
-    still = SegmentSource(system(), ((1.0, manner),), seed=5, temperature=0.0).draw(300)
+    still = SegmentSource(system(), ((1.0, embedding),), seed=5, temperature=0.0).draw(300)
     np.testing.assert_allclose(still, np.broadcast_to(z.mean(0), still.shape), atol=1e-4)
 
 
 def test_normal_latents_have_the_examples_mean_and_covariance():
-    manner = example(system(), acted(0.0, seconds=30.0))
-    (z,) = latents_of(system(), manner, manner.code)
-    drawn = NormalSource(system(), ((1.0, manner),), seed=0).draw(40_000)
+    embedding = example(system(), acted(0.0, seconds=30.0))
+    (z,) = latents_of(system(), embedding, embedding.code)
+    drawn = NormalSource(system(), ((1.0, embedding),), seed=0).draw(40_000)
     np.testing.assert_allclose(drawn.mean(0), z.mean(0), atol=0.1 * z.std(0).max())
     trust = len(z) / (len(z) + z.shape[1])
     wanted = trust * np.cov(z.T, bias=True) + (1 - trust) * 50 / 48 * np.eye(z.shape[1])
     np.testing.assert_allclose(np.cov(drawn.T), wanted, atol=0.06 * np.diag(wanted).max())
-    plain = NormalSource(system(), ((1.0, named(system(), "ada")),), seed=0).draw(200)
-    np.testing.assert_allclose(plain, CodeSource(system(), ((1.0, named(system(), "ada")),), seed=0).draw(200), atol=1e-5)
+    plain = NormalSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200)
+    np.testing.assert_allclose(
+        plain, CodeSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200), atol=1e-5
+    )
 
 
 # any skeleton, any length, any place ------------------------------------------------------------------------------------
@@ -208,13 +210,13 @@ def test_any_file(suffix, tmp_path):
     path = tmp_path / f"my clip, left{suffix}"  # a comma in the name of a file that is there
     acted(0.0).save(path)
     known = Styles(system())
-    ((share, manner),) = known.blend(str(path))
+    ((share, embedding),) = known.blend(str(path))
     assert share == 1
-    assert away(manner.code, code(acted(0.0))) < 0.1
-    assert known.blend(path)[0][1] is manner  # not read again
+    assert away(embedding.code, code(acted(0.0))) < 0.1
+    assert known.blend(path)[0][1] is embedding  # not read again
     plain = path.rename(tmp_path / f"C:clip{suffix}")
     assert [share for share, _ in known.blend(f"{plain}:0.25, ben:0.5")] == [0.25, 0.5, 0.25]
-    np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, manner.code)
+    np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, embedding.code)
 
 
 def test_rate_place_and_heading_do_not_matter():
@@ -225,28 +227,28 @@ def test_rate_place_and_heading_do_not_matter():
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
     root = quat_rotate(turn, np.asarray(motion.root, float)) + np.array([5.0, 0, -3.0])
     elsewhere = Motion(motion.fps, rotations, root.astype(np.float32))
-    there, here = (example(system(), m).shown[0] for m in (elsewhere, motion))
+    there, here = (example(system(), m).poses[0] for m in (elsewhere, motion))
     assert np.abs(there - here).mean() < 0.02  # of a deviation: what is left is that the mean heading was not quite 0
-    ahead = example(system(), Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).shown[0]
+    ahead = example(system(), Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
     assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
 
 
 def test_long_examples_are_seen_in_pieces():
     motion = acted(0.0)
     long = Motion.concatenate([motion] * 40)  # six minutes
-    manner = example(system(), long)
-    assert sum(map(len, manner.shown)) == 120 * 20
-    assert len(manner.shown) == 12
-    assert away(manner.code, code(motion)) < 0.3
+    embedding = example(system(), long)
+    assert sum(map(len, embedding.poses)) == 120 * 20
+    assert len(embedding.poses) == 12
+    assert away(embedding.code, code(motion)) < 0.3
     half = Motion.concatenate([long] * 5)
     began = time.process_time()
-    assert sum(map(len, example(system(), half).shown)) == 120 * 20
+    assert sum(map(len, example(system(), half).poses)) == 120 * 20
     assert time.process_time() - began < 5
 
 
 def test_the_shortest_example():
-    manner = example(system(), acted(0.0)[:30])
-    assert np.isfinite(manner.code).all()
+    embedding = example(system(), acted(0.0)[:30])
+    assert np.isfinite(embedding.code).all()
     speech = talk(5.0)
     for way in WAYS:
         assert len(gesturer(way).generate(speech, style=acted(0.0)[30:60], parts=BODY)) == 150

@@ -19,7 +19,7 @@ from cospeech.corpora.clip import Clip
 from cospeech.corpora.prepare import DEFAULT_POSES, prepare
 from cospeech.corpora.store import Store
 from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
-from cospeech.corpora.synthetic.speakers import cast
+from cospeech.corpora.synthetic.speakers import choose_speakers
 from cospeech.errors import CospeechWarning, InputError, InternalError
 
 ENGINES = [name for name in voices.ENGINES if shutil.which(name)]
@@ -82,7 +82,7 @@ def test_the_speakers_differ_visibly():
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     speech = Speech(samples[: 12 * rate], rate)
     rows = []
-    for person in cast(8, 0):
+    for person in choose_speakers(8, 0):
         motion = perform(speech, person.style, emotion="neutral", seed=1, fps=15.0).motion
         points, index = motion.positions(), motion.skeleton.index
         left, right = (points[:, index[side + "Hand"]] for side in ("left", "right"))
@@ -92,25 +92,25 @@ def test_the_speakers_differ_visibly():
         turn = np.degrees(np.arctan2(across[2], across[0]))
         rows.append([high.mean(), np.std(high), sum(speed), speed[1] / sum(speed), turn / 40, points[:, 0, 1].mean()])
     rows = np.array(rows)
-    assert len({person.style.what for person in cast(8, 0)}) == 8
+    assert len({person.style.what for person in choose_speakers(8, 0)}) == 8
     apart = np.abs(rows[:, None] - rows[None]).max(-1)[~np.eye(8, dtype=bool)]
     assert apart.min() > 0.03
     assert np.median(apart) > 0.15
 
 
 def test_a_cast_of_many_is_mixed_and_the_seed_s():
-    many, again, other = cast(20, 1), cast(20, 1), cast(20, 2)
+    many, again, other = choose_speakers(20, 1), choose_speakers(20, 1), choose_speakers(20, 2)
     assert many == again
     assert len({person.name for person in many}) == 20
     assert len({person.style.what for person in many}) == 20
     assert many[15].style != other[15].style
     with pytest.raises(InputError, match="0 speakers"):
-        cast(0, 0)
+        choose_speakers(0, 0)
 
 
 def test_a_take_has_everything(recordings):
     speech = next(speech for speech in voices.recordings(recordings) if speech.words)
-    takes = [perform(speech, cast(1, 0)[0].style, emotion="anger", seed=seed, fps=25.0) for seed in (1, 1, 2)]
+    takes = [perform(speech, choose_speakers(1, 0)[0].style, emotion="anger", seed=seed, fps=25.0) for seed in (1, 1, 2)]
     clip = takes[0]
     assert len(clip.motion) == 225
     assert clip.face.shape == (225, 52)
@@ -151,7 +151,7 @@ def test_pieces_are_cut_and_joined():
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_engines_speak_with_words(engine):
-    voice = next(v for v in voices.installed_voices(3) if v.engine == engine)
+    voice = next(v for v in voices.find_voices(3) if v.engine == engine)
     speech = voices.say(voice, 4.0, seed=5)
     assert 4 <= float(speech.duration) + 0.6 < 12
     assert len(speech.words) >= 8
@@ -162,7 +162,7 @@ def test_engines_speak_with_words(engine):
 def test_voices_are_varied():
     if "espeak-ng" not in ENGINES:
         pytest.skip("needs espeak-ng")
-    found = [voice for voice in voices.installed_voices(0) if voice.engine == "espeak-ng"]
+    found = [voice for voice in voices.find_voices(0) if voice.engine == "espeak-ng"]
     assert len({(v.name, round(v.speed, 2), v.pitch) for v in found}) >= 15
     pitches = []
     for timbre in ("f5", "m1"):

@@ -24,7 +24,7 @@ from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to
 from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
-from cospeech.experiments.tables.stages import FEATURES, OMEGA, SMALL
+from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
 from cospeech.metrics.clustering import silhouette_coefficient
 from cospeech.motion.points import Points
@@ -100,7 +100,7 @@ def runs(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def stages(store, recipes, runs) -> Runs:
+def table_runs(store, recipes, runs) -> Runs:
     return Runs(store, runs, recipes, threads=1, about="made up")
 
 
@@ -284,9 +284,9 @@ def test_codes_lead_back_to_the_poses():
 # the way as a whole -------------------------------------------------------------------------------------------------------
 
 
-def test_a_table_from_nothing_and_again_from_what_is_kept(stages, runs, tmp_path):
+def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_path):
     heard: list[str] = []
-    table = make_table("flow-2", replace(stages, tell=heard.append), seeds=(0, 1), tell=heard.append)
+    table = make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append)
     assert len(table["rows"]) == 4
     for cells in (row["cells"] for row in table["rows"].values()):
         for metric in ("fgd", "pck_gfge", "pck", "diversity"):
@@ -302,10 +302,10 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(stages, runs, tmp_path
     assert {told["verdict"] for told in table["verdicts"]} == {OPEN}  # two seeds
 
     del heard[:]
-    assert make_table("flow-2", replace(stages, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
+    assert make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
     assert not any("step" in text for text in heard)
 
-    part = make_table("flow-2", stages, seeds=(0, 1), only=("baseline", "global"), tell=lambda text: None)
+    part = make_table("flow-2", table_runs, seeds=(0, 1), only=("baseline", "global"), tell=lambda text: None)
     assert {name for name, row in part["rows"].items() if "cells" in row} == {"without global encoder", "baseline"}
     assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
         k: v for k, v in part["rows"].items() if "cells" in v
@@ -319,37 +319,37 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(stages, runs, tmp_path
         assert "(4.62)" in text
         assert "not comparable" in text
         assert OPEN in text
-    draw_table(table, stages, tmp_path / "strip.png")
+    draw_table(table, table_runs, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as picture:
         assert picture.width == 1600
         assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
 
 
-def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(stages):
-    net = stages.player("flow_ted").net
+def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):
+    net = table_runs.player("flow_ted").net
     assert type(net.omega[0]).__name__ == "Omega"
-    assert stages.player("flow_ted_no_perceptual").net.omega == []
+    assert table_runs.player("flow_ted_no_perceptual").net.omega == []
 
 
-@pytest.mark.parametrize("change", ["data.by_clip=true", "model.style=8"])
-def test_what_tables_cannot_play_is_not_trained(stages, change):
-    with pytest.raises(InputError, match=r"by_clip or model\.style"):
-        replace(stages, overrides=(change,)).recipe("flow_ted")
+@pytest.mark.parametrize("change", ["data.per_clip_normalisation=true", "model.style=8"])
+def test_what_tables_cannot_play_is_not_trained(table_runs, change):
+    with pytest.raises(InputError, match=r"per_clip_normalisation or model\.style"):
+        replace(table_runs, overrides=(change,)).recipe("flow_ted")
 
 
-def test_a_changed_recipe_is_another_run(stages):
-    other = replace(stages, overrides=("model.hidden=9",))
-    assert other.place("flow_ted", 0) != stages.place("flow_ted", 0)
-    assert stages.place("flow_ted", 1) != stages.place("flow_ted", 0)
-    assert other.place(f"{FEATURES}_ted", 0) == stages.place(f"{FEATURES}_ted", 0)
-    assert replace(stages, threads=2).place("flow_ted", 0) == stages.place("flow_ted", 0)
+def test_a_changed_recipe_is_another_run(table_runs):
+    other = replace(table_runs, overrides=("model.hidden=9",))
+    assert other.place("flow_ted", 0) != table_runs.place("flow_ted", 0)
+    assert table_runs.place("flow_ted", 1) != table_runs.place("flow_ted", 0)
+    assert other.place(f"{FEATURES}_ted", 0) == table_runs.place(f"{FEATURES}_ted", 0)
+    assert replace(table_runs, threads=2).place("flow_ted", 0) == table_runs.place("flow_ted", 0)
 
 
-def test_a_run_that_was_cut_off_goes_on(stages, tmp_path):
+def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
     import shutil
 
-    whole = stages.run("flow_ted_baseline", 5)
-    other = replace(stages, runs=tmp_path)
+    whole = table_runs.run("flow_ted_baseline", 5)
+    other = replace(table_runs, runs=tmp_path)
     folder = other.place("flow_ted_baseline", 5)
 
     class Cut(Exception):
@@ -367,17 +367,17 @@ def test_a_run_that_was_cut_off_goes_on(stages, tmp_path):
     shutil.rmtree(tmp_path)
 
 
-def test_clusters_of_latents_and_their_map(stages, tmp_path):
-    table = make_table("flow-3", stages, seeds=(0,), tell=lambda text: None)
+def test_clusters_of_latents_and_their_map(table_runs, tmp_path):
+    table = make_table("flow-3", table_runs, seeds=(0,), tell=lambda text: None)
     assert [*table["controls"]] == ["mean pose, no model", "white noise"]
     for cells in [row["cells"] for row in table["rows"].values()] + [*table["controls"].values()]:
         assert cells["chi"]["mean"] > 0
         assert -1 <= cells["silhouette"]["mean"] <= 1
-    draw_table(table, stages, tmp_path / "map.png")
+    draw_table(table, table_runs, tmp_path / "map.png")
     with Image.open(tmp_path / "map.png") as picture:
         assert picture.width > 1000
     with pytest.raises(InputError, match="png"):
-        draw_table(table, stages, tmp_path / "map.gif")
+        draw_table(table, table_runs, tmp_path / "map.gif")
 
 
 def run(*arguments: object):
@@ -415,8 +415,8 @@ def test_wrong_words_on_the_command_line(store, recipes, runs, arguments, said):
     assert said in told
 
 
-def test_markdown_has_a_cell_for_every_column(stages):
-    page = to_markdown(make_table("flow-2", stages, seeds=(0,), tell=lambda text: None))
+def test_markdown_has_a_cell_for_every_column(table_runs):
+    page = to_markdown(make_table("flow-2", table_runs, seeds=(0,), tell=lambda text: None))
     rows = [line for line in page.splitlines() if line.startswith("|")]
     assert {line.count("|") for line in rows} == {len(TABLES["flow-2"].columns) + 2}
 

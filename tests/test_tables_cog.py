@@ -18,9 +18,9 @@ from cospeech.errors import InputError
 from cospeech.experiments.figures.lines import Lines, Series, draw_lines
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
-from cospeech.experiments.tables.cog_bench import COSTS, cost_cells, made_by
+from cospeech.experiments.tables.cog_bench import COSTS, cost_cells, generate_clips
 from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
-from cospeech.experiments.tables.stages import FEATURES, SMALL
+from cospeech.experiments.tables.runs import FEATURES, SMALL
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.poses.euler import EULER
 from cospeech.motion.skeletons.arkit import ARKIT
@@ -39,7 +39,7 @@ TINY = {
     },
     "camn": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "face": 4, "word_width": 4},
     "multi-context": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "word_width": 4, "adversarial_from": 1},
-    "speech2gesture": {"channels": 4, "judge": 4},
+    "speech2gesture": {"channels": 4, "discriminator_channels": 4},
     "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }  # fmt: skip
@@ -90,7 +90,7 @@ def recipes(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def stages(store, recipes, tmp_path_factory) -> Runs:
+def table_runs(store, recipes, tmp_path_factory) -> Runs:
     return Runs(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
 
 
@@ -144,7 +144,7 @@ def test_ablations_are_one_step_apart_and_end_with_the_recipe():
     assert configs[-1] == config_of(own)
     assert rows[-1].overrides == own.overrides == ()
     changed = [{key for key in vars(a) if getattr(a, key) != getattr(b, key)} for a, b in pairwise(configs)]
-    assert changed == [{"faced", "face"}, {"attention"}, {"styled"}, {"rhythm"}]
+    assert changed == [{"face_teacher_forcing", "face"}, {"attention"}, {"style_injection"}, {"rhythm"}]
     assert [row.lacks for row in rows] == [LABELS[1:], *[LABELS] * 4]
 
 
@@ -179,11 +179,11 @@ def test_windows_put_together_are_the_clip(place):
     for array in ("pose", "face"):
         rows = place.store.arrays[array]
         windows = np.stack([rows[k : k + FRAMES] for k in place.starts])
-        for entry, joined, frames in zip(place.entries, place.joined(windows, array), place.frames, strict=True):
+        for entry, joined, frames in zip(place.entries, place.join_windows(windows, array), place.frames, strict=True):
             np.testing.assert_array_equal(joined, rows[entry.offset : entry.offset + frames])
         spoilt = windows.copy()
         spoilt[:, :GIVEN] = np.nan  # what was given to a window is never taken from it
-        for a, b in zip(place.joined(spoilt, array), place.joined(windows, array), strict=True):
+        for a, b in zip(place.join_windows(spoilt, array), place.join_windows(windows, array), strict=True):
             np.testing.assert_array_equal(a, b)
 
 
@@ -212,15 +212,15 @@ def test_key_points_are_refused(tmp_path):
 
 
 @pytest.fixture(scope="session")
-def players(stages) -> dict:
-    return {name: stages.player(f"{name}_beat") for name in ("chain_of_generation", "camn")}
+def players(table_runs) -> dict:
+    return {name: table_runs.player(f"{name}_beat") for name in ("chain_of_generation", "camn")}
 
 
 def test_what_is_lacking_is_not_looked_at(players, place, monkeypatch):
     for name, player in players.items():
-        whole = made_by(player, place, ())[0]
+        whole = generate_clips(player, place, ())[0]
         for lacking, array in (("face", "face"), ("text", "text"), ("emotion", "emotion"), ("speaker", "speaker")):
-            without = made_by(player, place, (lacking,))[0]
+            without = generate_clips(player, place, (lacking,))[0]
             assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, without, strict=True)), (name, lacking)
             arrays = CogWindows.arrays
 
@@ -231,31 +231,31 @@ def test_what_is_lacking_is_not_looked_at(players, place, monkeypatch):
 
             with monkeypatch.context() as patch:
                 patch.setattr(CogWindows, "arrays", other)
-                again = made_by(player, place, (lacking,))[0]
-                changed = made_by(player, place, ())[0]
+                again = generate_clips(player, place, (lacking,))[0]
+                changed = generate_clips(player, place, ())[0]
             for a, b in zip(without, again, strict=True):
                 np.testing.assert_array_equal(a, b)
             assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, changed, strict=True)), (name, lacking)
 
 
-def test_what_a_row_of_table_2_leaves_out_plays_no_part(stages, place):
+def test_what_a_row_of_table_2_leaves_out_plays_no_part(table_runs, place):
     for k, row in enumerate(COG["cog-2"].parts[0].rows):
-        player = stages.player(row.recipe, 0, row.overrides)
+        player = table_runs.player(row.recipe, 0, row.overrides)
         parts = {name.split(".")[1] for name, _ in player.net.named_parameters() if name.startswith("cascade.")}
         assert ("body_attention" in parts) is ("hand_attention" in parts) is (k >= 2)
         assert ("body_style" in parts) is ("hand_style" in parts) is (k >= 3)
-        told, heard = (made_by(player, place, lacks)[0] for lacks in (("face",), LABELS))
+        told, heard = (generate_clips(player, place, lacks)[0] for lacks in (("face",), LABELS))
         assert all(np.array_equal(a, b) for a, b in zip(told, heard, strict=True)) is (k < 3)  # who, and how
-        seen, made = (made_by(player, place, lacks)[0] for lacks in (row.lacks, LABELS))
+        seen, made = (generate_clips(player, place, lacks)[0] for lacks in (row.lacks, LABELS))
         assert all(np.array_equal(a, b) for a, b in zip(seen, made, strict=True)) is (k > 0)
 
 
 def test_a_chain_makes_faces_and_others_do_not(players, place):
-    _, faces = made_by(players["chain_of_generation"], place, LABELS)
+    _, faces = generate_clips(players["chain_of_generation"], place, LABELS)
     assert [len(face) for face in faces] == [*place.frames]
     assert all(face.min() >= 0 and face.max() <= 1 for face in faces)
-    assert made_by(players["chain_of_generation"], place, ())[1] is None  # the recorded one, which it was given
-    assert made_by(players["camn"], place, ())[1] is None
+    assert generate_clips(players["chain_of_generation"], place, ())[1] is None  # the recorded one, which it was given
+    assert generate_clips(players["camn"], place, ())[1] is None
 
 
 def test_costs_are_differences_to_all_inputs():
@@ -272,8 +272,8 @@ def test_costs_are_differences_to_all_inputs():
 
 
 @pytest.mark.parametrize("name", ["cog-1", "cog-2", "cog-4"])
-def test_a_table_from_nothing(stages, name, tmp_path):
-    table = make_table(name, stages, seeds=(0,), tell=quiet)
+def test_a_table_from_nothing(table_runs, name, tmp_path):
+    table = make_table(name, table_runs, seeds=(0,), tell=quiet)
     made = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
     assert len(made) == {"cog-1": 5, "cog-2": 5, "cog-4": 8}[name]
     for row, cells in made.items():
@@ -288,14 +288,14 @@ def test_a_table_from_nothing(stages, name, tmp_path):
     assert noise[FGD]["mean"] > 1e-6
     assert "9 test windows of 34 frames" in table["head"]
     assert "not comparable" in to_text(table)
-    draw_table(table, stages, tmp_path / "strip.png")
+    draw_table(table, table_runs, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as picture:
         assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
 
 
-def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(stages, tmp_path):
+def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(table_runs, tmp_path):
     heard: list[str] = []
-    table = make_table("cog-figure-1", replace(stages, runs=tmp_path, tell=heard.append), seeds=(0,), tell=quiet)
+    table = make_table("cog-figure-1", replace(table_runs, runs=tmp_path, tell=heard.append), seeds=(0,), tell=quiet)
     assert sum("step 3 of 3" in text for text in heard) == 3 + 1  # and the network of FGD
     for system in (CHAIN, CAMN, JOINED):
         whole = table["rows"][f"{system}: all"]["cells"]
@@ -305,12 +305,12 @@ def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(stag
         assert without["srgr_cost"]["mean"] == pytest.approx(whole[SRGR]["mean"] - without[SRGR]["mean"])
     assert "why" in table["controls"][CONTROLS[0]]["fgd_cost"]
     assert len(table["verdicts"]) == 20
-    draw_table(table, replace(stages, runs=tmp_path), tmp_path / "lines.png")
+    draw_table(table, replace(table_runs, runs=tmp_path), tmp_path / "lines.png")
     with Image.open(tmp_path / "lines.png") as picture:
         assert picture.width > 1000
 
 
-def test_tables_are_of_beat(stages):
+def test_tables_are_of_beat(table_runs):
     assert {part.corpus for name in COG for part in TABLES[name].parts} == {"beat"}
 
 

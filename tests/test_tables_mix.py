@@ -17,15 +17,15 @@ from cospeech.errors import InputError
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables import making as making
 from cospeech.experiments.tables import mix as design
-from cospeech.experiments.tables.controls import spread
+from cospeech.experiments.tables.controls import order_apart
 from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.making import part_of
 from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, SpeakerSet
 from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, StyleTransfer
-from cospeech.experiments.tables.mix_scores import mean_cells, named_cells, score_cells
+from cospeech.experiments.tables.mix_scores import mean_cells, score_cells, score_target_style
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
 from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
-from cospeech.experiments.tables.stages import CLASSIFIER, SMALL, PlayableRun, of_speakers
+from cospeech.experiments.tables.runs import CLASSIFIER, SMALL, PlayableRun, of_speakers
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
@@ -86,7 +86,7 @@ def store(tmp_path_factory) -> Path:
 def recipes(tmp_path_factory) -> Path:
     """The repository's recipes, made tiny."""
     folder = tmp_path_factory.mktemp("recipes")
-    tiny = {"channels": 8, "patch_channels": 4, "judge": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
+    tiny = {"channels": 8, "patch_channels": 4, "discriminator_channels": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
     for name in (*RECIPES, f"{CLASSIFIER}_pats"):
         sections = load_recipe(SHIPPED / f"{name}.toml").to_dict()
         known = {field for field in build_config(name).__dataclass_fields__}
@@ -108,14 +108,21 @@ def build_config(name: str):
 
 
 @pytest.fixture(scope="session")
-def stages(store, recipes, tmp_path_factory) -> Runs:
+def table_runs(store, recipes, tmp_path_factory) -> Runs:
     return Runs(store, tmp_path_factory.mktemp("runs"), recipes, threads=1, about="made up")
 
 
 @pytest.fixture(autouse=True)
 def small_cast(monkeypatch):
     """The tables on three speakers, behind the paper's and ours."""
-    makers = (design._kept_1, design._moved_2, design._measured_3, design._kept_4, design._kept_5, design._kept_6)
+    makers = (
+        design._make_table_1,
+        design._make_table_2,
+        design._make_table_3,
+        design._make_table_4,
+        design._make_table_5,
+        design._make_table_6,
+    )
     more = {n: replace(MIX[n], parts=(*MIX[n].parts, make(CAST))) for n, make in zip(TABLE_NAMES, makers, strict=True)}
     monkeypatch.setattr(making, "TABLES", TABLES | more)
 
@@ -176,10 +183,10 @@ def test_runs_are_shared_between_tables():
 # casts --------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("cast", "first"), [(THEIRS, 0), (OURS, 1)])
+@pytest.mark.parametrize(("speaker_set", "first"), [(THEIRS, 0), (OURS, 1)])
 @pytest.mark.parametrize("name", MIX)
-def test_the_speakers_of_a_store_choose_the_table(name, cast, first):
-    place = SimpleNamespace(corpus="pats", speakers=("someone", *cast.everybody))
+def test_the_speakers_of_a_store_choose_the_table(name, speaker_set, first):
+    place = SimpleNamespace(corpus="pats", speakers=("someone", *speaker_set.everybody))
     assert part_of(name, place)[1] is MIX[name].parts[first]
 
 
@@ -192,9 +199,9 @@ def test_a_store_of_other_speakers_is_told_who_is_missing():
 
 
 def test_smaller_sets_are_within_larger_ones():
-    for cast in (THEIRS, OURS):
-        assert len(cast.eight) == len(set(cast.eight)) == 8
-        assert {*cast.ablated} <= {*cast.eight}
+    for speaker_set in (THEIRS, OURS):
+        assert len(speaker_set.eight) == len(set(speaker_set.eight)) == 8
+        assert {*speaker_set.ablated} <= {*speaker_set.eight}
     rows = {row.name: row for row in MIX["mix-1"].parts[1].rows}
     assert rows["Mix-StAGE, 2 speakers"].runs == (("ada", "dan"),)
     assert rows["S2G, 2 speakers"].runs == (("ada",), ("dan",))
@@ -233,7 +240,7 @@ def test_centres_are_of_speakers_and_not_of_their_twins(store, tmp_path):
 
 @pytest.mark.parametrize("count", [1, 2, 3, 10, 25])
 def test_an_order_in_which_neighbours_are_far_apart(count):
-    order = spread(count)
+    order = order_apart(count)
     assert sorted(order) == list(range(count))
     if count > 3:
         assert np.abs(np.diff(order)).min() >= count // 4
@@ -267,7 +274,7 @@ def test_inception_score_and_its_own_of_a_set():
 def test_clips_are_named_by_the_mean_of_their_windows():
     own = np.array([[0.9, 0.1], [0.4, 0.6], [0.4, 0.6], [0.2, 0.8], [0.7, 0.3]])
     target = np.array([0, 0, 0, 1, 1])
-    cells = named_cells(own, target, ["a", "a", "b", "c", "c"])
+    cells = score_target_style(own, target, ["a", "a", "b", "c", "c"])
     assert cells["named_windows"]["value"] == pytest.approx(2 / 5)
     assert cells["named"]["value"] == pytest.approx(2 / 3)  # a: .65; b: .4; c: .55
 
@@ -309,7 +316,7 @@ class Echo(torch.nn.Module):
                 super().__init__()
                 self.styles, self.one = styles, torch.nn.Parameter(torch.ones(1))
 
-            def make(self, audio, style, nudge):
+            def make(self, audio, style, mode_noise):
                 made = audio.new_zeros(*audio.shape[:2], 96)
                 made[..., : self.styles] = style
                 made[..., 10] = audio[..., 0]
@@ -344,9 +351,9 @@ def echo(store: Path) -> PlayableRun:
     return PlayableRun(Echo(), facts, still, "echo", np.zeros((3, 2, 128, 96), np.float32))
 
 
-def test_styles_are_moved_to_the_speech_of_all_others(store, stages):
+def test_styles_are_moved_to_the_speech_of_all_others(store, table_runs):
     table, part = part_of("mix-2", Store(store))
-    bench = StyleTransfer(table, part, stages, None)
+    bench = StyleTransfer(table, part, table_runs, None)
     made = bench.moved(echo(store), NAMES)
     place = bench.place
     pairs = {(place.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
@@ -356,9 +363,9 @@ def test_styles_are_moved_to_the_speech_of_all_others(store, stages):
     np.testing.assert_allclose(made.poses[..., 10], place.rows("audio", made.which)[..., 0], rtol=1e-6)
 
 
-def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, stages):
+def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, table_runs):
     table, part = part_of("mix-1", Store(store))
-    bench = StylePreservation(table, part, stages, None)
+    bench = StylePreservation(table, part, table_runs, None)
     controls = bench.controls()
     assert [*controls] == [*CONTROLS]
     for metric in (PCK, "pck_2d", F1, "mode_f1"):
@@ -370,9 +377,9 @@ def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, 
 # the way as a whole -------------------------------------------------------------------------------------------------------
 
 
-def test_a_table_from_nothing_and_again_from_what_is_kept(stages, tmp_path):
+def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, tmp_path):
     heard: list[str] = []
-    again = replace(stages, tell=heard.append)
+    again = replace(table_runs, tell=heard.append)
     table = make_table("mix-1", again, seeds=(0, 1), tell=heard.append)
     assert len(table["rows"]) == 16
     assert any("step 2 of 2" in text for text in heard)
@@ -390,13 +397,13 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(stages, tmp_path):
     own = [shared["rows"][f"MUNIT, 8 speakers: {name}"]["cells"][F1]["mean"] for name in NAMES]
     assert np.mean(own) == pytest.approx(table["rows"]["MUNIT, 8 speakers"]["cells"][F1]["mean"])
     assert "(0.33)" in to_text(table)
-    draw_table(table, stages, tmp_path / "a.png")
+    draw_table(table, table_runs, tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as picture:
         assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
 
 
-def test_transfer_is_scored_by_one_classifier(stages):
-    table = make_table("mix-2", stages, seeds=(0,), tell=lambda text: None)
+def test_transfer_is_scored_by_one_classifier(table_runs):
+    table = make_table("mix-2", table_runs, seeds=(0,), tell=lambda text: None)
     for row in [row["cells"] for row in table["rows"].values()] + [*table["controls"].values()]:
         assert 1 <= row[IS]["mean"] <= 3
         assert 0 <= row["named"]["mean"] <= 1
@@ -407,10 +414,10 @@ def test_transfer_is_scored_by_one_classifier(stages):
     assert {line.count("|") for line in lines} == {len(table["columns"]) + 2}
 
 
-def test_attributes_are_measured_of_recordings_and_of_what_is_made(stages):
-    table = make_table("mix-3", stages, seeds=(0,), tell=lambda text: None)
+def test_attributes_are_measured_of_recordings_and_of_what_is_made(table_runs):
+    table = make_table("mix-3", table_runs, seeds=(0,), tell=lambda text: None)
     assert [*table["controls"]] == [f"recordings of {name}" for name in NAMES]
-    bench = Measured(*part_of("mix-3", stages.store), stages, None)
+    bench = Measured(*part_of("mix-3", table_runs.store), table_runs, None)
     which = bench.place.of(["bob"])
     from cospeech.corpora.attributes import attributes_of
 
@@ -421,11 +428,11 @@ def test_attributes_are_measured_of_recordings_and_of_what_is_made(stages):
     assert all(0 <= row["cells"]["right_share"]["mean"] <= 1 for row in table["rows"].values())
 
 
-def test_the_number_of_sub_generators_makes_another_run(stages):
-    plain, four = (stages.recipe("cmix_gan_pats", 0, (*more, *of_speakers(["ann"]))) for more in ((), ("model.modes=4",)))
+def test_the_number_of_sub_generators_makes_another_run(table_runs):
+    plain, four = (table_runs.recipe("cmix_gan_pats", 0, (*more, *of_speakers(["ann"]))) for more in ((), ("model.modes=4",)))
     assert (plain.config["modes"], four.config["modes"]) == (8, 4)
     assert plain.data.speakers == ("ann",)
-    places = {stages.place("cmix_gan_pats", 0, of_speakers([name])) for name in NAMES}
+    places = {table_runs.place("cmix_gan_pats", 0, of_speakers([name])) for name in NAMES}
     assert len(places) == 3
     assert plain.data.audio == "log-mel-400"  # which reduces nothing
 
@@ -436,11 +443,11 @@ def test_a_speaker_who_was_not_trained_on_has_no_style(store):
 
 
 @pytest.mark.parametrize("name", ["cmix_gan_pats", "munit_pats"])
-def test_a_run_that_was_cut_off_goes_on(stages, name, tmp_path):
+def test_a_run_that_was_cut_off_goes_on(table_runs, name, tmp_path):
     """Of a network that knows clusters, and of one that does not."""
     change = of_speakers(["ann"])
-    whole = stages.run(name, 7, change)
-    other = replace(stages, runs=tmp_path)
+    whole = table_runs.run(name, 7, change)
+    other = replace(table_runs, runs=tmp_path)
 
     class Cut(Exception):
         pass

@@ -115,9 +115,18 @@ def test_every_term_is_in_the_log_though_not_in_every_step(store, tmp_path):
     run(plan("tiny-gan", log_every=10), store, tmp_path / "run")
     rows = [row for row in log(tmp_path / "run") if "loss" in row]
     assert [row["step"] for row in rows] == [10, 20]
-    assert set(rows[0]["loss"]) == {"judge", "judge.real", "judge.made", "made", "made.near", "made.fooled"}
-    assert rows[0]["loss"]["judge"] == pytest.approx(rows[0]["loss"]["judge.real"] + rows[0]["loss"]["judge.made"])
-    assert rows[0]["rate"] == {"judge": 1e-3, "made": 1e-3}
+    assert set(rows[0]["loss"]) == {
+        "discriminator",
+        "discriminator.real",
+        "discriminator.made",
+        "made",
+        "made.near",
+        "made.generator_loss",
+    }
+    assert rows[0]["loss"]["discriminator"] == pytest.approx(
+        rows[0]["loss"]["discriminator.real"] + rows[0]["loss"]["discriminator.made"]
+    )
+    assert rows[0]["rate"] == {"discriminator": 1e-3, "made": 1e-3}
     assert all(size > 0 for size in rows[0]["gradient"].values())
 
 
@@ -137,12 +146,12 @@ def test_figures_of_all_steps_compare(store, tmp_path, monkeypatch):
 
 
 def test_an_objective_has_its_own_rate(store, tmp_path):
-    sections = plan("tiny-gan", steps=2, judge={"lr": 0.5, "schedule": "exponential", "gamma": 0.1})
+    sections = plan("tiny-gan", steps=2, discriminator={"lr": 0.5, "schedule": "exponential", "gamma": 0.1})
     run(sections, store, tmp_path / "run")
     rates = [row["rate"] for row in log(tmp_path / "run") if "rate" in row]
-    assert rates[0] == {"judge": 0.5, "made": 1e-3}
-    assert rates[1]["judge"] == pytest.approx(0.05)
-    with pytest.raises(InputError, match=r"no objective 'jugde' in \[train\] \(did you mean 'judge'"):
+    assert rates[0] == {"discriminator": 0.5, "made": 1e-3}
+    assert rates[1]["discriminator"] == pytest.approx(0.05)
+    with pytest.raises(InputError, match=r"no objective 'jugde' in \[train\] \(did you mean 'discriminator'"):
         run(plan("tiny-gan", jugde={"lr": 0.5}), store, tmp_path / "other")
 
 

@@ -15,7 +15,7 @@ from cospeech.errors import InputError
 from cospeech.runtime.bundle import Bundle, pack_arrays, read_bundle, write_bundle
 from cospeech.runtime.flow_bundle import FlowSystem
 from cospeech.runtime.systems import open_system
-from cospeech.runtime.window_bundle import WindowSystem, half, open_window, write_window
+from cospeech.runtime.window_bundle import WindowSystem, halve_weights, open_window, write_window
 from runtime_bundles import check_damage, check_repaired_damage, contents_of, write_small
 from window_bundles import small_network, small_statistics, write_small_window
 
@@ -76,7 +76,7 @@ def test_half_the_size_makes_nearly_the_same(tmp_path):
     rounded, wanted = perform(small), perform(exact)
     assert 0 < np.linalg.norm(rounded - wanted) / np.linalg.norm(wanted) < 2e-3
     with pytest.raises(InputError, match="finite"):
-        half({"w": np.full((2, 2), 7e4, np.float32)})
+        halve_weights({"w": np.full((2, 2), 7e4, np.float32)})
 
 
 def test_one_door_for_every_kind(tmp_path):
@@ -152,7 +152,7 @@ def test_statistics_and_weights_that_do_not_fit(tmp_path):
     arrays, weights = found.arrays("statistics.safetensors"), found.arrays("weights.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"audio_std": -arrays["audio_std"]}, {"pose_low": arrays["pose_high"] + 1},
-        {"audio_low": arrays["audio_high"] + 1}, {"centres": arrays["centres"][:, 1:]}, {"centres": arrays["centres"][:1]},
+        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]}, {"speaker_mean": arrays["speaker_mean"][:1]},
         {"codes": arrays["codes"][:1]}, {"codes": arrays["codes"][:, :1]}, {"codes": arrays["codes"][0]},
         {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]}, {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

@@ -30,10 +30,10 @@ def material(takes: int, frames: int, seed: int = 0) -> list[np.ndarray]:
 
 def moved(frame: int, frames: int, at: int) -> float:
     """How far a frame of poses moves when another one of speech does."""
-    rows, style, nudge = material(1, frames)
+    rows, style, mode_noise = material(1, frames)
     other = rows.copy()
     other[at] += 3
-    return float(np.abs(engine().make(rows, style, nudge) - engine().make(other, style, nudge))[0, frame].max())
+    return float(np.abs(engine().make(rows, style, mode_noise) - engine().make(other, style, mode_noise))[0, frame].max())
 
 
 def test_speech_matters_within_the_reach_and_not_beyond():
@@ -51,22 +51,22 @@ def test_speech_matters_within_the_reach_and_not_beyond():
 
 def test_within_the_reach_of_silence_a_window_is_the_whole_speech():
     """A window with as many frames around as the reach, on the grid, makes what the whole speech makes."""
-    rows, style, nudge = material(2, 160)
-    whole = engine().make(rows, style, nudge)
+    rows, style, mode_noise = material(2, 160)
+    whole = engine().make(rows, style, mode_noise)
     margin = -(-REACH // MULTIPLE) * MULTIPLE
     piece = slice(60 - margin, 100 + margin)
-    made = engine().make(rows[piece], style[:, piece], nudge[:, piece])
+    made = engine().make(rows[piece], style[:, piece], mode_noise[:, piece])
     np.testing.assert_allclose(made[:, margin:-margin], whole[:, 60:100], atol=1e-5)
     assert np.abs(made[:, : margin // 2] - whole[:, piece][:, : margin // 2]).max() > 1e-3
 
 
 def test_takes_share_the_speech_and_nothing_else():
-    rows, style, nudge = material(3, 32)
-    together = engine().make(rows, style, nudge)
+    rows, style, mode_noise = material(3, 32)
+    together = engine().make(rows, style, mode_noise)
     assert together.shape == (3, 32, POSE)
     assert together.dtype == np.float32
     for n in range(3):
-        np.testing.assert_allclose(engine().make(rows, style[n : n + 1], nudge[n : n + 1])[0], together[n], atol=1e-5)
+        np.testing.assert_allclose(engine().make(rows, style[n : n + 1], mode_noise[n : n + 1])[0], together[n], atol=1e-5)
     assert np.abs(together[0] - together[1]).max() > 0.01
 
 
@@ -75,7 +75,7 @@ def test_the_same_in_the_same_out():
     assert engine().make(*inputs).tobytes() == engine().make(*inputs).tobytes()
 
 
-def test_a_nudge_draws_a_mode():
+def test_mode_noise_draws_a_mode():
     """With a logit far above the others, the mixture is that mode alone: it is the corner of what mixtures can be."""
     rows, style, _ = material(1, 32)
     alone = [engine().make(rows, style, np.eye(MODES)[None, [m] * 32] * LIMIT) for m in range(MODES)]
@@ -89,8 +89,8 @@ def test_poses_lie_within_the_bounds_whatever_goes_in():
     small = engine(0.25)
     rng = np.random.default_rng(0)
     for size in (1.0, 1e6, 1e30, 3e38):
-        rows, style, nudge = ((size * rng.normal(size=x.shape)).clip(-3e38, 3e38) for x in material(2, 32))
-        made = small.make(rows, style, nudge)
+        rows, style, mode_noise = ((size * rng.normal(size=x.shape)).clip(-3e38, 3e38) for x in material(2, 32))
+        made = small.make(rows, style, mode_noise)
         assert np.abs(made).max() <= 0.25
         assert np.isfinite(small.style_of(size * rng.normal(size=(STYLE_FRAMES, POSE)))).all()
 
@@ -141,7 +141,7 @@ def test_a_network_without_style_and_modes_makes_takes_that_are_alike():
     b = ConvGraph(weights, "make", 1)
     made = b.conv(b.rows("rows", AUDIO), np.random.default_rng(0).normal(size=(POSE, AUDIO, 1, 3)), None, pads=(0, 1, 0, 1))
     b.as_rows(made, "poses")
-    graph = b.made({"rows": (1, "T", AUDIO)}, {"poses": (1, "T", POSE)})
+    graph = b.serialise({"rows": (1, "T", AUDIO)}, {"poses": (1, "T", POSE)})
     sizes = WindowSizes(pose=POSE, audio=AUDIO, styles=0, modes=0, window=8, multiple=1, reach=int(made.reach))
     alone = WindowEngine(sizes, weights, {"make": graph}, np.full(POSE, -99.0), np.full(POSE, 99.0))
     rows = np.random.default_rng(1).normal(size=(11, AUDIO)).astype(np.float32)

@@ -78,24 +78,33 @@ class TinyGan(Tiny):
         first = nn.Conv1d(audio, config.hidden, 3, padding=1, bias=False)
         self.encode = nn.Sequential(first, BatchNorm1d(config.hidden), nn.ReLU())
         self.decode = nn.Conv1d(config.hidden, pose, 3, padding=1)
-        self.judge = nn.Sequential(nn.Conv1d(pose, config.hidden, 3), nn.LeakyReLU(0.2), nn.Conv1d(config.hidden, 1, 3))
+        self.discriminator = nn.Sequential(nn.Conv1d(pose, config.hidden, 3), nn.LeakyReLU(0.2), nn.Conv1d(config.hidden, 1, 3))
 
     def forward(self, audio: Tensor, speaker: Tensor) -> Tensor:
         return self.decode(self.encode(audio.mT) + self.style(speaker)[..., None]).mT
 
     def objectives(self) -> dict[str, Objective]:
-        made = [p for name, p in self.named_parameters() if not name.startswith("judge")]
-        return {"judge": Objective(self.judge.parameters(), self.judged), "made": Objective(made, self.made, every=2)}
+        made = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
+        return {
+            "discriminator": Objective(self.discriminator.parameters(), self.judged),
+            "made": Objective(made, self.made, every=2),
+        }
 
     def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
         with torch.no_grad():
             made = self(batch["audio"], batch["speaker"])
-        terms = {"real": (self.judge(batch["pose"].mT) - 1).square().mean(), "made": self.judge(made.mT).square().mean()}
-        return slowly(terms, self.judge[0].weight)
+        terms = {
+            "real": (self.discriminator(batch["pose"].mT) - 1).square().mean(),
+            "made": self.discriminator(made.mT).square().mean(),
+        }
+        return slowly(terms, self.discriminator[0].weight)
 
     def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
         made = self(batch["audio"], batch["speaker"])
-        terms = {"near": (made - batch["pose"]).abs().mean(), "fooled": 0.1 * (self.judge(made.mT) - 1).square().mean()}
+        terms = {
+            "near": (made - batch["pose"]).abs().mean(),
+            "generator_loss": 0.1 * (self.discriminator(made.mT) - 1).square().mean(),
+        }
         return slowly(terms, self.decode.weight)
 
 

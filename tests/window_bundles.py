@@ -11,7 +11,7 @@ import numpy as np
 
 from cospeech.audio.features.reduce import audio_width
 from cospeech.motion.poses import find_pose
-from cospeech.runtime.window_bundle import WindowStatistics, half, write_window
+from cospeech.runtime.window_bundle import WindowStatistics, halve_weights, write_window
 from cospeech.runtime.window_engine import WindowSizes
 from cospeech.training.export.conv_graph import ConvGraph, Signal
 
@@ -36,18 +36,18 @@ def small_network(pose: int, audio: int, seed: int = 0) -> tuple[WindowSizes, di
     b = ConvGraph(weights, "make", MULTIPLE)
     x = conv(b, b.rows("rows", audio), CHANNELS)
     low = conv(b, conv(b, x, CHANNELS, 4, 2), CHANNELS, 4, 2)
-    x = b.add(b.doubled(b.doubled(low)), x)
+    x = b.add(b.upsample_nearest(b.upsample_nearest(low)), x)
     z = b.add(conv(b, x, MODES * CHANNELS), conv(b, b.rows("style", len(NAMES)), MODES * CHANNELS))
     made = conv(b, conv(b, z, MODES * CHANNELS, groups=MODES), MODES * pose, 1, groups=MODES)
-    logits = b.add(conv(b, x, MODES, 1), b.rows("nudge", MODES))
-    made = b.mixed(made, b.softmax(logits))
+    logits = b.add(conv(b, x, MODES, 1), b.rows("mode_noise", MODES))
+    made = b.mix_generators(made, b.softmax(logits))
     b.as_rows(made, "poses")
-    inputs = {"rows": (1, "T", audio), "style": ("N", "T", len(NAMES)), "nudge": ("N", "T", MODES)}
-    graphs = {"make": b.made(inputs, {"poses": ("N", "T", pose)})}
+    inputs = {"rows": (1, "T", audio), "style": ("N", "T", len(NAMES)), "mode_noise": ("N", "T", MODES)}
+    graphs = {"make": b.serialise(inputs, {"poses": ("N", "T", pose)})}
     b = ConvGraph(weights, "style", MULTIPLE)
     seen = conv(b, conv(b, b.rows("poses", pose), CHANNELS, 4, 2), len(NAMES))
     b.node("Softmax", b.over_frames(seen), outputs=("style",), axis=1)
-    graphs["style"] = b.made({"poses": (1, "T", pose)}, {"style": (1, len(NAMES))})
+    graphs["style"] = b.serialise({"poses": (1, "T", pose)}, {"style": (1, len(NAMES))})
     sizes = WindowSizes(
         pose=pose, audio=audio, styles=len(NAMES), modes=MODES, window=64, multiple=MULTIPLE, reach=int(made.reach)
     )
@@ -61,9 +61,9 @@ def small_statistics(sizes: WindowSizes, seed: int = 1) -> WindowStatistics:
     arrays = {
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
-        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "centres": rng.normal(0, 0.3, (len(NAMES), d)),
-        "codes": np.eye(len(NAMES)), "made": rng.normal(0, 0.1, (len(NAMES), d)),
-        "gains": rng.uniform(0.6, 1.6, (len(NAMES), d)),
+        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "speaker_mean": rng.normal(0, 0.3, (len(NAMES), d)),
+        "codes": np.eye(len(NAMES)), "model_mean": rng.normal(0, 0.1, (len(NAMES), d)),
+        "style_gain": rng.uniform(0.6, 1.6, (len(NAMES), d)),
     }  # fmt: skip
     return WindowStatistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
 
@@ -74,7 +74,7 @@ def write_small_window(
     """A whole bundle of two speakers."""
     sizes, weights, graphs = small_network(find_pose(pose).dimensions, audio_width(audio))
     write_window(
-        path, half(weights) if small else weights, graphs, sizes, small_statistics(sizes), pose=pose, fps=fps, audio=audio,
+        path, halve_weights(weights) if small else weights, graphs, sizes, small_statistics(sizes), pose=pose, fps=fps, audio=audio,
         facts={"model": "mix-stage", "styles": list(NAMES), "style": "ada"}, card="# Random weights\n",
     )  # fmt: skip
     return path

@@ -12,14 +12,14 @@ from torch import Tensor, nn
 from cospeech.training.checkpoint import network
 from cospeech.training.recipe import build
 
-__all__ = ["KINDS", "given", "made_by", "make_network"]
+__all__ = ["KINDS", "given", "make_network", "run_network"]
 
 _MIX = {"modes": 4, "channels": 16, "depth": 3, "style": 4, "patch_channels": 4}
 KINDS: dict[str, dict[str, Any]] = {
     "mix-stage": _MIX,
     "stage": _MIX | {"modes": 1},
     "cmix-gan": {name: value for name, value in _MIX.items() if name != "style"},
-    "speech2gesture": {"frames": 64, "channels": 8, "depth": 4, "decoder": 2, "judge": 4},
+    "speech2gesture": {"frames": 64, "channels": 8, "depth": 4, "decoder": 2, "discriminator_channels": 4},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 2},
     "speech-to-face": {"frames": 64, "channels": 8, "dilations": [1, 3], "ahead": [2, 1]},
 }
@@ -45,19 +45,19 @@ def make_network(name: str, *, pose: int = 6, audio: int = 20, speakers: int = 3
 
 
 def given(net: Any, takes: int, frames: int, seed: int = 0) -> list[np.ndarray]:
-    """Speech (T, A), styles (N, T, styles) and nudges (N, T, modes) of normal noise; one style throughout where the network
+    """Speech (T, A), styles (N, T, styles) and mode noise (N, T, modes) of normal noise; one style throughout where the network
     takes one."""
     rng = np.random.default_rng(seed)
     shapes = [(frames, net.audio), (takes, frames, net.styles), (takes, frames, net.modes)]
-    rows, style, nudge = (rng.normal(size=shape).astype(np.float32) for shape in shapes)
+    rows, style, mode_noise = (rng.normal(size=shape).astype(np.float32) for shape in shapes)
     if hasattr(net, "moved"):
         style[:] = style[:, :1]
-    return [rows, style, nudge]
+    return [rows, style, mode_noise]
 
 
 @torch.no_grad()
-def made_by(net: Any, rows: np.ndarray, style: np.ndarray, nudge: np.ndarray) -> np.ndarray:
+def run_network(net: Any, rows: np.ndarray, style: np.ndarray, mode_noise: np.ndarray) -> np.ndarray:
     """What PyTorch makes of it: (N, T, D)."""
     heard = torch.from_numpy(rows)[None].expand(len(style), -1, -1)
-    made: Tensor = net.make(heard, torch.from_numpy(style), torch.from_numpy(nudge))
+    made: Tensor = net.make(heard, torch.from_numpy(style), torch.from_numpy(mode_noise))
     return made.numpy()

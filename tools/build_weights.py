@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from measure_face import measured
+from measure_face import measure_faces
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.prepare import prepare
@@ -254,7 +254,7 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
         minutes=kept["train_seconds"] / 60, parameters=report.parameters, fps=kept["fps"],
         ahead=1000 * config.future / kept["fps"], train_steps=report.step, batch=recipe.train.batch,
         machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
-        table=measured(chosen.faces, out),
+        table=measure_faces(chosen.faces, out),
     )  # fmt: skip
     bundle_run(run, out, card=card, **shape)
     print(f"{card}\n{out}  {out.stat().st_size / 1e6:.2f} MB")

@@ -44,7 +44,7 @@ def lint() -> bool:
     return step("linters", [BIN / "ruff", "check"], [BIN / "ruff", "format", "--check"], [BIN / "mypy"])
 
 
-def stamped(folder: Path, source: Path) -> bool:
+def is_current(folder: Path, source: Path) -> bool:
     """Whether ``folder`` was made from ``source`` as it is now."""
     stamp = folder / ".made-from"
     return stamp.is_file() and stamp.read_text() == digest(source)
@@ -59,7 +59,7 @@ def blender() -> tuple[str | None, str]:
     if sys.version_info[:2] not in BLENDER_PYTHONS:
         return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
     python, wanted = BLENDER / "bin" / "python", ROOT / "requirements" / "blender.txt"
-    if not stamped(BLENDER, wanted):
+    if not is_current(BLENDER, wanted):
         print("   installing bpy (some 370 MB)", flush=True)
         shutil.rmtree(BLENDER, ignore_errors=True)
         uv, here = BIN / "uv", os.environ | {"VIRTUAL_ENV": str(BLENDER)}
@@ -95,7 +95,7 @@ def node() -> str:
         os.environ["PATH"] = f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}"
         npm = [found, home / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"]
     modules, lock = NODE_TESTS / "node_modules", NODE_TESTS / "package-lock.json"
-    if not stamped(modules, lock):
+    if not is_current(modules, lock):
         if not run(*npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--silent", cwd=NODE_TESTS):
             raise SystemExit("npm ci failed in tests/node")
         (modules / ".made-from").write_text(digest(lock))

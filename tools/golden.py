@@ -46,7 +46,7 @@ SIZES: dict[str, dict[str, object]] = {
     "cmix-gan": {name: size for name, size in MIX.items() if name != "style"},
     "munit": {"channels": 4, "style": 2, "mlp": 8, "blocks": 1},
     "speaker-classifier": {"channels": 4},
-    "speech2gesture": {"channels": 8, "judge": 4},
+    "speech2gesture": {"channels": 8, "discriminator_channels": 4},
     "chain-of-generation": CHAIN,
     "chain-of-generation-live": CHAIN,
     "camn": MANY | {"audio": 6, "text": 4},

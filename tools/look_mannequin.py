@@ -128,7 +128,7 @@ def fingers(curl, thumb=(0, 0, 0), spread=0.0, only=("Index", "Middle", "Ring", 
 HANG = both(UpperArm=(0, -8, -76), LowerArm=(0, -22, 0), Hand=(0, 0, 0)) | both(**fingers((18, 22, 14), (10, 8, 8)))
 
 
-def shot(character, world, positions, face=None, only="", **camera):
+def draw_shot(character, world, positions, face=None, only="", **camera):
     """One picture; ``only`` keeps the parts with that in their name."""
     vertices, normals = mannequin.skin_with_normals(character, world, positions, face)
     keep = [k for k, part in enumerate(character.parts) if only in part.name]
@@ -156,7 +156,9 @@ def around(target, distance, turn, lift=0.0):
 def body(character, folder):
     s, t = character.skeleton, np.array([0, 0.88, 0])
     hang = pose(s, **HANG)
-    pictures = [shot(character, *hang, eye=around(t, 5, a, 4), target=t, size=(420, 780), lens=5) for a in (0, 40, 90, 180)]
+    pictures = [
+        draw_shot(character, *hang, eye=around(t, 5, a, 4), target=t, size=(420, 780), lens=5) for a in (0, 40, 90, 180)
+    ]
     sheet(pictures, 4).save(folder / "body.png")
     poses = {
         "tpose": pose(s),
@@ -176,7 +178,7 @@ def body(character, folder):
         "twist": pose(s, **HANG | both(UpperArm=(0, 0, -70), LowerArm=(0, -95, 0), Hand=(80, 0, 0)) | {"neck": (0, 40, 0)}),
     }
     pictures = [
-        shot(character, *p, eye=around([0, 1.25, 0], 4, 25, 4), target=[0, 1.25, 0], size=(620, 520), lens=6.2)
+        draw_shot(character, *p, eye=around([0, 1.25, 0], 4, 25, 4), target=[0, 1.25, 0], size=(620, 520), lens=6.2)
         for p in poses.values()
     ]
     sheet(pictures, 2, list(poses)).save(folder / "poses.png")
@@ -196,7 +198,9 @@ def hands(character, folder):
         world, positions = pose(s, **degrees)
         t = positions[s.index["leftHand"]] + [0.07, -0.01, 0.01]
         for side, eye in {"back": [0.0, 0.5, 0.12], "palm": [0.05, -0.42, 0.30], "thumb": [0.15, 0.12, 0.5]}.items():
-            pictures.append(shot(character, world, positions, only="Hand", eye=t + eye, target=t, size=(430, 330), lens=4.2))
+            pictures.append(
+                draw_shot(character, world, positions, only="Hand", eye=t + eye, target=t, size=(430, 330), lens=4.2)
+            )
             labels.append(f"{name} {side}")
     sheet(pictures, 3, labels).save(folder / "hands.png")
 
@@ -206,7 +210,7 @@ def face(character, folder):
     world, positions = pose(s)
     t = positions[s.index["head"]] + [0, 0.07, 0.02]
     pictures = [
-        shot(character, world, positions, eye=around(t, 1.1, a, e), target=t, size=(560, 600), lens=6.0)
+        draw_shot(character, world, positions, eye=around(t, 1.1, a, e), target=t, size=(560, 600), lens=6.0)
         for a, e in ((0, 2), (35, 4), (90, 0), (-25, -18), (180, 10), (20, 40))
     ]
     sheet(pictures, 3).save(folder / "face.png")
@@ -222,7 +226,7 @@ def morphs(character, folder, names=ARKIT, file="morphs.png"):
         for one in name.split("+"):
             weights[ARKIT_INDEX[one]] = 1
         pictures.append(
-            shot(character, world, positions, weights, eye=around(t, 1.1, 18, 2), target=t, size=(300, 300), lens=7.4)
+            draw_shot(character, world, positions, weights, eye=around(t, 1.1, 18, 2), target=t, size=(300, 300), lens=7.4)
         )
     sheet(pictures, 6, list(names)).save(folder / file)
 

@@ -20,8 +20,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 import cospeech
 from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
-from cospeech.export.render.camera import view_named
-from cospeech.export.render.frames import Film
+from cospeech.export.render.camera import find_view
+from cospeech.export.render.frames import FrameStream
 from cospeech.export.render.worker import Look
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
@@ -37,8 +37,8 @@ BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214
 
 def pictures(motion: cospeech.Motion, camera: str, width: int, height: int) -> Iterator[Image.Image]:
     """The motion as seen by one camera, at `RATE`."""
-    with Film(Look(width, height, view_named(camera), BACKDROP), motion.fps, RATE) as film:
-        for batch in (*film.push(motion), *film.flush()):
+    with FrameStream(Look(width, height, find_view(camera), BACKDROP), motion.fps, RATE) as frames:
+        for batch in (*frames.push(motion), *frames.flush()):
             yield from map(Image.fromarray, batch)
 
 

@@ -42,7 +42,7 @@ Hear = Callable[[Speech], Array]
 """Speech → (8,) logarithms of how likely the emotions are."""
 
 
-def shown(score: Score) -> str:
+def format_score(score: Score) -> str:
     ends = "" if score.interval is None else f" ({score.interval[0]:.2f} … {score.interval[1]:.2f})"
     return f"{score.value:.2f}{ends}"
 
@@ -114,7 +114,7 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
     for what, words in (("piece", f"pieces of {PIECE} s"), ("clip", "clips")):
         score = macro_f1(true[what], said[what], names[what], classes=len(EMOTIONS))
         always = macro_f1(true[what], [0] * len(true[what]), names[what], classes=len(EMOTIONS))
-        print(f"{words}: macro-F1 {shown(score)} of {score.count}, {score.note}; always neutral {always.value:.2f}")
+        print(f"{words}: macro-F1 {format_score(score)} of {score.count}, {score.note}; always neutral {always.value:.2f}")
     print(confusion(true["clip"], said["clip"]))
 
 
@@ -127,7 +127,7 @@ def mood(speech: Speech) -> Array:
     return np.log([session.emotion[name] + 1e-9 for name in EMOTIONS])
 
 
-def acted(folder: Path) -> list[tuple[str, int, Speech]]:
+def find_recordings(folder: Path) -> list[tuple[str, int, Speech]]:
     """Recordings whose names say an emotion: name, emotion, speech; not the loops of one of them (``…_16khz_20_sec``)."""
     found = []
     for path in sorted(folder.iterdir()):
@@ -152,7 +152,7 @@ def cues(speech: Speech) -> str:
 def recordings(folder: Path, runs: list[Path]) -> None:
     """Macro-F1 on acted recordings of people: among all emotions, and among those that occur."""
     ways: dict[str, Hear] = {"the rules' mood": mood} | {str(run): Run(run).hear for run in runs}
-    clips = acted(folder)
+    clips = find_recordings(folder)
     print("| | pitch | range of 80 % | above 1.5 kHz | change of loudness |\n| --- | ---: | ---: | ---: | ---: |")
     for clip, _, speech in clips:
         print(f"| {clip} | {cues(speech)} |")
@@ -172,7 +172,7 @@ def recordings(folder: Path, runs: list[Path]) -> None:
             for among, kept in (("all eight", list(range(len(EMOTIONS)))), (f"the {len(there)} that occur", there)):
                 answers = [kept[int(np.argmax(row[kept]))] for row in heard]
                 score = macro_f1(right, answers, own, classes=len(EMOTIONS))
-                print(f"  {what}, among {among}: macro-F1 {shown(score)} of {score.count}")
+                print(f"  {what}, among {among}: macro-F1 {format_score(score)} of {score.count}")
         print(confusion([e for _, e, _ in clips], [int(np.argmax(row)) for row in whole]), flush=True)
 
 
@@ -188,7 +188,11 @@ def gestures(name: str, paths: list[Path], seeds: int, seconds: float) -> None:
     print(f"{name}: {len(speeches)} speeches, {seeds} seeds; times neutral\n")
     print("| | wrists from the body | box of the wrists | speed |\n| --- | --- | --- | --- |")
     for emotion in EMOTIONS[1:]:
-        print(f"| {emotion} | " + " | ".join(shown(score) for score in against(made[emotion], made["neutral"]).values()) + " |")
+        print(
+            f"| {emotion} | "
+            + " | ".join(format_score(score) for score in against(made[emotion], made["neutral"]).values())
+            + " |"
+        )
 
 
 def main() -> None:

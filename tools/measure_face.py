@@ -65,7 +65,7 @@ def features(clip: Clip) -> np.ndarray:
     return audio_features(clip.speech, len(clip.motion), clip.motion.fps)  # type: ignore[arg-type,union-attr]
 
 
-def fitted(clips: list[Clip]) -> Callable[[np.ndarray], np.ndarray]:
+def fit_ridge(clips: list[Clip]) -> Callable[[np.ndarray], np.ndarray]:
     """Ridge regression from the mel powers of a frame to the face of the same frame."""
     x = np.concatenate([reduce_audio(features(clip), "mel40") for clip in clips]).astype(float)
     y = np.concatenate([clip.motion.face for clip in clips])
@@ -84,7 +84,7 @@ def lag(real: np.ndarray, made: np.ndarray, fps: float) -> np.ndarray:
     return np.array(at)
 
 
-def told(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
+def format_figure(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
     """A figure of rows that each stand for a clip, with its interval."""
     ends = bootstrap(lambda chosen: float(figure(values[chosen])), len(values), draws=DRAWS, seed=0)
     low, high = ends if ends is not None else (np.nan, np.nan)
@@ -116,17 +116,17 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
     inside = sum(RATIO[0] <= ratio <= RATIO[1] for ratio in ratios.values())
     return {
         "held-out clips; frames; live channels": f"{len(clips)}; {len(real)}; {len(live)}",
-        "correlation of jawOpen within clips": told(np.array([np.corrcoef(a, b)[0, 1] for a, b, _ in pairs]), mean),
-        "best lag, frames of 40 ms": told(lags, lambda x: float(LAGS[int(x.mean(0).argmax())])),
-        "clips whose best lag is within ± 1 frame, %": told(within * 1.0, mean, 100),
-        "deviation of jawOpen, of the tracked, %": told(spread, quotient(1, 0), 100),
-        "mean absolute error over live channels, ‰": told(off[:, 0], mean, 1000),
-        "that of the speaker's mean face, ‰": told(off[:, 1], mean, 1000),
-        "that of a ridge regression on the frame's mel, ‰": told(off[:, 2], mean, 1000),
-        "below the mean face by, %": told(off, quotient(0, 1, 1, -1), 100),
-        "below the regression by, %": told(off, quotient(0, 2, 1, -1), 100),
-        "mouth closed in silent frames, %": told(shut, quotient(0, 2), 100),
-        "that of the tracked mouth, %": told(shut, quotient(1, 2), 100),
+        "correlation of jawOpen within clips": format_figure(np.array([np.corrcoef(a, b)[0, 1] for a, b, _ in pairs]), mean),
+        "best lag, frames of 40 ms": format_figure(lags, lambda x: float(LAGS[int(x.mean(0).argmax())])),
+        "clips whose best lag is within ± 1 frame, %": format_figure(within * 1.0, mean, 100),
+        "deviation of jawOpen, of the tracked, %": format_figure(spread, quotient(1, 0), 100),
+        "mean absolute error over live channels, ‰": format_figure(off[:, 0], mean, 1000),
+        "that of the speaker's mean face, ‰": format_figure(off[:, 1], mean, 1000),
+        "that of a ridge regression on the frame's mel, ‰": format_figure(off[:, 2], mean, 1000),
+        "below the mean face by, %": format_figure(off, quotient(0, 1, 1, -1), 100),
+        "below the regression by, %": format_figure(off, quotient(0, 2, 1, -1), 100),
+        "mouth closed in silent frames, %": format_figure(shut, quotient(0, 2), 100),
+        "that of the tracked mouth, %": format_figure(shut, quotient(1, 2), 100),
         "channels whose deviation is .6 to 1.3 of the tracked": f"{inside} of {len(live)}",
         "deviation of each, of the tracked": ", ".join(
             f"{name.removesuffix('Left')} {ratio:.2f}" for name, ratio in ratios.items() if not name.endswith("Right")
@@ -144,7 +144,7 @@ def lips(clips: list[Played]) -> dict[str, str]:
     for name, face in faces.items():
         closed = [np.mean(hit) for c in clips if len(hit := closures(c, face(c)))]
         if closed:
-            found[f"lips closed at b, p, m: {name}, %"] = told(np.array(closed), mean, 100)
+            found[f"lips closed at b, p, m: {name}, %"] = format_figure(np.array(closed), mean, 100)
             rounds = [roundness(c, face(c)) for c in clips]
             found[f"pucker and funnel at o and u, of elsewhere in speech: {name}"] = f"{np.nanmean(rounds):.2f}"
     return found
@@ -198,7 +198,7 @@ def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[
     return Played(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames))
 
 
-def measured(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:
+def measure_faces(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:
     """The table, in Markdown: a row per figure, a column per speaker; ``clips``: held-out ones of each at most."""
     system, every, columns = open_mouth(Path(bundle)), defaultdict(list), {}
     for clip in read(raw):
@@ -209,7 +209,7 @@ def measured(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:
         held = (
             every[speaker, "test"] if style else [clip for (name, _), own in every.items() if name == speaker for clip in own]
         )
-        linear = fitted(train[::LINEAR])
+        linear = fit_ridge(train[::LINEAR])
         played = [play(clip, linear, lambda style=style: BundleMouth(system, style)) for clip in held[:clips]]
         title = speaker if style else f"{speaker}, never heard"
         columns[title] = figures(played, np.concatenate([clip.motion.face for clip in train]).mean(0))
@@ -225,7 +225,7 @@ def main() -> None:
     parser.add_argument("--bundle", default=SHIPPED / f"speech-to-face{BUNDLE}")
     parser.add_argument("--clips", type=int, default=10_000, help="held-out clips of each speaker at most")
     given = parser.parse_args()
-    print(measured(given.raw, given.bundle, given.clips))
+    print(measure_faces(given.raw, given.bundle, given.clips))
 
 
 if __name__ == "__main__":

@@ -20,17 +20,19 @@ from cospeech.runtime.sliding_window_decoder import Setting, SlidingWindowDecode
 from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.systems import open_system
 from cospeech.runtime.window_bundle import WindowSystem
-from cospeech.runtime.window_style import named_window
+from cospeech.runtime.window_style import embed_window_speaker
 
 AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
 
 
-def played(system: WindowSystem, setting: Setting, rows: np.ndarray, quiet: np.ndarray) -> tuple[np.ndarray, float]:
+def play_speakers(system: WindowSystem, setting: Setting, rows: np.ndarray, silence: np.ndarray) -> tuple[np.ndarray, float]:
     """(S, T, D) standardised poses in every speaker's style, and milliseconds of work a frame and style."""
     began, made = time.process_time(), []
     for name in system.styles:
-        player = SlidingWindowDecoder(system, setting, ((1.0, named_window(system, name)),), [0], quiet, temperature=0.0)
-        made += [player.push(rows), player.finish(quiet)]
+        decoder = SlidingWindowDecoder(
+            system, setting, ((1.0, embed_window_speaker(system, name)),), [0], silence, temperature=0.0
+        )
+        made += [decoder.push(rows), decoder.finish(silence)]
     pairs = [np.concatenate(pair, 1) for pair in zip(made[::2], made[1::2], strict=True)]
     return np.concatenate(pairs), (time.process_time() - began) / (len(rows) * len(system.styles)) * 1e3
 
@@ -54,15 +56,15 @@ def main() -> None:
     system = open_system(read_bundle(given.bundle))
     if not isinstance(system, WindowSystem):
         raise SystemExit("no network of windows")
-    listener = SpeechFrontend(system, np.zeros(0, np.float32))
-    quiet = listener.quiet
-    rows = np.concatenate([listener.push(Speech.load(given.speech)), listener.finish()])
-    wanted, cost = played(system, whole(system.engine.sizes), rows, quiet)
+    frontend = SpeechFrontend(system, np.zeros(0, np.float32))
+    silence = frontend.silence
+    rows = np.concatenate([frontend.push(Speech.load(given.speech)), frontend.finish()])
+    wanted, cost = play_speakers(system, whole(system.engine.sizes), rows, silence)
     print("| frames ahead | seconds | correlation with the whole | speed, of the whole's | ms a frame |\n" + "|---:" * 5 + "|")
     for ahead in AHEAD:
         usual = live(system.engine.sizes)
         setting = replace(usual, ahead=ahead, fade=min(usual.hop, ahead))
-        made, work = played(system, setting, rows, quiet)
+        made, work = play_speakers(system, setting, rows, silence)
         shares = f"{alike(made, wanted):.2f} | {speed(made) / speed(wanted):.2f} | {work:.2f}"
         print(f"| {ahead} | {ahead / system.fps:.2f} | {shares} |")
     print(f"| all | | 1 | 1 | {cost:.2f} |")

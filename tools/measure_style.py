@@ -22,7 +22,7 @@ import numpy as np
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
-from cospeech.corpora.samples import sample_of, stored_clips
+from cospeech.corpora.samples import load_stored_clips, sample_of
 from cospeech.corpora.store import Store
 from cospeech.metrics import Tools, load_metric
 from cospeech.metrics.movement import Track, wrist_speeds
@@ -34,7 +34,7 @@ from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
-from cospeech.runtime.style_measures import named
+from cospeech.runtime.style_measures import embed_flow_speaker
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
@@ -56,7 +56,7 @@ class Silent:
         return []
 
 
-class Judge:
+class SpeakerVotes:
     """Tells speakers by how they move: linear discriminants of windows' mean pose, deviation, and deviation of the velocity.
 
     Args:
@@ -106,17 +106,26 @@ def movement(motion: Motion) -> np.ndarray:
 
 def perform(system: FlowSystem, speech: Speech, sources: Sequence[Source]) -> list[Motion]:
     """A performance of each source in one pass, without faces."""
-    wish = ResolvedStyle((), np.zeros(len(system.controls), np.float32))
-    listener = SpeechFrontend(system, wish.controls)
-    player = AutoregressiveDecoder(system, lambda blend: sources, wish.blend, listener.quiet)
+    resolved_style = ResolvedStyle((), np.zeros(len(system.controls), np.float32))
+    frontend = SpeechFrontend(system, resolved_style.controls)
+    decoder = AutoregressiveDecoder(system, lambda blend: sources, resolved_style.blend, frontend.silence)
     faces: Any = [Silent() for _ in sources]
-    playing = TrainedSession(system, listener, player, faces, fps=system.fps, parts=PARTS, wish=wish, direct=lambda style: wish)
+    playing = TrainedSession(
+        system,
+        frontend,
+        decoder,
+        faces,
+        fps=system.fps,
+        parts=PARTS,
+        resolved_style=resolved_style,
+        direct=lambda style: resolved_style,
+    )
     pieces = [made for chunk in speech.chunks(PIECE) for made in playing.push_takes(chunk)]
     pieces += playing.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
 
-def played(
+def play_speeches(
     system: FlowSystem, transfer: Callable[..., Source], blends: dict[str, Blend], speeches: Sequence[Speech]
 ) -> dict[str, list[Motion]]:
     """Speaker → the performances of all speeches; every performance has a seed of its own."""
@@ -134,8 +143,8 @@ class Begun(CodeSource):
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
-        plain = CodeSource(system, ((1.0, named(system, system.style)),), seed=seed)
-        self.style, self.centre, self.spread = plain.style, plain.centre, plain.spread
+        plain = CodeSource(system, ((1.0, embed_flow_speaker(system, system.style)),), seed=seed)
+        self.style, self.speaker_mean, self.style_gain = plain.style, plain.speaker_mean, plain.style_gain
 
 
 class Posed(CodeSource):
@@ -143,12 +152,12 @@ class Posed(CodeSource):
 
     def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
-        self.style = named(system, system.style).code
+        self.style = embed_flow_speaker(system, system.style).code
 
 
-def recognised(judge: Judge, votes: Iterable[tuple[str, np.ndarray]], chosen: list[str]) -> list[str]:
+def recognise_speakers(votes_of: SpeakerVotes, votes: Iterable[tuple[str, np.ndarray]], chosen: list[str]) -> list[str]:
     """Share of performances whose speaker gets most votes: of all speakers, and of the chosen ones."""
-    names = judge.store.speakers
+    names = votes_of.store.speakers
     of_all, of_chosen = [], []
     for name, vote in votes:
         of_all.append(names[int(vote.argmax())] == name)
@@ -156,11 +165,11 @@ def recognised(judge: Judge, votes: Iterable[tuple[str, np.ndarray]], chosen: li
     return [f"{np.mean(of_all):.0%}", f"{np.mean(of_chosen):.0%}"]
 
 
-def row(judge: Judge, played_for: dict[str, list[Clip]], examples: dict[str, Motion]) -> list[str]:
+def row(votes_of: SpeakerVotes, played_for: dict[str, list[Clip]], examples: dict[str, Motion]) -> list[str]:
     """Recognised, recognised among the five, beat alignment, speed and reach against the example.
 
     Args:
-        judge: of speakers.
+        votes_of: of speakers.
         played_for: speaker → the speeches, with the motion that was made for them in that speaker's style.
         examples: speaker → example.
     """
@@ -169,48 +178,48 @@ def row(judge: Judge, played_for: dict[str, list[Clip]], examples: dict[str, Mot
     for name, clips in played_for.items():
         for clip in clips:
             assert clip.motion is not None
-            votes.append((name, judge.votes(clip.motion)))
+            votes.append((name, votes_of.votes(clip.motion)))
             ratios.append(np.log(movement(clip.motion) / movement(examples[name])))
     samples = [sample_of(clip) for clips in played_for.values() for clip in clips]
     score = load_metric("beat_align")(samples, samples, Tools(seed=0))
     low, high = score.interval or (np.nan, np.nan)
     mean, spread = np.exp(np.mean(ratios, 0)), np.std(ratios, 0)
     return [
-        *recognised(judge, votes, list(played_for)), f"{score.value:.3f} ({low:.3f} … {high:.3f})",
+        *recognise_speakers(votes_of, votes, list(played_for)), f"{score.value:.3f} ({low:.3f} … {high:.3f})",
         f"× {mean[0]:.2f} ± {spread[0]:.2f}", f"× {mean[1]:.2f} ± {spread[1]:.2f}",
     ]  # fmt: skip
 
 
-def held_out(clips: Sequence[Clip], seconds: float) -> list[Clip]:
+def select_test_clips(clips: Sequence[Clip], seconds: float) -> list[Clip]:
     return [clip for clip in clips if clip.motion is not None and clip.motion.duration >= seconds and clip.speech is not None]
 
 
-def examples_of(clips: Sequence[Clip], judge: Judge) -> dict[str, Motion]:
+def examples_of(clips: Sequence[Clip], votes_of: SpeakerVotes) -> dict[str, Motion]:
     """Of each speaker the ten seconds of a held-out neutral recording that show the style best, as the judge sees it.
 
     Recordings in other emotions would show the emotion; of speakers without neutral ones, all are looked at.
     """
-    emotions = {e.name: judge.store.clip(e)["emotion"][0] if "emotion" in e.has else 0 for e in judge.store.clips}
+    emotions = {e.name: votes_of.store.clip(e)["emotion"][0] if "emotion" in e.has else 0 for e in votes_of.store.clips}
     found: dict[str, Motion] = {}
-    for number, name in enumerate(judge.store.speakers):
-        own = [clip for clip in held_out(clips, EXAMPLE + 1) if clip.speaker == name]
+    for number, name in enumerate(votes_of.store.speakers):
+        own = [clip for clip in select_test_clips(clips, EXAMPLE + 1) if clip.speaker == name]
         own = [clip for clip in own if emotions.get(clip.name, 0) == 0] or own
-        length, stretches = round(EXAMPLE * judge.store.fps), []
+        length, stretches = round(EXAMPLE * votes_of.store.fps), []
         for clip in own:
             assert clip.motion is not None
             stretches += [clip.motion[k : k + length] for k in range(0, len(clip.motion) - length + 1, length // 2)]
         if stretches:
-            found[name] = max(stretches, key=lambda motion: judge.votes(motion, skip=0.0)[number])
+            found[name] = max(stretches, key=lambda motion: votes_of.votes(motion, skip=0.0)[number])
     return found
 
 
 def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[list[str]]:
     """The rows of the table."""
-    judge = Judge(store)
-    examples = dict(list(examples_of(clips, judge).items())[:SPEAKERS])
+    votes_of = SpeakerVotes(store)
+    examples = dict(list(examples_of(clips, votes_of).items())[:SPEAKERS])
     talks = [
         replace(c, speech=c.speech.window(c.speech.start, c.speech.start + TALK))
-        for c in held_out(clips, TALK + 1)[:: max(1, len(held_out(clips, TALK + 1)) // SPEECHES)][:SPEECHES]
+        for c in select_test_clips(clips, TALK + 1)[:: max(1, len(select_test_clips(clips, TALK + 1)) // SPEECHES)][:SPEECHES]
         if c.speech is not None
     ]
     speeches = [clip.speech for clip in talks if clip.speech is not None]
@@ -233,20 +242,20 @@ def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[lis
     }
     if not system.engine.sizes.style:
         ways = {name: way for name, way in ways.items() if "code" not in name}
-    if system.statistics.spreads.size:
+    if system.statistics.style_gain.size:
         ways = {name.replace("style code", "poses, style code"): way for name, way in ways.items()}
     else:
         del ways["mean and deviation of the poses"]
-    own = {name: [c for c in held_out(clips, WARM + WINDOW + 1) if c.speaker == name] for name in examples}
+    own = {name: [c for c in select_test_clips(clips, WARM + WINDOW + 1) if c.speaker == name] for name in examples}
     fewest = min(map(len, own.values()))
-    rows = [["recordings of the five", *row(judge, {name: found[:fewest] for name, found in own.items()}, examples)]]
-    alone = {name: judge.votes(motion, skip=0.0) for name, motion in examples.items()}
-    rows.append(["the examples themselves", *recognised(judge, alone.items(), list(examples)), "", "", ""])
+    rows = [["recordings of the five", *row(votes_of, {name: found[:fewest] for name, found in own.items()}, examples)]]
+    alone = {name: votes_of.votes(motion, skip=0.0) for name, motion in examples.items()}
+    rows.append(["the examples themselves", *recognise_speakers(votes_of, alone.items(), list(examples)), "", "", ""])
     print(*rows, sep="\n", flush=True)
     for name, (transfer, blends) in ways.items():
-        made = played(system, transfer, blends, speeches)
+        made = play_speeches(system, transfer, blends, speeches)
         as_clips = {who: [replace(c, motion=m) for c, m in zip(talks, motions, strict=True)] for who, motions in made.items()}
-        rows.append([name, *row(judge, as_clips, examples)])
+        rows.append([name, *row(votes_of, as_clips, examples)])
         print(*rows[-1], sep="  ", flush=True)
     return rows
 
@@ -259,7 +268,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the table into docs/styles.md")
     chosen = parser.parse_args()
     system, store = open_flow(read_bundle(chosen.bundle)), Store(chosen.store)
-    clips = [clip for clip in stored_clips(chosen.store, split=None, raw=chosen.raw) if clip.split != "train"]
+    clips = [clip for clip in load_stored_clips(chosen.store, split=None, raw=chosen.raw) if clip.split != "train"]
     rows = compare(system, store, clips)
     head = ["", f"recognised of {len(store.speakers)}", f"of {SPEAKERS}", "beat alignment", "speed", "reach"]
     lines = ["| " + " | ".join(cells) + " |" for cells in [head, ["---"] * len(head), *rows]]

@@ -17,12 +17,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from measure_style import PARTS, TALK, WARM, Judge, held_out
+from measure_style import PARTS, TALK, WARM, SpeakerVotes, select_test_clips
 
 import cospeech
 from cospeech.corpora.attributes import attributes_of, body_of
 from cospeech.corpora.clip import Clip
-from cospeech.corpora.samples import sample_of, stored_clips
+from cospeech.corpora.samples import load_stored_clips, sample_of
 from cospeech.corpora.store import Store
 from cospeech.metrics import Tools, load_metric
 
@@ -40,11 +40,11 @@ def rhythm(clips: Sequence[Clip]) -> str:
     return f"{score.value:.3f} ({low:.3f} … {high:.3f})"
 
 
-def named(judge: Judge, clips: dict[str, list[Clip]], skip: float) -> str:
+def score_speaker(votes_of: SpeakerVotes, clips: dict[str, list[Clip]], skip: float) -> str:
     """Share of clips that the classifier gives to the speaker whose name they are under."""
-    names = judge.store.speakers
+    names = votes_of.store.speakers
     right = [
-        names[int(judge.votes(clip.motion, skip=skip).argmax())] == name
+        names[int(votes_of.votes(clip.motion, skip=skip).argmax())] == name
         for name, found in clips.items()
         for clip in found
         if clip.motion is not None
@@ -64,11 +64,11 @@ def traits(clips: dict[str, list[Clip]]) -> np.ndarray:
 
 def table(system: str, store: Store, raw: Path) -> list[list[str]]:
     """Rows: recordings, and the system in the styles of other speakers."""
-    judge, model = Judge(store), cospeech.load(system)
-    clips = [clip for clip in stored_clips(store.folder, split=None, raw=raw) if clip.split != "train"]
-    talks = held_out(clips, TALK + 1)
+    votes_of, model = SpeakerVotes(store), cospeech.load(system)
+    clips = [clip for clip in load_stored_clips(store.folder, split=None, raw=raw) if clip.split != "train"]
+    talks = select_test_clips(clips, TALK + 1)
     talks = talks[:: max(1, len(talks) // SPEECHES)][:SPEECHES]
-    own = {name: [c for c in held_out(clips, 11) if c.speaker == name] for name in store.speakers}
+    own = {name: [c for c in select_test_clips(clips, 11) if c.speaker == name] for name in store.speakers}
     made: dict[str, list[Clip]] = {name: [] for name in store.speakers}
     for number, talk in enumerate(talks):
         assert talk.speech is not None
@@ -84,14 +84,14 @@ def table(system: str, store: Store, raw: Path) -> list[list[str]]:
     return [
         [
             "held-out recordings",
-            named(judge, own, 0.0),
+            score_speaker(votes_of, own, 0.0),
             rhythm([c for found in own.values() for c in found]),
             means[0],
             "",
             "",
             "",
         ],
-        [system, named(judge, made, WARM), rhythm([c for found in made.values() for c in found]), means[1], *alike],
+        [system, score_speaker(votes_of, made, WARM), rhythm([c for found in made.values() for c in found]), means[1], *alike],
     ]
 
 

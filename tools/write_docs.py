@@ -57,7 +57,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
     return "".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines)
 
 
-def named(what: str) -> Callable[[], str]:
+def write_names(what: str) -> Callable[[], str]:
     """A table of everything of a kind: name and one line."""
     return lambda: table([what[:-1], ""], [[f"`{row['name']}`", row["what"]] for row in catalogue(what)])
 
@@ -113,10 +113,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "models": models,
     "models_of_the_readme": overview("docs/"),
     "models_of_the_index": overview(""),
-    "styles": named("styles"),
-    "emotions": named("emotions"),
-    "skeletons": named("skeletons"),
-    "metrics": named("metrics"),
+    "styles": write_names("styles"),
+    "emotions": write_names("emotions"),
+    "skeletons": write_names("skeletons"),
+    "metrics": write_names("metrics"),
     "formats": formats,
 }
 

@@ -18,7 +18,7 @@ import numpy as np
 from .corpora.clip import Clip
 from .corpora.keypoints import resample_points
 from .corpora.motion_files import load_motions
-from .corpora.samples import POSE_STATISTICS, sample_of, stored_clips
+from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
 from .errors import InputError
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
@@ -63,11 +63,11 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")
         made = [player.generate(clip.speech, seed=seed + k, fps=body.fps) for k in range(takes)]
-        played[clip.name] = [motion if clip.points is None else _seen(motion, clip) for motion in made]
+        played[clip.name] = [motion if clip.points is None else _project(motion, clip) for motion in made]
     return played
 
 
-def _seen(motion: Motion, clip: Clip) -> Clip:
+def _project(motion: Motion, clip: Clip) -> Clip:
     """The clip with the key points of a generated motion, at its rate and of its length."""
     assert clip.points is not None
     points = LAYOUTS[clip.points.layout](motion)
@@ -137,7 +137,7 @@ def evaluate_store(
         if isinstance(target, str) and not plays(target) and not Path(target).is_dir():
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
             raise InputError(f"{target!r} is no folder of motions and no model", hint)
-    clips = stored_clips(store, split=split, raw=raw)
+    clips = load_stored_clips(store, split=split, raw=raw)
     tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
         name: target if isinstance(target, str) and not plays(target) else play(target, clips, takes=takes, seed=seed)
@@ -173,7 +173,7 @@ def evaluate(
             {Path(model).name: model}, corpus,
             raw=raw, metrics=metrics, split=split, takes=takes, seed=seed, features=features,
         )  # fmt: skip
-    clips = stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
+    clips = load_stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
     systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
     return evaluate_clips(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
 

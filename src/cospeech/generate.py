@@ -34,7 +34,7 @@ from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
 from .runtime.style import example_files
 
-__all__ = ["check_asked", "generate_files", "speech_chunks", "take_path"]
+__all__ = ["check_request", "generate_files", "speech_chunks", "take_path"]
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
@@ -110,7 +110,7 @@ def generate_files(
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     read = (transcript, avatar, track, face, continue_from, *example_files(options.style))
     check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
-    gesturer = _check_made(loaded or load_model(model), model, options, files)
+    gesturer = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
@@ -119,7 +119,7 @@ def generate_files(
         counts = set[int]()
         for group, performance in _passes(gesturer, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
-            moving = _told(_played(performance, source), progress, group.start, takes, source.expected_seconds)
+            moving = _with_progress(_play_takes(performance, source), progress, group.start, takes, source.expected_seconds)
             counts |= _write_all(moving, staged, skeleton, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
@@ -136,7 +136,7 @@ def generate_files(
     return result
 
 
-def check_asked(
+def check_request(
     gesturer: Model,
     *,
     style: StyleLike = None,
@@ -159,7 +159,7 @@ def check_asked(
     next(_passes(gesturer, replace(asked, takes=1)))
 
 
-def _check_made(gesturer: Model, model: str, options: GenerationOptions, files: Sequence[Path]) -> Model:
+def _check_parts(gesturer: Model, model: str, options: GenerationOptions, files: Sequence[Path]) -> Model:
     """The model, which moves something in every file.
 
     Raises:
@@ -217,14 +217,14 @@ def _passes(gesturer: Model, options: GenerationOptions) -> Iterator[tuple[range
         yield group, gesturer.session(own)
 
 
-def _played(performance: GenerationSession, source: SpeechSource) -> Iterator[list[Motion]]:
+def _play_takes(performance: GenerationSession, source: SpeechSource) -> Iterator[list[Motion]]:
     """The takes of one pass from beginning to end: a piece of each at a time."""
     for chunk in speech_chunks(source):
         yield from performance.push_takes(chunk)
     yield from performance.finish_takes()
 
 
-def _told(
+def _with_progress(
     moving: Iterator[list[Motion]], progress: Progress | None, before: int, takes: int, seconds: float | None
 ) -> Iterator[list[Motion]]:
     """The same stream, and the listener of progress is told; ``before`` of the takes were played in earlier passes."""

@@ -9,7 +9,7 @@ from cospeech.motion.rotations import Array
 from cospeech.motion.skeleton import humanoid
 
 from .net import Net, frame, ring, smoothstep
-from .sculpture import joint, make_part, mirrored, srgb, weights_of
+from .sculpture import joint, make_part, mirror_part, srgb, weights_of
 from .solids import Solid, capsule, column, gradient, land, settle, union
 
 __all__ = ["SWEATER_COLUMN", "clothes", "sleeve_solid", "torso_solid"]
@@ -166,7 +166,7 @@ def _nearest_turn(net: Net, previous: list[int], points: Array) -> list[int]:
 def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> None:
     """Rolled hem, collar and cuffs: each edge bulges a little and turns inwards."""
 
-    def ringed(points: Array, grow: float, lift: Array) -> list[int]:
+    def add_ring(points: Array, grow: float, lift: Array) -> list[int]:
         centre = points.mean(0)
         return net.add(centre + (points - centre) * grow + lift)
 
@@ -174,13 +174,13 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
     steps = ((1.010, 0.003), (1.020, 0.016), (1.018, 0.034), (1.0, 0.040), (0.95, 0.037))
     previous = rows[0]
     for grow, drop in steps:
-        ids = ringed(net.points[rows[0]], grow, drop * down)
+        ids = add_ring(net.points[rows[0]], grow, drop * down)
         net.bridge(ids, previous)
         previous = ids
     collar = net.points[rows[-1]]
     previous = rows[-1]
     for grow, rise in ((1.015, 0.005), (1.005, 0.014), (0.945, 0.019), (0.88, 0.013), (0.79, -0.012)):
-        ids = ringed(collar, grow, -rise * down + [0, 0, 0.15 * rise])
+        ids = add_ring(collar, grow, -rise * down + [0, 0, 0.15 * rise])
         net.bridge(previous, ids)
         previous = ids
     for tail, sign in zip(tails, (1, -1), strict=True):
@@ -188,7 +188,7 @@ def _finish_edges(net: Net, rows: list[list[int]], tails: list[list[int]]) -> No
         lower = lower / np.linalg.norm(lower)
         previous = tail
         for grow, along in ((0.86, 0.008), (0.84, 0.028), (0.80, 0.033), (0.72, 0.032), (0.68, 0.010)):
-            ids = ringed(net.points[tail], grow, along * lower)
+            ids = add_ring(net.points[tail], grow, along * lower)
             net.bridge(previous, ids)
             previous = ids
         net.cap(previous, net.points[previous].mean(0) - 0.012 * lower)
@@ -350,11 +350,11 @@ def shoes() -> list[Part]:
     parts.append(_shoe("sole", base, normals, srgb("f4f2ee")))
     out = []
     for part in parts:
-        out += [_renamed(part, "left"), mirrored(part, "right" + part.name.capitalize())]
+        out += [_rename(part, "left"), mirror_part(part, "right" + part.name.capitalize())]
     return out
 
 
-def _renamed(part: Part, side: str) -> Part:
+def _rename(part: Part, side: str) -> Part:
     from dataclasses import replace
 
     return replace(part, name=side + part.name.capitalize())

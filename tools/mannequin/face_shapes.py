@@ -41,7 +41,7 @@ def vector(weight: Array, x: float | Array = 0.0, y: float | Array = 0.0, z: flo
     return np.stack([weight * x, weight * y, weight * z], 1)
 
 
-def opened(p: Array) -> Array:
+def open_jaw(p: Array) -> Array:
     """Displacement of points that turn with the jaw at jawOpen = 1."""
     c, s = np.cos(OPEN), np.sin(OPEN)
     y, z = p[:, 1] - HINGE[1], p[:, 2] - HINGE[2]
@@ -98,7 +98,7 @@ class Shapes:
         depth[moving] = np.clip(land(self.skin, there, down, 40)[:, 2] - land(self.skin, here, down, 40)[:, 2], -0.02, 0.02)
         return np.stack([dx, dy, depth + dz], 1)
 
-    def flipped(self, delta: Array) -> Array:
+    def flip(self, delta: Array) -> Array:
         """The same expression on the other side."""
         return delta[self.mirror] * [-1, 1, 1]
 
@@ -188,8 +188,8 @@ class Shapes:
     def jaw_shapes(self) -> dict[str, Array]:
         """Jaw expressions, and mouthClose: what closes the lips again at jawOpen = 1."""
         m = self.jaw
-        turn = m[:, None] * opened(self.p)
-        corner = self.corner(0.016, 0.018) + self.flipped(vector(self.corner(0.016, 0.018), 1))[:, 0] * -1
+        turn = m[:, None] * open_jaw(self.p)
+        corner = self.corner(0.016, 0.018) + self.flip(vector(self.corner(0.016, 0.018), 1))[:, 0] * -1
         turn += np.stack([-0.10 * self.p[:, 0] * corner, 0 * m, 0 * m], 1)
         out = {"jawOpen": turn}
         out["jawForward"] = vector(m, 0, -0.0005, 0.0075)
@@ -277,7 +277,7 @@ class Shapes:
             if name in left:
                 out[name] = left[name]
             else:
-                out[name] = self.flipped(left[ARKIT[ARKIT_MIRROR[ARKIT_INDEX[name]]]])
+                out[name] = self.flip(left[ARKIT[ARKIT_MIRROR[ARKIT_INDEX[name]]]])
         return {name: np.where(np.abs(d) < 4e-5, 0, d) for name, d in out.items()}
 
 
@@ -319,7 +319,7 @@ def jaw_shapes(p: Array) -> dict[str, Array]:
     """What the lower teeth do: all of the jaw's movements."""
     one = np.ones(len(p))
     return {
-        "jawOpen": opened(p),
+        "jawOpen": open_jaw(p),
         "jawForward": vector(one, 0, -0.0005, 0.0075),
         "jawLeft": vector(one, 0.0085),
         "jawRight": vector(one, -0.0085),

@@ -13,7 +13,7 @@ from cospeech.motion.rotations import Array
 from cospeech.motion.skeleton import humanoid
 
 from .net import Net, frame, smoothstep
-from .sculpture import SKIN, make_part, mirrored, srgb, weights_of
+from .sculpture import SKIN, make_part, mirror_part, srgb, weights_of
 from .solids import Solid, capsule, cut, ellipsoid, land, settle, union
 
 __all__ = ["hands"]
@@ -145,7 +145,7 @@ def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
     return [*born, top]
 
 
-def _left() -> Part:
+def _make_left_hand() -> Part:
     palm, digits = _palm(), {f: _digit(f) for f in (*FINGERS, "Thumb")}
     whole = union(0.010, union(0.016, palm, digits["Thumb"]), *(digits[f] for f in FINGERS))
     trunk = union(0.010, palm, *(digits[f] for f in FINGERS))
@@ -266,5 +266,5 @@ def _tint(p: Array, fingers: dict[str, list[int]], normals: Array) -> Array:
 
 def hands() -> list[Part]:
     """Both hands."""
-    left = _left()
-    return [left, mirrored(left, "rightHand")]
+    left = _make_left_hand()
+    return [left, mirror_part(left, "rightHand")]

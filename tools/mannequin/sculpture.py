@@ -18,7 +18,7 @@ from cospeech.motion.skeleton import humanoid
 
 from .net import Net
 
-__all__ = ["DARK", "HAIR", "SKIN", "joint", "make_part", "mirrored", "sculpt_pose", "srgb", "unpose", "weights_of"]
+__all__ = ["DARK", "HAIR", "SKIN", "joint", "make_part", "mirror_part", "sculpt_pose", "srgb", "unpose", "weights_of"]
 
 ARM_DOWN = 48.0  # degrees from the T-pose; ours: midway in gesturing, so that neither the T-pose nor hanging arms lose much
 ELBOW_BENT = 20.0  # degrees; ours: halfway to what a relaxed arm shows
@@ -117,7 +117,7 @@ def make_part(
     )
 
 
-def mirrored(part: Part, name: str) -> Part:
+def mirror_part(part: Part, name: str) -> Part:
     """The other side's part: x negated, left joints for right ones, faces turned."""
     from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX, ARKIT_MIRROR
     from cospeech.motion.skeletons.humanoid import MIRROR

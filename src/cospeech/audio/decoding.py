@@ -70,13 +70,13 @@ class SoundDecoder:
         """Rate, channels and claimed frames of the file."""
         kind, payload = self._message()
         if kind != b"H":
-            raise self._broken(f"sent {kind!r} before its header")
+            raise self._make_error(f"sent {kind!r} before its header")
         self._timeout = BLOCK_TIMEOUT
         values = self._json(payload)
         try:
             rate, channels, claim = (int(values[key]) for key in ("rate", "channels", "frames"))  # type: ignore[call-overload]
         except (KeyError, TypeError, ValueError):
-            raise self._broken("sent a header that makes no sense") from None
+            raise self._make_error("sent a header that makes no sense") from None
         if not SOUND_RATES[0] <= rate <= SOUND_RATES[1]:
             raise InputError(
                 f"{self.name!r} has a sample rate of {rate} Hz", f"{SOUND_RATES[0]} … {SOUND_RATES[1]} Hz can be read"
@@ -93,10 +93,10 @@ class SoundDecoder:
             kind, payload = self._message()
             if kind == b"E":
                 if self._json(payload).get("frames") != frames:
-                    raise self._broken("lost samples on the way")
+                    raise self._make_error("lost samples on the way")
                 return
             if kind != b"B" or len(payload) % self._width:
-                raise self._broken(f"sent {len(payload)} bytes of {kind!r}")
+                raise self._make_error(f"sent {len(payload)} bytes of {kind!r}")
             if payload:
                 frames += len(payload) // self._width
                 yield payload
@@ -105,7 +105,7 @@ class SoundDecoder:
         head = self._read(5)
         kind, size = head[:1], struct.unpack("<I", head[1:])[0]
         if size > LONGEST_MESSAGE_BYTES:
-            raise self._broken(f"announced {size} bytes")
+            raise self._make_error(f"announced {size} bytes")
         payload = self._read(size)
         if kind == b"X":
             values = self._json(payload)
@@ -133,10 +133,10 @@ class SoundDecoder:
         except ValueError:
             values = None
         if not isinstance(values, dict):
-            raise self._broken("sent a message that makes no sense")
+            raise self._make_error("sent a message that makes no sense")
         return values
 
-    def _broken(self, what: str) -> InputError:
+    def _make_error(self, what: str) -> InputError:
         return InputError(f"the decoder {what} on {self.name!r}", "the file is damaged; save it anew, as WAV")
 
     def close(self) -> None:

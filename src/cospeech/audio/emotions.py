@@ -141,7 +141,7 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
         keys.append((time, read(cells[1:], place)))
     if not keys:
         raise InputError(f"{shown!r} has a header and no row", "a row for every change")
-    return _blended(keys) if "emotion" in header else EmotionTrack(*map(np.array, zip(*keys, strict=True)))
+    return _blend_emotions(keys) if "emotion" in header else EmotionTrack(*map(np.array, zip(*keys, strict=True)))
 
 
 def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
@@ -168,7 +168,7 @@ def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
     if header[0] != "time" or len(header) < 2:
         raise InputError(f"{place}: header {','.join(header)[:80]!r}", hint)
     if header[1:] in (["emotion"], ["emotion", "weight"]):
-        return _named
+        return _parse_emotion
     for name in header[1:]:
         if name not in EMOTIONS:
             raise InputError(f"{place}: column {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
@@ -177,7 +177,7 @@ def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
     return lambda cells, where: _shares(header[1:], cells, where)
 
 
-def _named(cells: list[str], place: str) -> Array:
+def _parse_emotion(cells: list[str], place: str) -> Array:
     name = cells[0].strip()
     if name not in EMOTIONS:
         raise InputError(f"{place}: {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
@@ -210,7 +210,7 @@ def _number(text: str, place: str) -> float:
     return value
 
 
-def _blended(keys: list[tuple[float, Array]]) -> EmotionTrack:
+def _blend_emotions(keys: list[tuple[float, Array]]) -> EmotionTrack:
     """Named emotions that take over from their time on, in `BLEND` seconds, or as far as they come till the next."""
     times, weights = [keys[0][0]], [keys[0][1]]
     for k, (time, wanted) in enumerate(keys[1:], start=1):

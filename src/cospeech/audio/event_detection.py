@@ -82,7 +82,7 @@ class EventDetector:
         self._prosody = prosody.tap()
 
     @property
-    def known(self) -> float:
+    def certain_until(self) -> float:
         """Seconds for which normalised prosody is ready."""
         return self._loudness.end / RATE
 
@@ -101,7 +101,7 @@ class EventDetector:
                 self._tick(min(self._loudness.end + _TICK, self._raw["energy"].end))
             self._smooth(self._loudness.end, max(self._peak, _WEAKEST), tail=_HALF)
         self.finished = True
-        self._judge(last=True)
+        self._confirm_peaks(last=True)
 
     def _take(self, features: Features) -> None:
         if not len(features.energy):
@@ -121,7 +121,7 @@ class EventDetector:
         self._tone.append(self._semitones(pitch, voicing))
         self._smooth(end, top)
         self._follow_phrases(first, end)
-        self._judge()
+        self._confirm_peaks()
         oldest = end - round(_KEEP * RATE)
         for buffer in (self._loudness, self._tone, self._envelope, *self._raw.values()):
             buffer.drop_before(oldest)
@@ -171,7 +171,7 @@ class EventDetector:
         if self.phrases and self._speaking:
             self.phrases[-1] = Phrase(self.phrases[-1].start, self._silent_since / RATE)
 
-    def _judge(self, last: bool = False) -> None:
+    def _confirm_peaks(self, last: bool = False) -> None:
         """Accept peaks of the envelope whose right-hand neighbourhood is known."""
         wait = 0 if last else round(PEAK_DELAY * RATE)
         a, b = self._judged, self._envelope.end - wait
@@ -217,7 +217,7 @@ def _quantile(ordered: Array, share: float) -> float:
 
 def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
     """Hear a whole speech at once: for tests, plots and short files (nothing is dropped)."""
-    listener = EventDetector()
+    detector = EventDetector()
     parts: list[Heard] = []
     accents: dict[float, Accent] = {}
     phrases: dict[float, Phrase] = {}
@@ -225,16 +225,16 @@ def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
 
     def collect() -> None:
         nonlocal done
-        if listener.known > done:
-            parts.append(listener.window(done, listener.known - 1.5 / RATE))
-            done = listener.known
-        accents.update({a.time: a for a in listener.accents})
-        phrases.update({p.start: p for p in listener.phrases})
+        if detector.certain_until > done:
+            parts.append(detector.window(done, detector.certain_until - 1.5 / RATE))
+            done = detector.certain_until
+        accents.update({a.time: a for a in detector.accents})
+        phrases.update({p.start: p for p in detector.phrases})
 
     for chunk in speech.chunks(seconds=1.0):
-        listener.push(chunk.samples)
+        detector.push(chunk.samples)
         collect()
-    listener.finish()
+    detector.finish()
     collect()
     names = [f.name for f in fields(Heard)][1:]
     heard = Heard(0, *(np.concatenate([getattr(p, n) for p in parts]) for n in names))

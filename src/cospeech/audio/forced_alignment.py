@@ -82,12 +82,12 @@ def _tokens(text: str) -> Iterator[str]:
 
 def bare(token: str) -> str:
     """A token without the punctuation around it."""
-    first = next((i for i, c in enumerate(token) if _spoken(c)), len(token))
-    last = next((i for i, c in enumerate(reversed(token)) if _spoken(c)), 0)
+    first = next((i for i, c in enumerate(token) if _is_letter(c)), len(token))
+    last = next((i for i, c in enumerate(reversed(token)) if _is_letter(c)), 0)
     return token[first : len(token) - last]
 
 
-def _spoken(character: str) -> bool:
+def _is_letter(character: str) -> bool:
     return unicodedata.category(character)[0] in "LNM"
 
 

@@ -28,7 +28,7 @@ from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
 from .decoding import SoundDecoder
 
-__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "counted_from", "example", "open_speech"]
+__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech", "shift_times"]
 
 Samples = NDArray[np.float32]
 
@@ -185,11 +185,11 @@ class Speech:
         return Speech(self.samples[first:last], self.rate, words, None, self.name, self.start + first / self.rate, duration)
 
 
-def counted_from(speech: Speech, origin: float) -> Speech:
+def shift_times(speech: Speech, origin: float) -> Speech:
     """The same speech, its times and those of its words counted from ``origin`` seconds: of a window, from its own start.
 
     >>> part = Speech(np.zeros(800, np.float32), words=(Word("so", 4.1, 4.3),), start=4.0)
-    >>> counted_from(part, 4.0).start, round(counted_from(part, 4.0).words[0].start, 3)
+    >>> shift_times(part, 4.0).start, round(shift_times(part, 4.0).words[0].start, 3)
     (0.0, 0.1)
     """
     if not origin:
@@ -283,7 +283,7 @@ class SpeechSource:
         self._fresh = False
         decoder = self._decoder
         try:
-            yield from self._resampled(self._mono(decoder))
+            yield from self._resample(self._mono(decoder))
         finally:
             decoder.close()
 
@@ -300,7 +300,7 @@ class SpeechSource:
             raise InputError(f"there is no sound in {self.name!r}: 0 samples", "was the recording stopped before it began?")
         self.source_frames = frames
 
-    def _resampled(self, blocks: Iterator[Samples]) -> Iterator[Samples]:
+    def _resample(self, blocks: Iterator[Samples]) -> Iterator[Samples]:
         """At ``rate``, aligned to the first sample, ceil(duration × rate) samples in all."""
         if self.source_rate == self.rate:
             yield from blocks

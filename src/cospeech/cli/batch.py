@@ -15,7 +15,7 @@ from ..errors import CospeechError, InputError, InternalError
 from ..export import FORMATS
 from ..export.checks import check_files
 from ..files import atomic, describe_os_error, scratch, workplace
-from ..generate import check_asked, generate_files, take_path
+from ..generate import check_request, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions
@@ -71,7 +71,7 @@ def generate_speeches(
     Raises:
         InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
     """
-    with _found(speeches) as found:
+    with _find_files(speeches) as found:
         loaded = load(model)
         options = {"parts": PARTS, **options}
         shown = {*options["parts"]} & {*loaded.makes}
@@ -83,7 +83,7 @@ def generate_speeches(
             )
         _check(jobs, options, report)
         asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
-        check_asked(loaded, **asked)
+        check_request(loaded, **asked)
         with nullcontext() if report is None else atomic(report) as path:  # it is told now where that cannot be written
             result = _each(jobs, options, model, loaded, progress)
             if path is not None:
@@ -105,19 +105,19 @@ def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Mode
 
 
 def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
-    with _made(job.folders):
+    with _make_folders(job.folders):
         return generate_files(job.speech, job.outputs, **{**options, **job.own, **more})
 
 
 @contextmanager
-def _found(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path]]:
+def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path]]:
     """Yield name → sound file, in order.
 
     Raises:
         InputError: two have the same name, a folder holds none, or standard input is not alone, closed or too large.
     """
     if [os.fspath(speech) for speech in given] == [STANDARD_INPUT]:
-        with _piped() as path:
+        with _read_standard_input() as path:
             yield {path.name: path}
         return
     found: dict[str, Path] = {}
@@ -145,7 +145,7 @@ def _files(path: Path) -> list[tuple[str, Path]]:
 
 
 @contextmanager
-def _piped() -> Iterator[Path]:
+def _read_standard_input() -> Iterator[Path]:
     """Yield a file with what standard input has.
 
     Raises:
@@ -220,7 +220,7 @@ def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[
 
 
 @contextmanager
-def _made(folders: Iterable[Path]) -> Iterator[None]:
+def _make_folders(folders: Iterable[Path]) -> Iterator[None]:
     """Folders that are there meanwhile, and afterwards unless it fails.
 
     Raises:

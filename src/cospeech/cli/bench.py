@@ -34,11 +34,11 @@ def measure(seconds: float = 60.0) -> list[Row]:
     """
     if not 1 <= seconds <= 36_000:
         raise InputError(f"{seconds:g} seconds of speech to measure on", "1 … 36000")
-    speech = _repeated(Speech.load(EXAMPLE), seconds)
+    speech = _repeat(Speech.load(EXAMPLE), seconds)
     return [*_motion(speech), *_files(speech), *_stream(speech), _memory(), _start()]
 
 
-def _repeated(speech: Speech, seconds: float) -> Speech:
+def _repeat(speech: Speech, seconds: float) -> Speech:
     count = int(seconds * speech.rate)
     return Speech(np.resize(speech.samples, count), speech.rate, name="bench")
 
@@ -75,7 +75,7 @@ def _stream(speech: Speech) -> Iterator[Row]:
     """Time per chunk, and how far the motion is behind the sound."""
     steps, behind, heard, mark = [], [], 0.0, time.perf_counter()
 
-    def listened() -> Iterator[Speech]:
+    def time_chunks() -> Iterator[Speech]:
         nonlocal heard, mark
         for chunk in speech.chunks(CHUNK):
             steps.append(time.perf_counter() - mark)
@@ -83,7 +83,7 @@ def _stream(speech: Speech) -> Iterator[Row]:
             heard = chunk.start + float(chunk.duration)
             yield chunk
 
-    for piece in load(DEFAULT).stream(listened()):
+    for piece in load(DEFAULT).stream(time_chunks()):
         behind.append(heard - piece.start)
     took = np.array(steps[1:]) * 1000
     for share in (50, 99):

@@ -18,7 +18,7 @@ def _first_line(thing: object) -> str:
     return (getdoc(thing) or "").partition("\n")[0].rstrip(".").replace("``", "")
 
 
-def _registered(registry: Mapping[str, str]) -> list[Row]:
+def _list_registry(registry: Mapping[str, str]) -> list[Row]:
     """Rows of a registry of ``module:name``, described by the first line of the docstrings."""
     rows = []
     for name, where in registry.items():
@@ -28,13 +28,13 @@ def _registered(registry: Mapping[str, str]) -> list[Row]:
 
 
 def _models() -> list[Row]:
-    from ..models import ENTRIES, MODELS, shipped_bundle
+    from ..models import ENTRIES, MODELS, find_bundle
 
     more = {True: "; ready to use", False: "; no weights ship, train it: docs/training.md"}
     rows = []
     for name in MODELS:
         entry = ENTRIES[name]
-        ready = not entry.trains or shipped_bundle(name) is not None
+        ready = not entry.trains or find_bundle(name) is not None
         needs = ", ".join(["sound", *entry.needs]) if entry.trains else "nothing"
         row = {"name": name, "what": entry.what + more[ready], "paper": entry.paper, "needs": needs}
         rows.append(row | {"ready": "yes" if ready else "no"})
@@ -88,7 +88,7 @@ def _skeletons() -> list[Row]:
 def _metrics() -> list[Row]:
     from ..metrics import METRICS
 
-    return _registered(METRICS)
+    return _list_registry(METRICS)
 
 
 def _corpora() -> list[Row]:

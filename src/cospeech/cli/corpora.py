@@ -28,9 +28,9 @@ Speeds = Annotated[
 Pitches = Annotated[
     list[float] | None, Option("--pitch", metavar="NUMBER", help="Add training clips this many semitones higher.")
 ]
-Twins = Annotated[
+DerivedSpeakers = Annotated[
     list[str] | None,
-    Option("--twin", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
+    Option("--derive-speaker", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
 ]
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
 Backend = Annotated[
@@ -75,7 +75,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         mirror: Mirror = False,
         speed: Speeds = None,
         pitch: Pitches = None,
-        twin: Twins = None,
+        derivation: DerivedSpeakers = None,
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
@@ -96,7 +96,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                twins=twin or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec, overwrite=overwrite,
+                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec, overwrite=overwrite,
                 progress=tell,
             )  # fmt: skip
         if not quiet:

@@ -56,7 +56,7 @@ Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="Of --ta
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
-def _named(systems: list[str]) -> dict[str, str]:
+def _parse_source(systems: list[str]) -> dict[str, str]:
     """Name → model or folder, of ``NAME=FOLDER`` or of a model or folder alone, which is its own name."""
     found: dict[str, str] = {}
     for system in systems:
@@ -87,12 +87,12 @@ def _table(
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
-    stages = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
-    table = make_table(name, stages, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
+    table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
+    table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
     for path in write_table(table, runs):
         tell(f"wrote {path}")
     if figure is not None:
-        draw_table(table, stages, figure, raw=raw)
+        draw_table(table, table_runs, figure, raw=raw)
         tell(f"wrote {figure}")
     return table
 
@@ -101,7 +101,7 @@ _OF_TABLES = frozenset({"seeds", "rows", "runs", "recipes", "small", "changes", 
 _OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
 
 
-def _check_given(context: typer.Context, table: str | None) -> None:
+def _check_options(context: typer.Context, table: str | None) -> None:
     """No option is given that would change nothing.
 
     Raises:
@@ -161,7 +161,7 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
-        _check_given(context, table)
+        _check_options(context, table)
         if table is not None:
             if systems:
                 raise InputError(f"system {systems[0]!r} in a table of a paper", "leave it out: the table has its own rows")
@@ -177,7 +177,7 @@ def register(app: typer.Typer) -> None:
         from ..metrics.table import DEFAULT
 
         result = evaluate_store(
-            _named(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
+            _parse_source(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
             metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
             seed_frames=seed_frames, features=features,
         )  # fmt: skip

@@ -65,11 +65,11 @@ def as_text(value: object) -> object:
     return value if isinstance(value, (str, int, float, bool)) else None
 
 
-def described(dtype) -> object:  # type: ignore[no-untyped-def]  # numpy is imported only where it is needed
+def describe_type(dtype) -> object:  # type: ignore[no-untyped-def]  # numpy is imported only where it is needed
     """A numpy type as JSON: "<f8", or a list of [name, type, shape]."""
     if dtype.names is None:
         return dtype.str
-    return [[name, described(dtype[name].base), list(dtype[name].shape)] for name in dtype.names]
+    return [[name, describe_type(dtype[name].base), list(dtype[name].shape)] for name in dtype.names]
 
 
 def load(data):  # type: ignore[no-untyped-def]
@@ -92,7 +92,7 @@ def load(data):  # type: ignore[no-untyped-def]
     if data.dtype.hasobject:
         raise RefusedFile(f"{data.name} holds objects", "plain numbers and text are right")
     array = np.ascontiguousarray(data[()])
-    return about | {"dtype": described(array.dtype), "bytes": array.nbytes}, array.tobytes()
+    return about | {"dtype": describe_type(array.dtype), "bytes": array.nbytes}, array.tobytes()
 
 
 def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects: int) -> None:
@@ -101,13 +101,13 @@ def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects
     found: list = []
     groups: dict = {}
 
-    def wanted(name: str) -> bool:
+    def is_wanted(name: str) -> bool:
         return want is None or any(name == w or name.startswith(w + "/") or w.startswith(name + "/") for w in want)
 
     def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
         if len(found) + len(groups) > most_objects:
             raise RefusedFile(f"it holds more than {most_objects} data sets", "is it of this corpus?")
-        if not wanted(name):
+        if not is_wanted(name):
             return
         if isinstance(item, h5py.Dataset):
             if item.shape is not None:

@@ -17,7 +17,7 @@ from ..motion.skeleton import Skeleton
 from ..motion.skeletons.arkit import ARKIT_MIRROR
 from .clip import Clip
 
-__all__ = ["faster", "mirrored", "mirrored_motion", "mirrored_points", "shifted"]
+__all__ = ["faster", "mirror_clip", "mirror_motion", "mirror_points", "shift_pitch"]
 
 _SIDE = re.compile(r"(left|right)(?=[A-Z_.]|$)|Left|Right|_[lr](?=_|$)")
 _SWAP = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "_l": "_r", "_r": "_l"}
@@ -27,7 +27,7 @@ _POINTS = {"ted": _TED, "pats": _PATS}
 _WINDOW = 1024  # samples, 64 ms at 16 kHz; ours: some pitch periods of any voice, short against a syllable
 
 
-def mirrored(clip: Clip) -> Clip:
+def mirror_clip(clip: Clip) -> Clip:
     """Left and right exchanged, body and face; the speaker is another one then: ``"oliver|mirror"``, as PATS names them.
 
     Unlike PATS's own transform, which turns x around and leaves the right arm's name on the left, joints change places too.
@@ -39,13 +39,13 @@ def mirrored(clip: Clip) -> Clip:
         clip,
         name=f"{clip.name}|mirror",
         speaker=f"{clip.speaker}|mirror",
-        motion=None if clip.motion is None else mirrored_motion(clip.motion),
-        points=None if clip.points is None else mirrored_points(clip.points),
+        motion=None if clip.motion is None else mirror_motion(clip.motion),
+        points=None if clip.points is None else mirror_points(clip.points),
         face=None if clip.face is None else clip.face[:, list(ARKIT_MIRROR)],
     )
 
 
-def mirrored_motion(motion: Motion) -> Motion:
+def mirror_motion(motion: Motion) -> Motion:
     """On the mirrored skeleton, so that joint positions are exactly those of a mirror at x = 0."""
     skeleton = motion.skeleton
     other = [_opposite(skeleton, name) for name in skeleton.names]
@@ -72,7 +72,7 @@ def _opposite(skeleton: Skeleton, name: str) -> int:
     return skeleton.index.get(_SIDE.sub(lambda match: _SWAP[match[0]], name, count=1), skeleton.index[name])
 
 
-def mirrored_points(points: Points) -> Points:
+def mirror_points(points: Points) -> Points:
     """x turned around, left and right joints exchanged."""
     if points.layout not in _POINTS:
         raise InputError(f"key points of layout {points.layout!r} have no known left and right")
@@ -89,7 +89,7 @@ def faster(clip: Clip, factor: float) -> Clip:
     if speech is not None:
         words = None if speech.words is None else tuple(Word(w.text, w.start / factor, w.end / factor) for w in speech.words)
         rate = Fraction(factor).limit_denominator(1000) * speech.rate
-        samples = _resampled(speech.samples, float(rate), speech.rate)
+        samples = _resample(speech.samples, float(rate), speech.rate)
         speech = Speech(samples, speech.rate, words, name=speech.name)
     semantics = clip.semantics
     if semantics is not None:
@@ -105,15 +105,15 @@ def faster(clip: Clip, factor: float) -> Clip:
     )
 
 
-def shifted(clip: Clip, semitones: float) -> Clip:
+def shift_pitch(clip: Clip, semitones: float) -> Clip:
     """The voice higher (or lower) by so many semitones, at the same speed; nothing else changes."""
     factor = 2 ** (semitones / 12)
     _check(factor, f"higher ({semitones:g} semitones)")
     _check_sound(clip)
     if clip.speech is None:
         raise InputError(f"{clip.name!r} has no speech to shift", "leave pitches out")
-    longer = _stretched(clip.speech.samples.astype(np.float64), factor)
-    samples = _resampled(longer.astype(np.float32), clip.speech.rate * factor, clip.speech.rate)
+    longer = _stretch(clip.speech.samples.astype(np.float64), factor)
+    samples = _resample(longer.astype(np.float32), clip.speech.rate * factor, clip.speech.rate)
     count = len(clip.speech.samples)
     samples = np.pad(samples, (0, max(count - len(samples), 0)))[:count]
     return replace(clip, name=f"{clip.name}|{semitones:+g}st", speech=replace(clip.speech, samples=samples))
@@ -130,13 +130,13 @@ def _check_sound(clip: Clip) -> None:
         raise InputError(f"{clip.name!r} has ready-made spectra, which cannot be played faster or higher", "leave it out")
 
 
-def _resampled(samples: Array, rate: float, to: int) -> Array:
+def _resample(samples: Array, rate: float, to: int) -> Array:
     from soxr import resample
 
     return np.clip(resample(samples, rate, to, "HQ"), -1.0, 1.0).astype(np.float32)
 
 
-def _stretched(samples: Array, factor: float) -> Array:
+def _stretch(samples: Array, factor: float) -> Array:
     """``factor`` times as long at the same pitch: a phase vocoder (Flanagan & Golden 1966), Hann windows at a quarter's hop."""
     hop = _WINDOW // 4
     padded = np.pad(samples, (_WINDOW, 2 * _WINDOW))

@@ -1,7 +1,7 @@
-"""Twins: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
+"""Derived speakers: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
 
 ``"cleo|leftarm"`` is cleo gesturing with the left arm alone: the right one stands still at cleo's mean. ``"dan|mirror"`` is dan
-with left and right exchanged. A twin says what its original says, so their clips differ in one attribute only.
+with left and right exchanged. A derived speaker says what its original says, so their clips differ in one attribute only.
 
 The mean is the speaker's, as the authors' is, over training clips: a clip's own would differ from clip to clip, and give away
 which one it is. PATS' transform of the same name holds the arm that it names (`cospeech.corpora.pats.read.hold_arm`); here, as
@@ -22,10 +22,10 @@ from ..motion.points import Points
 from ..motion.rotations import Array, quat_continuous
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons import pats, ted
-from .augment import mirrored
+from .augment import mirror_clip
 from .clip import Clip
 
-__all__ = ["TWINS", "MeanPose", "arm_joints", "heard_of", "hold_motion", "hold_points", "mean_poses", "twin_of"]
+__all__ = ["DERIVATIONS", "MeanPose", "arm_joints", "derive_clip", "find_original", "hold_motion", "hold_points", "mean_poses"]
 
 _SIDES = {
     "ted": {side: tuple(k for k, n in enumerate(ted.JOINTS) if n.startswith(side)) for side in ("left", "right")},
@@ -57,22 +57,24 @@ class MeanPose:
         return self.of[layout]
 
 
-def twin_of(clip: Clip, twin: str, mean: MeanPose) -> Clip:
-    """The clip of a twin, whose name ends on ``|twin-…``: not on ``|mirror``, by which augmented training clips are known.
+def derive_clip(clip: Clip, derivation: str, mean: MeanPose) -> Clip:
+    """The clip of a derived speaker, whose name ends on ``|derived-…``: not on ``|mirror``, by which augmented training clips are known.
 
     Raises:
-        InputError: no such twin (`TWINS`), or a body without arms.
+        InputError: no such derived speaker (`DERIVATIONS`), or a body without arms.
     """
-    return replace(TWINS[twin](clip, mean), name=f"{clip.name}|twin-{twin}", speaker=f"{clip.speaker}|{twin}")
+    return replace(
+        DERIVATIONS[derivation](clip, mean), name=f"{clip.name}|derived-{derivation}", speaker=f"{clip.speaker}|{derivation}"
+    )
 
 
-def heard_of(name: str) -> str:
-    """The clip whose sound a clip has: itself, or the original of a twin.
+def find_original(name: str) -> str:
+    """The clip whose sound a clip has: itself, or the original of a derived speaker.
 
-    >>> heard_of("1000|twin-leftarm"), heard_of("1000")
+    >>> find_original("1000|derived-leftarm"), find_original("1000")
     ('1000', '1000')
     """
-    return re.sub(r"\|twin-[a-z]+", "", name)
+    return re.sub(r"\|derived-[a-z]+", "", name)
 
 
 def _one_arm(clip: Clip, still: str, mean: MeanPose) -> Clip:
@@ -83,12 +85,12 @@ def _one_arm(clip: Clip, still: str, mean: MeanPose) -> Clip:
     )
 
 
-TWINS: dict[str, Callable[[Clip, MeanPose], Clip]] = {
+DERIVATIONS: dict[str, Callable[[Clip, MeanPose], Clip]] = {
     "leftarm": lambda clip, mean: _one_arm(clip, "right", mean),
     "rightarm": lambda clip, mean: _one_arm(clip, "left", mean),
-    "mirror": lambda clip, mean: mirrored(clip),
+    "mirror": lambda clip, mean: mirror_clip(clip),
 }
-"""Name → what makes a twin: one arm alone, or left and right exchanged; ``prepare --twin`` takes these."""
+"""Name → what makes a derived speaker: one arm alone, or left and right exchanged; ``prepare --derive-speaker`` takes these."""
 
 
 def hold_points(points: Points, side: str, mean: Array) -> Points:
@@ -119,7 +121,7 @@ def arm_joints(skeleton: Skeleton, side: str) -> tuple[int, ...]:
     sided = _LEFT if side == "left" else _RIGHT
     hand = next((k for k, name in enumerate(skeleton.names) if _HAND.search(name) and sided.search(name)), -1)
     if hand < 0:
-        raise InputError(f"a skeleton without a {side} hand: {', '.join(skeleton.names[:6])}, …", "leave twins out")
+        raise InputError(f"a skeleton without a {side} hand: {', '.join(skeleton.names[:6])}, …", "leave derived speakers out")
     while sided.search(skeleton.names[skeleton.parents[hand]]):
         hand = skeleton.parents[hand]
     found = {hand}
@@ -171,7 +173,7 @@ def _mean(total: Array, number: int) -> Array:
 def _neck_and_unit(points: Points) -> tuple[Array, Array]:
     """(T, 1, 2 or 3) the neck, and (T, 1, 1) what lengths are measured in: PATS' right shoulder, metres for TED."""
     if points.layout not in _NECK:
-        raise InputError(f"key points of layout {points.layout!r} have no known arms", "leave twins out")
+        raise InputError(f"key points of layout {points.layout!r} have no known arms", "leave derived speakers out")
     neck = points.values[:, _NECK[points.layout], None]
     if points.layout == "ted":
         return neck, np.ones((len(points), 1, 1))

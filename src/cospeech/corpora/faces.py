@@ -145,7 +145,7 @@ def _load(folder: Path) -> _Tracks:
     seen = np.asarray(arrays.get("face_ok", np.ones(len(face))), bool)
     if len(seen) != len(face) or not seen.any():
         raise InputError(f"{str(path)!r}: 'face_ok' of shape {seen.shape}, or no face at all")
-    face, head = _filled(face, seen), None if head is None else head[_nearest(seen)]
+    face, head = _fill_gaps(face, seen), None if head is None else head[_nearest(seen)]
     return _Tracks(folder.name.removeprefix("face_"), fps, clips, starts, face, head, tracked)
 
 
@@ -179,7 +179,7 @@ def _nearest(seen: Array) -> Array:
     return np.where(last < 0, int(np.argmax(seen)), last)
 
 
-def _filled(face: Array, seen: Array) -> Array:
+def _fill_gaps(face: Array, seen: Array) -> Array:
     """Frames without a face from those around them."""
     at, known = np.arange(len(face)), np.flatnonzero(seen)
     return np.stack([np.interp(at, known, column[known]) for column in face.T], 1)
@@ -190,7 +190,7 @@ def _silent(sounds: dict[str, Path], words: dict[str, Path], tracks: _Tracks, na
     rows = tracks.rows(name)
     quiet = np.zeros(rows.stop - rows.start, bool)
     try:
-        spans = _aligned(words[name]) if name in words and name in sounds else []
+        spans = _read_alignment(words[name]) if name in words and name in sounds else []
     except InputError:  # reading the clip will say so
         return quiet
     for start, end, word in spans:
@@ -232,7 +232,7 @@ def _pieces(
         if name not in sounds:
             raise InputError(f"'audio/{name}.flac' is not there", "a clip needs sound")
         speech = Speech.load(sounds[name])
-        said = [(a, b, w) for a, b, w in _aligned(words[name]) if w not in _QUIET] if name in words else None
+        said = [(a, b, w) for a, b, w in _read_alignment(words[name]) if w not in _QUIET] if name in words else None
         cut = slice(rows.start + first, rows.start + end)
         motion = _moving(np.clip(tracks.face[cut] - neutral, 0, 1), None if head is None else head[cut], tracks.fps)
         if len(spans) == 1:
@@ -271,7 +271,7 @@ def _split_of_takes(tracks: _Tracks, most: int) -> dict[str, str]:
     return {name: kinds[k] if k < len(kinds) else "train" for k, name in enumerate(takes)}
 
 
-def _aligned(path: Path) -> list[tuple[float, float, str]]:
+def _read_alignment(path: Path) -> list[tuple[float, float, str]]:
     """Start and end in seconds, word; of GRID's alignments."""
     found = []
     for line, text in enumerate(read_text(path).splitlines(), 1):

@@ -23,7 +23,7 @@ from ..errors import InputError
 from ..files import regular_file
 from ..limits import HDF5_BYTES, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES, VAULT_TIMEOUT
 
-__all__ = ["Dataset", "Vault", "read_lmdb"]
+__all__ = ["Dataset", "Hdf5LmdbReader", "read_lmdb"]
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _PAGE = 4096  # bytes; LMDB's smallest page in use
@@ -37,7 +37,7 @@ class Dataset:
     attrs: dict[str, object] = field(default_factory=dict)
 
 
-class Vault:
+class Hdf5LmdbReader:
     """A reader process; a context manager. It is started when first needed and again after a crash."""
 
     def __init__(self, kind: str) -> None:
@@ -171,7 +171,7 @@ class Vault:
                 with suppress(OSError):
                     pipe.close()
 
-    def __enter__(self) -> Vault:
+    def __enter__(self) -> Hdf5LmdbReader:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -185,6 +185,6 @@ def _dtype(described: Any) -> np.dtype[Any]:
 
 
 def read_lmdb(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """`Vault.lmdb` of one folder, with a process of its own that ends with the iterator."""
-    with Vault("lmdb") as vault:
-        yield from vault.lmdb(folder)
+    """`Hdf5LmdbReader.lmdb` of one folder, with a process of its own that ends with the iterator."""
+    with Hdf5LmdbReader("lmdb") as reader:
+        yield from reader.lmdb(folder)

@@ -105,7 +105,7 @@ def textgrid(tiers: dict[str, Sequence[Word]], seconds: float) -> str:
     lines = ['File type = "ooTextFile"', 'Object class = "TextGrid"', "", "xmin = 0", f"xmax = {_time(seconds)}"]
     lines += ["tiers? <exists>", f"size = {len(tiers)}", "item []:"]
     for number, (name, words) in enumerate(tiers.items(), 1):
-        rows = _filled(words, seconds)
+        rows = _fill_gaps(words, seconds)
         lines += [f"    item [{number}]:", '        class = "IntervalTier"', f'        name = "{name}"']
         lines += ["        xmin = 0", f"        xmax = {_time(seconds)}", f"        intervals: size = {len(rows)}"]
         for k, word in enumerate(rows, 1):
@@ -119,7 +119,7 @@ def _time(seconds: float) -> str:
     return f"{seconds:.6f}".rstrip("0").rstrip(".")
 
 
-def _filled(words: Sequence[Word], seconds: float) -> list[Word]:
+def _fill_gaps(words: Sequence[Word], seconds: float) -> list[Word]:
     """The words with empty intervals between them."""
     rows, at = [], 0.0
     for word in words:

@@ -36,7 +36,7 @@ def load_motions(folder: str | PathLike[str], names: Sequence[str]) -> dict[str,
         raise InputError(f"no motion is in the folder {str(folder)!r}", f"{' or '.join(SUFFIXES)} files, named as the clips")
     by_end, names_by_end = _by_end(files), _by_end(names)
     found = {name: _match(name, by_end[_end(name)], names_by_end[_end(name)]) for name in names}
-    _check_found(str(folder), found, files)
+    _check_complete(str(folder), found, files)
     return {name: [Motion.load(path) for _, path in sorted(files[matches[0]].items())] for name, matches in found.items()}
 
 
@@ -85,7 +85,7 @@ def _match(name: str, files: Sequence[str], names: Sequence[str]) -> list[str]:
     return deeper or ends
 
 
-def _check_found(folder: str, found: dict[str, list[str]], files: dict[str, _Takes]) -> None:
+def _check_complete(folder: str, found: dict[str, list[str]], files: dict[str, _Takes]) -> None:
     """Every clip has one file."""
     several = {name: matches for name, matches in found.items() if len(matches) > 1}
     for name, matches in several.items():

@@ -21,10 +21,10 @@ from ..motion.poses import find_pose
 from ..motion.rotations import Array
 from . import CORPORA
 from .clip import SPLITS, Clip, Semantic
-from .derived_speakers import heard_of
+from .derived_speakers import find_original
 from .store import Entry, Store
 
-__all__ = ["METRES", "POSE_STATISTICS", "SHOULDER", "sample_of", "stored_clips", "track_of"]
+__all__ = ["METRES", "POSE_STATISTICS", "SHOULDER", "load_stored_clips", "sample_of", "track_of"]
 
 TRACK_FPS = 30.0  # frames per second of movement statistics
 FEATURES, WINDOW, HOP = 32, 34, 10  # ours, as many as TED's network; frames of TED's and BEAT's FGD; BEAT's stride
@@ -69,7 +69,7 @@ def track_of(points: Points) -> Track:
     return Track(TRACK_FPS, values[:, root], shoulders, elbows, wrists)
 
 
-def _normalised(values: Array) -> Array:
+def _normalise_points(values: Array) -> Array:
     """PATS' key points from the neck, every frame scaled so that the right shoulder is 167 px away."""
     values = np.asarray(values - values[:, :1], np.float64)
     length = np.linalg.norm(values[:, RIGHT_SHOULDER], axis=-1)
@@ -122,7 +122,7 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: b
         )  # fmt: skip
     if clip.points is not None and len(clip.points):
         points = clip.points
-        values = _normalised(points.values) if points.layout == "pats" else points.values
+        values = _normalise_points(points.values) if points.layout == "pats" else points.values
         known = {"positions" if values.shape[2] == 3 else "points": values}
         arms = track_of(points) if track and points.layout in ARMS else None
         semantics = _semantics(clip.semantics, len(points), points.fps)
@@ -130,7 +130,7 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: b
     raise InputError(f"clip {clip.name!r} has no motion", "metrics need joint rotations or key points")
 
 
-def stored_clips(
+def load_stored_clips(
     folder: str | PathLike[str], *, split: str | None = "test", raw: str | PathLike[str] | None = None
 ) -> list[Clip]:
     """The recordings of a prepared store, decoded from its poses, as `evaluate` takes them.
@@ -182,10 +182,10 @@ def _stretches(scores: Array, fps: float) -> tuple[Semantic, ...]:
 
 
 def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) -> dict[str, Speech]:
-    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``, and a twin says what its original says."""
+    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``, and a derived speaker says what its original says."""
     wanted: dict[str, list[Entry]] = {}
     for entry in entries:
-        for name in {entry.name, entry.name.partition("@")[0], heard_of(entry.name.partition("@")[0])}:
+        for name in {entry.name, entry.name.partition("@")[0], find_original(entry.name.partition("@")[0])}:
             wanted.setdefault(name, []).append(entry)
     found = {}
     for clip in import_module(CORPORA[store.corpus].module).read(raw):

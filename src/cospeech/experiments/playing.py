@@ -18,7 +18,7 @@ from ..models.chain_of_generation import Chain
 from ..models.nn.windowed import Windowed
 from ..motion.rotations import Array
 
-__all__ = ["codes", "context_of", "perform", "play", "play_given", "recognise", "styles_of", "threads"]
+__all__ = ["codes", "context_of", "perform", "play", "play_inputs", "recognise", "styles_of", "threads"]
 
 BATCH = 512  # windows at a time; ours
 LABELS = ("face", "emotion", "speaker")
@@ -114,7 +114,7 @@ def codes(net: Any, pose: Array, audio: Array) -> Array:
 # whole windows at once ----------------------------------------------------------------------------------------------------
 
 
-def _windowed(net: nn.Module) -> Windowed:
+def _as_window_network(net: nn.Module) -> Windowed:
     if not isinstance(net, Windowed):
         raise InputError(f"{type(net).__name__} is not played by windows", "Mix-StAGE and what it is compared with is")
     return net
@@ -134,7 +134,7 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     Raises:
         InputError: another network, or what comes out is not finite.
     """
-    net = _windowed(net)
+    net = _as_window_network(net)
     device = next(net.parameters()).device
     styles = np.array(np.broadcast_to(style, (len(audio), style.shape[-1])))[:, None]
     parts = [slice(k, k + BATCH) for k in range(0, len(audio), BATCH)]
@@ -146,7 +146,7 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     return poses
 
 
-def play_given(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = ()) -> dict[str, Array]:
+def play_inputs(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = ()) -> dict[str, Array]:
     """Windows of all inputs that there are, but for what is lacking.
 
     Args:
@@ -180,7 +180,7 @@ def styles_of(net: nn.Module, stretches: Array) -> Array:
     Raises:
         InputError: another network.
     """
-    net = _windowed(net)
+    net = _as_window_network(net)
     with torch.no_grad():
         return net.speaker_styles(_tensor(stretches, next(net.parameters()).device)).cpu().numpy()
 

@@ -18,12 +18,12 @@ from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .face_rig import FaceRig, looks_turn_eyes, read_face
 from .find_humanoid import read_rig
-from .gltf import GltfFile, checked, read_glb
+from .gltf import GltfFile, read_glb, report_damage
 from .gltf_build import GltfBuilder
 from .rig import Rig, local_matrices, rotation_of
 from .tracks import GltfTrack, clock_of, read_animation
 
-__all__ = ["Avatar", "AvatarStage", "load_avatar"]
+__all__ = ["Avatar", "AvatarScene", "load_avatar"]
 
 _EYES = ("leftEye", "rightEye")
 
@@ -35,7 +35,7 @@ def load_avatar(path: str | PathLike[str]) -> Avatar:
         InputError: not glTF, damaged, or without a humanoid that can be recognised.
     """
     file = read_glb(path)
-    with checked(file.name):
+    with report_damage(file.name):
         rig = read_rig(file)
         face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
         eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
@@ -91,14 +91,14 @@ class Avatar:
         Raises:
             InputError: there is no such animation, or it is damaged.
         """
-        with checked(self.file.name):
+        with report_damage(self.file.name):
             curves = read_animation(self.file, animation)
             fps, times = clock_of(curves, self.file, max(self.rig.joints, len(humanoid())))
             rotations, root = self.rig.motion(curves, times)
             return Motion(fps=fps, rotations=rotations, root=root, face=self.face.face(curves, times), skeleton=self.skeleton)
 
 
-class AvatarStage:
+class AvatarScene:
     """What a GLB writer needs to put motion on an avatar: the document, its tracks, and rows of numbers for them."""
 
     def __init__(self, avatar: Avatar) -> None:

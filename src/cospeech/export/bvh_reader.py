@@ -27,7 +27,7 @@ from ..limits import MOTION_RATES
 from ..motion.bone_mapping import recognise
 from ..motion.motion import Motion
 from ..motion.rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_multiply, quat_rotate
-from ..motion.skeleton import Skeleton, named_skeleton
+from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
 from .bvh_text import Header, read_header, read_rows
@@ -81,7 +81,7 @@ def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
     """Skeletons of our tables get their kind and the table's order of joints; a BVH itself is always depth first."""
     above = {name: skeleton.names[p] if p >= 0 else None for name, p in zip(skeleton.names, skeleton.parents, strict=True)}
     for kind in SKELETONS:
-        table = named_skeleton(kind)
+        table = find_skeleton(kind)
         if above == {name: table.names[p] if p >= 0 else None for name, p in zip(table.names, table.parents, strict=True)}:
             order = [skeleton.index[name] for name in table.names]
             return replace(table, offsets=skeleton.offsets[order], ends=skeleton.ends), order
@@ -153,10 +153,10 @@ def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, A
         roots.append(root)
     if not frames:
         raise InputError("no frame of motion", "is it cut short?")
-    return np.concatenate(pieces), np.concatenate(roots), _moved(offsets, moving, sums / frames)
+    return np.concatenate(pieces), np.concatenate(roots), _move_offsets(offsets, moving, sums / frames)
 
 
-def _moved(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
+def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
     """Offsets after the mean positions of joints that have position channels (see the module's text)."""
     joints, axes = np.array([m[0] for m in moving], int), np.array([m[1] for m in moving], int)
     joints, axes, means = joints[joints > 0], axes[joints > 0], means[joints > 0]

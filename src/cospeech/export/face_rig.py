@@ -15,7 +15,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
-from .gltf import GltfFile, checked
+from .gltf import GltfFile, report_damage
 from .tracks import Curve
 from .visemes import oculus_visemes, vrm_presets
 
@@ -107,7 +107,7 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
         file: the character.
         eyes_are_bones: the looks of VRM's presets are left out, as the eye bones turn.
     """
-    with checked(file.name):
+    with report_damage(file.name):
         nodes = [(k, node["mesh"]) for k, node in enumerate(file.list("nodes")) if "mesh" in node]
         named = [(k, t, name) for k, mesh in nodes for t, name in enumerate(target_names(file, mesh))]
         arkit = [Bind(_ARKIT[key], k, t) for k, t, name in named if (key := _key(name)) in _ARKIT]
@@ -130,7 +130,7 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
 
 def looks_turn_eyes(file: GltfFile, face: FaceRig, eyes: set[int]) -> bool:
     """Whether the shapes of looking turn the eyeballs themselves, so that eye bones (nodes ``eyes``) have to rest."""
-    with checked(file.name):
+    with report_damage(file.name):
         for bind in face.binds:
             entry = file.list("nodes")[bind.node]
             if not bind.driver.startswith(("eyeLook", "look")) or "skin" not in entry:

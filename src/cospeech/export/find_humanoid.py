@@ -11,18 +11,18 @@ from ..motion.rotations import quat_conjugate, quat_multiply, quat_rotate
 from ..motion.skeleton import Skeleton, humanoid
 from ..motion.skeletons.vrm import FROM_VRM0
 from ..motion.tpose import with_tpose
-from .gltf import GltfFile, checked
+from .gltf import GltfFile, report_damage
 from .rig import Rig, rotation_of, world_matrices
 
-__all__ = ["named_bones", "read_rig"]
+__all__ = ["read_bone_names", "read_rig"]
 
 
-def named_bones(file: GltfFile) -> dict[str, int] | None:
+def read_bone_names(file: GltfFile) -> dict[str, int] | None:
     """Humanoid name → node, as a VRM 1.0, VRM 0.x or VRMA extension says it; None where there is no such extension.
 
     VRM 0.x calls the three thumb bones otherwise; the result has VRM 1.0's names.
     """
-    with checked(file.name):
+    with report_damage(file.name):
         extensions = file.json.get("extensions", {})
         for key in ("VRMC_vrm", "VRMC_vrm_animation"):
             if key in extensions:
@@ -47,8 +47,8 @@ def read_rig(file: GltfFile) -> Rig:
     Raises:
         InputError: there is no humanoid, or it is damaged.
     """
-    told, ours = named_bones(file), humanoid()
-    bones = told or _our_own(file) or _recognised(file)
+    told, ours = read_bone_names(file), humanoid()
+    bones = told or _our_own(file) or _guess_bones(file)
     nodes = _below(file, bones["hips"], set(bones.values()))
     if set(ours.names) <= {file.list("nodes")[n].get("name") for n in nodes}:  # as in our own files
         by_name = {file.list("nodes")[n].get("name"): n for n in nodes}
@@ -68,7 +68,7 @@ def _is_still(skeleton: Skeleton) -> bool:
     return bool(np.abs(skeleton.rest[:, 3]).min() > 1 - 1e-9)
 
 
-def _recognised(file: GltfFile) -> dict[str, int]:
+def _guess_bones(file: GltfFile) -> dict[str, int]:
     """Humanoid name → node, from names and shape of the largest tree of bones."""
     order = _candidates(file, set())
     trees: list[list[int]] = []
@@ -99,7 +99,7 @@ def _candidates(file: GltfFile, wanted: set[int]) -> list[int]:
 
     Parents stand before children.
     """
-    with checked(file.name):
+    with report_damage(file.name):
         wanted = wanted | {int(joint) for skin in file.list("skins") for joint in skin["joints"]}
         if any(not 0 <= k < len(file.parents) for k in wanted):
             raise InputError(f"{file.name} is damaged: a skin names nodes that are not there", "export it again")

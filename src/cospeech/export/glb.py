@@ -18,7 +18,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
-from .avatar import Avatar, AvatarStage, load_avatar
+from .avatar import Avatar, AvatarScene, load_avatar
 from .gltf_build import GltfBuilder
 from .to_humanoid import as_humanoid
 from .tracks import GltfTrack, Recorder
@@ -50,34 +50,34 @@ class Writer(BaseWriter):
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
-        self._stage = self._set_stage()
-        self._recorder = Recorder(self._stage.tracks, self.fps, temporary.parent)
+        self._scene = self._open_scene()
+        self._recorder = Recorder(self._scene.tracks, self.fps, temporary.parent)
 
-    def _set_stage(self) -> CharacterStage | AvatarStage:
+    def _open_scene(self) -> CharacterScene | AvatarScene:
         if self._avatar is not None:
-            return AvatarStage(self._avatar if isinstance(self._avatar, Avatar) else load_avatar(self._avatar))
+            return AvatarScene(self._avatar if isinstance(self._avatar, Avatar) else load_avatar(self._avatar))
         if self._character is None:
             from .mannequin import build
 
             self._character = build()
-        return CharacterStage(self._character)
+        return CharacterScene(self._character)
 
     def _write(self, motion: Motion) -> None:
         assert self._recorder is not None
-        self._recorder.add(self._stage.rows(motion))
+        self._recorder.add(self._scene.rows(motion))
 
     def _finish(self) -> None:
         assert self._recorder is not None
-        self._recorder.append(self._stage.builder, "speech")
+        self._recorder.append(self._scene.builder, "speech")
         with self._temporary.open("wb") as file:
-            self._stage.builder.write(file)
+            self._scene.builder.write(file)
 
     def _discard(self) -> None:
         if self._recorder is not None:
             self._recorder.close()
 
 
-class CharacterStage:
+class CharacterScene:
     """What the writer needs to put motion on a figure of ours: the document, its tracks, and rows of numbers for them."""
 
     def __init__(self, character: Character) -> None:

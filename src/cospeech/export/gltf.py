@@ -21,7 +21,7 @@ from ..motion.rotations import Array
 from .glb_container import split_glb
 from .reading import read_bytes
 
-__all__ = ["COMPONENTS", "WIDTHS", "GltfFile", "checked", "read_glb"]
+__all__ = ["COMPONENTS", "WIDTHS", "GltfFile", "read_glb", "report_damage"]
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
 """Code of a component type → numpy dtype."""
@@ -31,7 +31,7 @@ _FREE, _PER_BYTE = 8_000_000, 16  # ours: numbers that all accessors together ma
 
 
 @contextmanager
-def checked(name: str) -> Iterator[None]:
+def report_damage(name: str) -> Iterator[None]:
     """Turn what damaged JSON provokes (wrong types, missing keys, indices out of range) into an `InputError`."""
     try:
         yield
@@ -121,7 +121,7 @@ class GltfFile:
         Raises:
             InputError: another width than asked for, data out of bounds, numbers that are not finite.
         """
-        with checked(self.name):
+        with report_damage(self.name):
             entry = self.list("accessors")[_natural(index)]
             dtype, count = np.dtype(COMPONENTS[entry["componentType"]]), _natural(entry["count"])
             if WIDTHS[entry["type"]] != width:
@@ -182,7 +182,7 @@ def read_glb(path: str | PathLike[str]) -> GltfFile:
     name = repr(str(path))
     data = read_bytes(path)
     document, binary = split_glb(data, name)
-    with checked(name):
+    with report_damage(name):
         version = document.get("asset", {}).get("version")
         if version != "2.0":
             raise InputError(f"{name} is glTF {str(version)[:20]}", "only glTF 2.0 can be read")

@@ -24,7 +24,7 @@ from ..errors import InputError
 from ..limits import MOTION_RATES
 from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_continuous, quat_to_rotvec, rotvec_to_quat
-from ..motion.skeleton import named_skeleton
+from ..motion.skeleton import find_skeleton
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .frame_buffer import FrameBuffer
@@ -172,4 +172,4 @@ def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array 
         vectors[:, _JAW] = 0  # it is in the face now; both together would open the mouth twice
     rotations = quat_continuous(rotvec_to_quat(vectors))
     root = trans.astype(np.float64) + _PELVIS
-    return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=named_skeleton("smplx"))
+    return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=find_skeleton("smplx"))

@@ -46,7 +46,7 @@ class Arrays:
 
     def shape(self, key: str) -> tuple[int, ...]:
         """Of an array, from its head alone."""
-        with _blamed(self._name), self._archive.open(self._members[key]) as member:
+        with _report_damage(self._name), self._archive.open(self._members[key]) as member:
             return read_array_head(member, f"{key!r} of {self._name}")[1]
 
     def read(self, key: str) -> np.ndarray:
@@ -56,7 +56,7 @@ class Arrays:
             InputError: damaged, or of other things than numbers and text.
         """
         info = self._members[key]
-        with _blamed(self._name), self._archive.open(info) as member:
+        with _report_damage(self._name), self._archive.open(info) as member:
             return read_array(member, info.file_size, f"{key!r} of {self._name}")
 
 
@@ -68,14 +68,14 @@ def open_arrays(file: BinaryIO, name: str) -> Iterator[Arrays]:
         InputError: it is no zip, or it is damaged.
     """
     check_zip(file, NPZ_MEMBERS, name)
-    with _blamed(name):
+    with _report_damage(name):
         archive = zipfile.ZipFile(file)
     with archive:
         yield Arrays(archive, name)
 
 
 @contextmanager
-def _blamed(name: str) -> Iterator[None]:
+def _report_damage(name: str) -> Iterator[None]:
     """Turn what a damaged archive makes `zipfile` raise into an `InputError`."""
     try:
         yield

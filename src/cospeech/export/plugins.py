@@ -53,7 +53,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
             name = self._prefix + entry.name
             if name in seen:
                 who = "cospeech has" if name in self.ours else "another package has"
-                self._tell(f"{_shown(entry)} is not used: {who} {name!r} already")
+                self._tell(f"{_describe(entry)} is not used: {who} {name!r} already")
             elif self._load(entry) is not None:
                 seen.add(name)
                 yield name
@@ -70,12 +70,12 @@ class Registry(Mapping[str, Row], Generic[Row]):
             try:
                 row = entry.load()
             except Exception as error:  # whatever a stranger's module does when it is imported
-                self._tell(f"{_shown(entry)} cannot be used: {type(error).__name__}: {error}")
+                self._tell(f"{_describe(entry)} cannot be used: {type(error).__name__}: {error}")
             else:
                 if isinstance(row, self._kind):
                     self._loaded[entry] = row
                 else:
-                    self._tell(f"{_shown(entry)} cannot be used: {entry.value} is no {self._kind.__name__}")
+                    self._tell(f"{_describe(entry)} cannot be used: {entry.value} is no {self._kind.__name__}")
         return self._loaded[entry]
 
     def _tell(self, text: str) -> None:
@@ -85,7 +85,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
             warnings.warn(text, CospeechWarning, stacklevel=4)
 
 
-def _shown(entry: EntryPoint) -> str:
+def _describe(entry: EntryPoint) -> str:
     owner = f" of {entry.dist.name}" if entry.dist is not None else ""
     return f"plug-in {entry.name!r}{owner} ({entry.group})"
 

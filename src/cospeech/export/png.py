@@ -14,10 +14,10 @@ from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton, humanoid
 from . import Writer as BaseWriter
 from .pictures import background_of, no_avatar, size_of
-from .render.camera import view_named
+from .render.camera import find_view
 from .render.framing import PoseStage, box_of
 from .render.keyframes import Keyframes
-from .render.worker import Artist, Look, pack
+from .render.worker import FrameRenderer, Look, pack
 from .to_humanoid import as_humanoid
 
 __all__ = ["Writer"]
@@ -57,7 +57,7 @@ class Writer(BaseWriter):
     ) -> None:
         no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
-        self._size, self._view, self._background = size_of(size), view_named(camera), background_of(background)
+        self._size, self._view, self._background = size_of(size), find_view(camera), background_of(background)
         if not (200 <= self._size[0] <= 8192 and 160 <= self._size[1] <= 4096):
             raise InputError(f"a strip of {self._size[0]} × {self._size[1]} pixels", "200 × 160 … 8192 × 4096")
         if not 1 <= pictures <= 24:
@@ -81,8 +81,8 @@ class Writer(BaseWriter):
         moments = self._moments.best(self._pictures)
         layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
         box = box_of(self._view, humanoid(), np.stack([pose.positions for _, pose in moments]))
-        artist = Artist(Look(*layout.cell, self._view, self._background))
-        drawn = artist.draw(np.stack([pack(pose, box) for _, pose in moments]))
+        renderer = FrameRenderer(Look(*layout.cell, self._view, self._background))
+        drawn = renderer.draw(np.stack([pack(pose, box) for _, pose in moments]))
         times = [frame / self.fps for frame, _ in moments]
         duration = self._moments.frames / self.fps
         sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)

@@ -121,11 +121,9 @@ def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -
     holds = format_of(path).holds
     if not {*parts} & {*holds}:
         fit = " ".join(suffixes(lambda entry: bool({*parts} & {*entry.holds})))
-        problem = (
-            f"{str(path)!r} would not move: {whose} {_listed(parts)} only, {Path(path).suffix} files hold {_listed(holds)}"
-        )
-        raise InputError(problem, f"for {_listed(parts)}: {fit}")
+        problem = f"{str(path)!r} would not move: {whose} {_join_names(parts)} only, {Path(path).suffix} files hold {_join_names(holds)}"
+        raise InputError(problem, f"for {_join_names(parts)}: {fit}")
 
 
-def _listed(parts: Collection[str]) -> str:
+def _join_names(parts: Collection[str]) -> str:
     return " and ".join(parts)

@@ -26,7 +26,7 @@ from ..motion.rotations import (  # fmt: skip
     quat_to_matrix,
 )
 from ..motion.skeleton import Skeleton
-from .gltf import GltfFile, checked
+from .gltf import GltfFile, report_damage
 from .tracks import Curve
 
 __all__ = ["Rig", "local_matrices", "rotation_of", "world_matrices"]
@@ -38,7 +38,7 @@ def local_matrices(file: GltfFile) -> Array:
     if len(nodes) > GLTF_NODES:
         raise InputError(f"{file.name} has {len(nodes)} nodes", "is this a character?")
     matrices = np.tile(np.eye(4), (len(nodes), 1, 1))
-    with checked(file.name):
+    with report_damage(file.name):
         for k, node in enumerate(nodes):
             if "matrix" in node:
                 matrices[k] = np.array(node["matrix"], float).reshape(4, 4).T
@@ -124,7 +124,7 @@ class Rig:
             path.append(node)
             node = self.file.parents[node]
         for node in reversed(path):
-            world = world @ _animated(self.file.list("nodes")[node], node, rest[node], curves, times)
+            world = world @ _animate(self.file.list("nodes")[node], node, rest[node], curves, times)
         rotations[:, 0] = quat_multiply(self.facing, rotation_of(world))
         return quat_continuous(rotations), quat_rotate(self.facing, world[:, :3, 3]) + self.shift
 
@@ -135,7 +135,7 @@ def rotation_of(matrices: Array) -> Array:
     return matrix_to_quat(basis / np.maximum(np.linalg.norm(basis, axis=-2, keepdims=True), 1e-12))
 
 
-def _animated(entry: dict[str, Any], node: int, rest: Array, curves: dict[tuple[int, str], Curve], times: Array) -> Array:
+def _animate(entry: dict[str, Any], node: int, rest: Array, curves: dict[tuple[int, str], Curve], times: Array) -> Array:
     """(T, 4, 4) local matrices of a node; the rest matrix where nothing moves it."""
     if not any((node, path) in curves for path in ("rotation", "translation", "scale")):
         return np.broadcast_to(rest, (len(times), 4, 4))

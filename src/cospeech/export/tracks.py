@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array, quat_continuous, quat_normalize, quat_slerp
 from .frame_buffer import FrameBuffer
-from .gltf import GltfFile, checked
+from .gltf import GltfFile, report_damage
 from .gltf_build import GltfBuilder
 from .reading import check_frames
 from .timing import frame_rate
@@ -134,7 +134,7 @@ def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curv
     Raises:
         InputError: there is no such animation, or it is damaged.
     """
-    with checked(file.name):
+    with report_damage(file.name):
         animations = file.list("animations")
         if not animations:
             raise InputError(f"{file.name} holds no animation", "to drive this character, use it as an avatar")

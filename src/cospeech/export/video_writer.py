@@ -12,8 +12,8 @@ from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton
 from . import Writer
 from .pictures import background_of, no_avatar, size_of
-from .render.camera import view_named
-from .render.frames import Film
+from .render.camera import find_view
+from .render.frames import FrameStream
 from .render.worker import Look, Pictures
 from .to_humanoid import as_humanoid
 
@@ -49,7 +49,7 @@ class MovingWriter(Writer):
         no_avatar(avatar)
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
-        self._film = Film(Look(*self.size, view_named(camera), background_of(background)), self.fps, self.rate)
+        self._frame_stream = FrameStream(Look(*self.size, find_view(camera), background_of(background)), self.fps, self.rate)
 
     @abstractmethod
     def _open(self, temporary: Path) -> None: ...
@@ -64,10 +64,10 @@ class MovingWriter(Writer):
         self._open(temporary)
 
     def _write(self, motion: Motion) -> None:
-        self._take(self._film.push(as_humanoid(motion)))
+        self._take(self._frame_stream.push(as_humanoid(motion)))
 
     def _finish(self) -> None:
-        self._take(self._film.flush())
+        self._take(self._frame_stream.flush())
         self._close()
 
     def _take(self, batches: Iterable[Pictures]) -> None:
@@ -78,4 +78,4 @@ class MovingWriter(Writer):
 
     def _discard(self) -> None:
         with suppress(OSError):
-            self._film.close()
+            self._frame_stream.close()

@@ -21,7 +21,7 @@ from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .find_humanoid import read_rig
-from .gltf import GltfFile, checked, read_glb
+from .gltf import GltfFile, read_glb, report_damage
 from .gltf_build import GltfBuilder
 from .to_humanoid import as_humanoid
 from .tracks import Curve, GltfTrack, Recorder, clock_of, read_animation
@@ -142,7 +142,7 @@ def load(path: str | PathLike[str]) -> Motion:
     extension = file.json.get("extensions", {})
     if not isinstance(extension, dict) or "VRMC_vrm_animation" not in extension:
         raise InputError(f"{file.name} is no VRM animation", "an animated character is read as .glb")
-    with checked(file.name):
+    with report_damage(file.name):
         rig = read_rig(file)
         curves = read_animation(file)
         fps, times = clock_of(curves, file, max(rig.joints, len(humanoid())))

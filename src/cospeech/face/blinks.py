@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import RATE, Heard
-from ..motion.noise import hashed_normal, hashed_uniform
+from ..motion.noise import hash_normal, hash_uniform
 from ..motion.rotations import Array
 
 __all__ = ["blink_times", "eyelids", "phrase_ends"]
@@ -44,7 +44,7 @@ def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array
     if rate <= 0:
         return np.zeros(0), np.zeros(0, int)
     cell = np.arange(int(np.floor((start - 2.0) * rate)), int(np.floor((end + 1.0) * rate)) + 1)
-    place, kind = hashed_uniform(seed, _PER_CELL, cell)
+    place, kind = hash_uniform(seed, _PER_CELL, cell)
     first = (cell + 0.08 + 0.84 * place) / rate
     again = kind < _TWICE
     second = first[again] + 0.45 + 4.0 * kind[again]
@@ -52,9 +52,11 @@ def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array
     return np.concatenate([first[once], second]), np.concatenate([2 * cell[once], 2 * cell[again] + 1])
 
 
-def _caused(seed: int, due: Array, when: Array, index: Array, stream: int, chance: Array | float) -> tuple[Array, Array]:
+def _draw_caused_blinks(
+    seed: int, due: Array, when: Array, index: Array, stream: int, chance: Array | float
+) -> tuple[Array, Array]:
     """Blinks at events, with a chance, unless one is due anyway."""
-    drawn, late = hashed_uniform(seed, stream + _PAIR, index)
+    drawn, late = hash_uniform(seed, stream + _PAIR, index)
     keep = drawn < chance
     if len(due):
         keep &= np.abs(when[:, None] - due).min(1) > _APART
@@ -73,23 +75,23 @@ def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Seque
     """
     due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
     speaking = heard.at(due, heard.loudness) > _SPEAKING
-    kept = ~speaking | (hashed_uniform(seed, _HOLD, index) > _HELD_BACK)
+    kept = ~speaking | (hash_uniform(seed, _HOLD, index) > _HELD_BACK)
     begin, index = due[kept], index[kept]
     ends = phrase_ends(heard)
     if len(ends) and rate > 0:
-        more = _caused(seed, due, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
+        more = _draw_caused_blinks(seed, due, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     if len(shifts) and rate > 0:
         when, size = np.array(shifts, float).T
         chance = _AT_SHIFT * np.minimum(size / _LARGE_SHIFT, 1.0)
-        more = _caused(seed, due, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
+        more = _draw_caused_blinks(seed, due, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     near = (begin > times[0] - 0.5) & (begin < times[-1])
     begin, index = begin[near], index[near]
     if not len(begin):
         return np.zeros(len(times))
-    width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hashed_normal(seed, _WIDTH, index)), *_WIDTHS)
-    depth = 1.0 - 0.25 * hashed_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
+    width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hash_normal(seed, _WIDTH, index)), *_WIDTHS)
+    depth = 1.0 - 0.25 * hash_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
     since = (times[:, None] - begin) / width
     ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)
     ramp = np.minimum(np.maximum(ramp, 0), 1)

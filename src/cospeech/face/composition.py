@@ -10,16 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Heard
-from ..motion.noise import hashed_normal, smooth_noise
+from ..motion.noise import hash_normal, smooth_noise
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
-from ..motion.weighted_sum import weighted_sum
+from ..motion.weighted_sum import add_weighted_rows
 from .blinks import eyelids
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
 from .gaze import lids_and_looks
 from .laughter import LAUGHS, laughter
 from .lips import MouthEstimate, voice_to_mouth
-from .visemes import MOUTH, phones_of, phones_to_mouth, snapped
+from .visemes import MOUTH, phones_of, phones_to_mouth, snap_visemes
 
 __all__ = ["Face"]
 
@@ -88,7 +88,7 @@ class Face:
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
         self.emphasis = emphasis
         self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
-        lean = 0.05 * hashed_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
+        lean = 0.05 * hash_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
         self._lean = np.ones(len(ARKIT))
         for k, name in enumerate(n for n in ARKIT if n.startswith(("mouth", "brow", "cheek", "nose")) and n.endswith("Left")):
             self._lean[ARKIT_INDEX[name]] += lean[k]
@@ -133,7 +133,7 @@ class Face:
             shape, closed = self._speech(times, heard, voice, words)
             out = shape @ _SPREAD
         else:
-            out, closed = self._learnt(times, heard, voice, words, spoken)
+            out, closed = self._apply_mouth(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
         laughs = laughter(times, words)[:, None]
         out += laughs * np.maximum(LAUGHS - out, 0.0)
@@ -154,20 +154,22 @@ class Face:
         Returns:
             (T, 52) in 0 … 1.
         """
-        return self._scaled(lids_and_looks(weights, angles))
+        return self._scale(lids_and_looks(weights, angles))
 
     def _speech(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
         phones = phones_of(words, times[0], times[-1])
         if not len(phones.centre):
             return voice.shape * self._articulation, 0.7 * voice.closed  # no one knows whether a dip is a p or a t
-        mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones, heard))
+        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones, heard))
         claim = mouth.claim * voice.active
         mouth.shape[:, 0] *= _WORDS_GAIN * voice.effort
         shape = claim[:, None] * mouth.shape + (1 - claim)[:, None] * voice.shape
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
 
-    def _learnt(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array) -> tuple[Array, Array]:
+    def _apply_mouth(
+        self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array
+    ) -> tuple[Array, Array]:
         """(T, 52) and (T,): as a mouth says while somebody talks, and how far the lips are closed.
 
         Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
@@ -175,7 +177,7 @@ class Face:
         """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
-        mouth = phones_to_mouth(times - _PHONE_LAG, snapped(phones_of(words, times[0], times[-1]), heard))
+        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones_of(words, times[0], times[-1]), heard))
         mouth.shape[:, 0] = 0.0
         known = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
         rounded = np.minimum(known[:, _ROUND].sum(1), 1.0)
@@ -184,7 +186,7 @@ class Face:
         closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
         return np.maximum(shape, known @ _SPREAD), closed
 
-    def _scaled(self, out: Array) -> Array:
+    def _scale(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
         scaled: Array = np.clip(out * self._gains, 0.0, 1.0)
         scaled[:, _CLOSE] = np.minimum(scaled[:, _CLOSE], scaled[:, _JAW])
@@ -194,7 +196,7 @@ class Face:
         """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
         course = np.clip(_CALM + _SWELL * accent_swell(times, accents) + _DRIFT * drift[:, 0], 0.2, 1.0)
         course *= self.intensity * (0.7 + 0.3 * self.expressiveness)
-        out = weighted_sum(emotion * course[:, None], EXPRESSIONS)
+        out = add_weighted_rows(emotion * course[:, None], EXPRESSIONS)
         out *= 1 - IS_MOUTH * (_MOUTH_YIELDS * talking)[:, None]
         friendly = (
             emotion[:, 0] * _FRIENDLY * self.expressiveness * (1 - 0.7 * talking) * np.clip(0.9 + 0.6 * drift[:, 1], 0, 2)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import Accent
-from ..motion.noise import hashed_uniform
+from ..motion.noise import hash_uniform
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
-from ..motion.weighted_sum import weighted_sum
+from ..motion.weighted_sum import add_weighted_rows
 
 __all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
 
@@ -81,7 +81,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: 
         return np.zeros((len(times), 4))
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
-    which, side, much, inner = hashed_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
+    which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
     chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
     knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
@@ -97,7 +97,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: 
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     ramp = np.minimum(np.maximum(ramp, 0), 1)
     course = ramp * ramp * (3 - 2 * ramp)
-    return np.tanh(weighted_sum(course, raised))  # overlapping rises saturate
+    return np.tanh(add_weighted_rows(course, raised))  # overlapping rises saturate
 
 
 def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
@@ -106,4 +106,4 @@ def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T
     near = np.maximum(1 - np.abs(times[:, None] - when - 0.25) / 1.05, 0)  # from 0.8 s before the accent on
-    return np.tanh(weighted_sum(near * near * (3 - 2 * near), strength[:, None]))[:, 0]
+    return np.tanh(add_weighted_rows(near * near * (3 - 2 * near), strength[:, None]))[:, 0]

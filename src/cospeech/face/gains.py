@@ -46,7 +46,7 @@ def face_gains(gain: object) -> Array:
         InputError: no such channel, or a number out of range.
     """
     gains = np.ones(len(ARKIT))
-    for name, value in sorted(_said(gain), key=lambda said: said[0] in _COLUMNS):  # of the mouth first, then single ones
+    for name, value in sorted(_parse_gain(gain), key=lambda said: said[0] in _COLUMNS):  # of the mouth first, then single ones
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 <= value <= _MOST:
             raise InputError(f"face gain {str(value)[:60]}{f' of {name}' if name else ''}", _HINT)
         if name and name not in _COLUMNS:
@@ -55,7 +55,7 @@ def face_gains(gain: object) -> Array:
     return gains
 
 
-def _said(gain: object) -> list[tuple[str, object]]:
+def _parse_gain(gain: object) -> list[tuple[str, object]]:
     """(channel, or "" for the mouth; number)."""
     if isinstance(gain, Mapping):
         return [(str(name), value) for name, value in gain.items()]

@@ -104,14 +104,14 @@ def voice_to_mouth(times: Array, heard: Heard) -> MouthEstimate:
     rows[_PAD:-_PAD] = _rows(heard)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
     at, start = np.asarray(times, float) * RATE, heard.start - _PAD
-    now = _filtered(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, start + len(_SPEAK) - 1)
-    talking = _filtered(rows[:, 8:9], at, _SLOW, start + len(_SLOW) // 2)[:, 0]
+    now = _filter(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, start + len(_SPEAK) - 1)
+    talking = _filter(rows[:, 8:9], at, _SLOW, start + len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))
     shape[:, :7] = now[:, :7]
     return MouthEstimate(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)
 
 
-def _filtered(rows: Array, at: Array, kernel: Array, back: int) -> Array:
+def _filter(rows: Array, at: Array, kernel: Array, back: int) -> Array:
     """``kernel`` laid over rows ``at - back`` onwards (fractions interpolate linearly); rows beyond the ends are held.
 
     Fractions are those of ``at``, counted from the beginning of the speech: no bit of them depends on where the window begins.

@@ -15,7 +15,7 @@ class Mouth(Protocol):
     """The mouth of one speech, which comes in pieces; what it says of a time has the same bits however the speech is cut."""
 
     @property
-    def known(self) -> float:
+    def certain_until(self) -> float:
         """Seconds for which it is certain; at most `cospeech.rules.session.MOUTH_WAITS` behind what was pushed."""
         ...
 

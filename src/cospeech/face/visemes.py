@@ -10,10 +10,10 @@ import numpy as np
 
 from ..audio.prosodic_events import Heard
 from ..motion.rotations import Array
-from ..motion.weighted_sum import weighted_sum
+from ..motion.weighted_sum import add_weighted_rows
 from .graphemes import graphemes_to_phones
 
-__all__ = ["MOUTH", "VISEMES", "MouthShape", "Phones", "phones_of", "phones_to_mouth", "snapped"]
+__all__ = ["MOUTH", "VISEMES", "MouthShape", "Phones", "phones_of", "phones_to_mouth", "snap_visemes"]
 
 MOUTH = (
     "jawOpen", "mouthFunnel", "mouthPucker", "mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp",
@@ -119,7 +119,7 @@ def phones_of(words: Sequence, start: float, end: float) -> Phones:
     return Phones(table[:, 0], table[:, 1], table[:, 2].astype(int), table[:, 3])
 
 
-def snapped(phones: Phones, heard: Heard) -> Phones:
+def snap_visemes(phones: Phones, heard: Heard) -> Phones:
     """Open vowels moved towards louder moments nearby, closures towards quieter ones, by at most 60 ms."""
     around = heard.at((phones.centre[:, None] + _SNAP_REACH).ravel(), heard.loudness).reshape(-1, len(_SNAP_REACH))
     weight = _SNAP_PRIOR * np.exp(_SNAP_PULL * _SNAP[phones.viseme][:, None] * around)
@@ -141,9 +141,9 @@ def phones_to_mouth(times: Array, phones: Phones) -> MouthShape:
     dominance = np.exp(-0.5 * scaled * scaled) * near
     jaw, lips = dominance * _JAW[phones.viseme], dominance * _LIPS[phones.viseme]
     target = _SHAPE[phones.viseme] * phones.reached[:, None]
-    shape = weighted_sum(lips, target) / (weighted_sum(lips) + 1e-9)
-    shape[:, 0] = (weighted_sum(jaw, target[:, :1]) / (weighted_sum(jaw) + 1e-9))[:, 0]
+    shape = add_weighted_rows(lips, target) / (add_weighted_rows(lips) + 1e-9)
+    shape[:, 0] = (add_weighted_rows(jaw, target[:, :1]) / (add_weighted_rows(jaw) + 1e-9))[:, 0]
     flat = np.abs(away) / (np.minimum(phones.half, 0.06) + 0.02)
     closed = (np.exp(-(flat**4)) * _CLOSED[phones.viseme]).max(1)
-    claim = weighted_sum(dominance)[:, 0]
+    claim = add_weighted_rows(dominance)[:, 0]
     return MouthShape(shape, closed, claim / (claim + 0.1))

@@ -20,7 +20,7 @@ from .beat_lift import accents, lift_of_times, wrist_peaks
 from .interval import mean_score
 from .metric import metric
 from .movement import Track
-from .onsets import HOP, backtracked, onset_frames, onset_strength, onset_times, rms
+from .onsets import HOP, backtrack, onset_frames, onset_strength, onset_times, rms
 from .sample import Sample, Score, Tools
 
 __all__ = [
@@ -147,7 +147,7 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
         if len(samples) < rate or len(angles) < sample.fps:
             continue
         motion = _minima(np.linalg.norm(np.diff(angles, axis=0), axis=1), BEAT_ORDER) / sample.fps
-        onsets = backtracked(onset_frames(onset_strength(samples, rate), rate), rms(samples))
+        onsets = backtrack(onset_frames(onset_strength(samples, rate), rate), rms(samples))
         values.append(closeness(onsets * (HOP / LIBRARY_RATE), motion, BEAT_SIGMA))
     if not values:
         raise InputError("no clip is longer than 11 s", f"BEAT's form leaves out the first {BEAT_FROM:g} s")

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .interval import mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
 __all__ = ["canonical", "cca", "cca_genea"]
@@ -46,7 +46,7 @@ def canonical(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 
 def _poses(generated: Sequence[Sample], reference: Sequence[Sample]) -> list[tuple[Array, Array]]:
-    pairs = paired_samples(generated, reference, "positions")
+    pairs = pair_samples(generated, reference, "positions")
     if min(made.shape[1] for _, _, made, _ in pairs) < 2:
         raise InputError("CCA of a root alone", "a root and at least one more joint")
     flat = [[(x - x[:, :1])[:, 1:].reshape(len(x), -1) for x in (made, true)] for _, _, made, true in pairs]

@@ -22,7 +22,7 @@ GROUPS = 5  # GFGE generator.py, vis_latent_space.py: five videos, five clusters
 MOST = 4000  # ours: distances of more windows than this are taken of a random part
 
 
-def _checked(points: Array, labels: Array) -> tuple[Array, Array]:
+def _check_labels(points: Array, labels: Array) -> tuple[Array, Array]:
     points, labels = np.asarray(points, np.float64), np.unique(labels, return_inverse=True)[1]
     groups = labels.max(initial=-1) + 1
     if points.ndim != 2 or len(points) != len(labels) or not 2 <= groups < len(points):
@@ -34,7 +34,7 @@ def _checked(points: Array, labels: Array) -> tuple[Array, Array]:
 
 def calinski_harabasz(points: Array, labels: Array) -> float:
     """Spread between groups over spread within, each by its degrees of freedom (Calinski & Harabasz 1974)."""
-    points, labels = _checked(points, labels)
+    points, labels = _check_labels(points, labels)
     sizes = np.bincount(labels)
     means = np.stack([points[labels == k].mean(0) for k in range(len(sizes))])
     between = sizes @ np.square(means - points.mean(0)).sum(1)
@@ -45,7 +45,7 @@ def calinski_harabasz(points: Array, labels: Array) -> float:
 
 def silhouette_coefficient(points: Array, labels: Array) -> float:
     """Mean of (b − a) / max(a, b): a to one's own group, b to the nearest other (Rousseeuw 1987); alone in a group counts 0."""
-    points, labels = _checked(points, labels)
+    points, labels = _check_labels(points, labels)
     square = np.square(points).sum(1)
     sizes = np.bincount(labels)
     member = np.eye(len(sizes))[labels]
@@ -64,7 +64,7 @@ def silhouette_coefficient(points: Array, labels: Array) -> float:
     return float(scores.mean())
 
 
-def _labelled(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
+def _label_windows(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
     assert tools.features is not None
     rows, labels = [], []
     for sample in generated:
@@ -81,9 +81,9 @@ def _labelled(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
     return points, names
 
 
-def _pictured(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
+def _embed_windows(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Array]:
     assert tools.embedding is not None
-    points = np.asarray(tools.embedding(_labelled(generated, tools)[0]), np.float64)
+    points = np.asarray(tools.embedding(_label_windows(generated, tools)[0]), np.float64)
     vq = scipy("cluster.vq")
     try:
         labels = vq.kmeans2(points, GROUPS, minit="++", missing="raise", rng=np.random.default_rng(tools.seed))[1]
@@ -100,26 +100,26 @@ def _score(value: float, points: Array, tools: Tools) -> Score:
 @metric("features", better="higher")
 def chi(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Calinski–Harabasz index of features with speakers as labels; grows with the number of windows."""
-    points, labels = _labelled(generated, tools)
+    points, labels = _label_windows(generated, tools)
     return _score(calinski_harabasz(points, labels), points, tools)
 
 
 @metric("features", better="higher")
 def silhouette(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Silhouette coefficient of features with speakers as labels, −1 … 1."""
-    points, labels = _labelled(generated, tools)
+    points, labels = _label_windows(generated, tools)
     return _score(silhouette_coefficient(points, labels), points, tools)
 
 
 @metric("features", "embedding", better="higher")
 def chi_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """CHI of the flow paper: on a 2-D embedding that is passed in, with the labels k-means (k = 5) finds there."""
-    points, labels = _pictured(generated, tools)
+    points, labels = _embed_windows(generated, tools)
     return _score(calinski_harabasz(points, labels), points, tools)
 
 
 @metric("features", "embedding", better="higher")
 def silhouette_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Silhouette of the flow paper: on a 2-D embedding that is passed in, with the labels k-means (k = 5) finds there."""
-    points, labels = _pictured(generated, tools)
+    points, labels = _embed_windows(generated, tools)
     return _score(silhouette_coefficient(points, labels), points, tools)

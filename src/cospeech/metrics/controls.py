@@ -28,8 +28,8 @@ __all__ = [
     "another_clip",
     "control_rows",
     "faults_of_order",
-    "frozen_pose",
-    "shuffled_speech",
+    "freeze_pose",
+    "shuffle_speech",
     "white_noise",
 ]
 
@@ -90,7 +90,7 @@ def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random
     return replace(clip, points=replace(body, values=values.mean(0) + noise))
 
 
-def frozen_pose(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
+def freeze_pose(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
     """The mean pose of all clips, but for 1e-6 of jitter."""
     rng = np.random.default_rng(seed)
     return [_noisy(clip, clips, JITTER, rng) for clip in clips]
@@ -126,7 +126,7 @@ def another_clip(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
     return made
 
 
-def shuffled_speech(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
+def shuffle_speech(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
     """The next clip's speech (the second half first, where there is no other), repeated or cut to this one's length."""
     speaking = [clip for clip in clips if clip.speech is not None]
     made = []
@@ -153,7 +153,7 @@ def control_rows(clips: Sequence[Clip], *, seed: int = 0) -> dict[str, list[Clip
     still = next((clip.name for clip in clips if _body(clip) is None or not len(_body(clip))), None)
     if still is not None:
         raise InputError(f"clip {still!r} has no motion", "control rows are made of clips with motion or key points")
-    makers: tuple[Callable[..., list[Clip]], ...] = (frozen_pose, white_noise, shuffled_speech, another_clip)
+    makers: tuple[Callable[..., list[Clip]], ...] = (freeze_pose, white_noise, shuffle_speech, another_clip)
     rows = {CONTROLS[0]: list(clips)}
     return rows | {name: make(clips, seed=seed) for name, make in zip(CONTROLS[1:], makers, strict=True)}
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .interval import mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
 __all__ = ["face_mse"]
@@ -20,7 +20,7 @@ __all__ = ["face_mse"]
 @metric("face", better="lower", paired=True)
 def face_mse(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean (Δ weight)² of the 52 ARKit weights to the recording, without the seed frames."""
-    pairs = paired_samples(generated, reference, "face")
+    pairs = pair_samples(generated, reference, "face")
     gaps = [np.square(made - true)[sample.seed_frames :] for sample, _, made, true in pairs]
     gaps = [gap for gap in gaps if len(gap)]
     return mean_score([float(gap.mean()) for gap in gaps], [float(len(gap)) for gap in gaps], seed=tools.seed)

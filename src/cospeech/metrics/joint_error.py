@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .interval import mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
 __all__ = ["acceleration_error", "ape", "mae"]
@@ -19,7 +19,7 @@ __all__ = ["acceleration_error", "ape", "mae"]
 
 def _gaps(generated: Sequence[Sample], reference: Sequence[Sample], order: int) -> list[np.ndarray]:
     found = []
-    for sample, _, made, true in paired_samples(generated, reference, "positions"):
+    for sample, _, made, true in pair_samples(generated, reference, "positions"):
         gap = ((made - made[:, :1]) - (true - true[:, :1]))[sample.seed_frames :, 1:]
         gap = np.diff(gap, n=order, axis=0) * sample.fps**order
         if gap.size:

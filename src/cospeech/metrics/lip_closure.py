@@ -15,17 +15,17 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT_INDEX
 from .interval import bootstrap, mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 from .speech_level import at_rate, level, silent
 
-__all__ = ["kappa", "lip_closure", "lip_closure_agreement", "shut"]
+__all__ = ["is_shut", "kappa", "lip_closure", "lip_closure_agreement"]
 
 SHUT = 0.1  # of jawOpen; ours: at rest faces of BEAT and GRID are below
 DRAWS = 1000  # ours, as of `mean_score`
 
 
-def shut(face: Array) -> Array:
+def is_shut(face: Array) -> Array:
     """(T,) whether the mouth of (T, 52) weights is shut."""
     return np.asarray(face)[:, ARKIT_INDEX["jawOpen"]] < SHUT
 
@@ -68,8 +68,8 @@ def lip_closure(generated: Sequence[Sample], reference: Sequence[Sample], tools:
 def lip_closure_agreement(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Cohen's κ between when the mouth is shut and when the recorded one is; 0 is chance, 1 is perfect."""
     tables = []
-    for sample, _, made, true in paired_samples(generated, reference, "face"):
-        pairs = 2 * shut(true)[sample.seed_frames :].astype(int) + shut(made)[sample.seed_frames :]
+    for sample, _, made, true in pair_samples(generated, reference, "face"):
+        pairs = 2 * is_shut(true)[sample.seed_frames :].astype(int) + is_shut(made)[sample.seed_frames :]
         tables.append(np.bincount(pairs, minlength=4).reshape(2, 2).astype(float))
     every = np.stack(tables)
     if not all(every.sum(0).sum(1) > 0):

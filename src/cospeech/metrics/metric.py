@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .sample import Sample, Score, Tools
 
-__all__ = ["BETTER", "About", "Metric", "metric", "paired_samples"]
+__all__ = ["BETTER", "About", "Metric", "metric", "pair_samples"]
 
 BETTER = ("higher", "lower", "reference")
 """Which way is better: a higher value, a lower one, or the one nearest to that of the reference (diversity, jerk)."""
@@ -86,7 +86,7 @@ def metric(
     return lambda function: Metric(function, about)
 
 
-def paired_samples(
+def pair_samples(
     generated: Sequence[Sample], reference: Sequence[Sample], field: str
 ) -> list[tuple[Sample, Sample, Array, Array]]:
     """(generated, its reference, their arrays ``field``): by condition, and of equal shape.

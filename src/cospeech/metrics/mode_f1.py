@@ -14,10 +14,10 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .interval import bootstrap
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
-__all__ = ["confusion", "mode_f1", "mode_f1_published", "mode_features", "nearest_centre", "weighted_f1"]
+__all__ = ["average_f1", "confusion", "mode_f1", "mode_f1_published", "mode_features", "nearest_centre"]
 
 POINTS, MASKED = 52, (0, 7, 8, 9)  # of PATS; neck, nose and eyes are left out (Mix-StAGE transform.py)
 DRAWS = 200  # ours
@@ -57,7 +57,7 @@ def confusion(true: Array, made: Array, modes: int) -> Array:
     return np.bincount(true * modes + made, minlength=modes**2).reshape(modes, modes)
 
 
-def weighted_f1(counts: Array) -> float:
+def average_f1(counts: Array) -> float:
     """F1 of each mode, weighted by how often the recording has it; modes that never occur count 0."""
     hit = np.diag(counts).astype(np.float64)
     support, made = counts.sum(1), counts.sum(0)
@@ -66,7 +66,7 @@ def weighted_f1(counts: Array) -> float:
 
 
 def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, joined: bool) -> Score:
-    pairs = paired_samples(generated, reference, "points")
+    pairs = pair_samples(generated, reference, "points")
     centres = np.asarray(tools.centres, np.float64)
     if joined:
         parts = [(np.concatenate([p[2] for p in pairs]), np.concatenate([p[3] for p in pairs]))]
@@ -76,9 +76,9 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     for made, true in parts:
         modes = [nearest_centre(mode_features(x), centres) for x in (true, made)]
         counts.append(confusion(modes[0], modes[1], len(centres)))
-    interval = bootstrap(lambda k: weighted_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
+    interval = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
     total = np.sum(counts, 0)
-    return Score(weighted_f1(total), interval, int(total.sum()), f"{len(centres)} centres")
+    return Score(average_f1(total), interval, int(total.sum()), f"{len(centres)} centres")
 
 
 @metric("points", "centres", better="higher", paired=True)

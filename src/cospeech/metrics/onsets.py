@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 
-__all__ = ["HOP", "backtracked", "onset_frames", "onset_strength", "onset_times", "rms"]
+__all__ = ["HOP", "backtrack", "onset_frames", "onset_strength", "onset_times", "rms"]
 
 WINDOW, HOP, BANDS = 2048, 512, 128  # samples, samples, mel bands: librosa.onset.onset_strength
 RANGE_DB, FLOOR = 80.0, 1e-10  # librosa.power_to_db
@@ -71,7 +71,7 @@ def rms(samples: Array) -> Array:
     return np.sqrt(np.square(_frames(samples)).mean(1))
 
 
-def backtracked(onsets: Array, energy: Array) -> Array:
+def backtrack(onsets: Array, energy: Array) -> Array:
     """Each onset moved back to the nearest earlier local minimum of ``energy`` (librosa.onset.onset_backtrack)."""
     minima = np.flatnonzero((energy[1:-1] <= energy[:-2]) & (energy[1:-1] < energy[2:])) + 1
     minima = np.concatenate([[0], minima])

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .interval import mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
 __all__ = ["box_thresholds", "hits", "pck", "pck_2d", "pck_gfge", "pck_mix_stage", "pck_s2g"]
@@ -41,7 +41,7 @@ def box_thresholds(true: Array, alpha: float) -> Array:
     return alpha * np.ptp(true, axis=1).max(-1, keepdims=True)
 
 
-def _kept(points: int) -> list[int]:
+def _select_points(points: int) -> list[int]:
     masked = MASKED if points == PATS else (0,)
     return [k for k in range(points) if k not in masked]
 
@@ -50,7 +50,7 @@ def _kept(points: int) -> list[int]:
 def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 0.1 m, without root and seed frames."""
     values, weights = [], []
-    for sample, _, made, true in paired_samples(generated, reference, "positions"):
+    for sample, _, made, true in pair_samples(generated, reference, "positions"):
         judged = hits(made, true, NEAR)[sample.seed_frames :, 1:]
         if judged.size:
             values.append(float(judged.mean()))
@@ -61,15 +61,15 @@ def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
 @metric("positions", better="higher", paired=True)
 def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """PCK of the flow paper: within 0.1 m, the root and the given frames counted as hits."""
-    pairs = paired_samples(generated, reference, "positions")
+    pairs = pair_samples(generated, reference, "positions")
     values = [float(hits(made, true, NEAR).mean()) for _, _, made, true in pairs]
     return mean_score(values, [made.size for _, _, made, _ in pairs], seed=tools.seed)
 
 
 def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
     shares, sizes = [], []
-    for _, _, made, true in paired_samples(generated, reference, "points"):
-        keep = _kept(made.shape[1])
+    for _, _, made, true in pair_samples(generated, reference, "points"):
+        keep = _select_points(made.shape[1])
         judged = hits(made, true, box_thresholds(true, alpha))[:, keep]
         shares.append(float(judged.mean()))
         sizes.append(judged.size)
@@ -100,8 +100,8 @@ def pck_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tool
 def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """PCK of Speech2Gesture: α = .2 of the box around the kept points, the threshold itself a hit."""
     values, sizes = [], []
-    for _, _, made, true in paired_samples(generated, reference, "points"):
-        keep = _kept(made.shape[1])
+    for _, _, made, true in pair_samples(generated, reference, "points"):
+        keep = _select_points(made.shape[1])
         threshold = box_thresholds(true[:, keep], ALPHAS[1])
         judged = hits(made, true, threshold, closed=True)[:, keep]
         values.append(float(judged.mean()))

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array, quat_angle, quat_to_euler
 from .interval import mean_score
-from .metric import metric, paired_samples
+from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
 __all__ = ["right_joints", "srgr", "srgr_beat"]
@@ -52,7 +52,7 @@ def _semantics(sample: Sample) -> Array:
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 4° of the recording, frames weighted by their semantic score; 1 is perfect."""
-    values, weights, pairs = [], [], paired_samples(generated, reference, "rotations")
+    values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for sample, truth, made, true in pairs:
         scores, moves = _semantics(truth)[sample.seed_frames :], moving[true.shape[1]]
@@ -68,7 +68,7 @@ def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools)
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """SRGR as coded for BEAT: Euler sums below 4°, weights ÷ 0.165; may exceed 1."""
-    values, weights, pairs = [], [], paired_samples(generated, reference, "rotations")
+    values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for _, truth, *both in pairs:
         made, true = (joints[:, moving[joints.shape[1]]] for joints in both)

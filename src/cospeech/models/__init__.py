@@ -29,9 +29,9 @@ __all__ = [
     "GenerationSession",
     "Model",
     "ModelEntry",
+    "find_bundle",
     "load",
     "plays",
-    "shipped_bundle",
 ]  # fmt: skip
 
 DEFAULT = "rules"
@@ -154,7 +154,7 @@ def plays(name: str | PathLike[str]) -> bool:
         return False
 
 
-def shipped_bundle(name: str) -> Path | None:
+def find_bundle(name: str) -> Path | None:
     """The weights that come with a model of `MODELS`; None where there are none."""
     path = Path(ENTRIES[name].weights or SHIPPED / f"{name}{BUNDLE}")
     return path if path.is_file() else None
@@ -178,14 +178,14 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     if Path(name).suffix == BUNDLE or name not in MODELS:
         return _open(Path(name))
     if ENTRIES[name].trains:
-        path = shipped_bundle(name)
+        path = find_bundle(name)
         if path is None:
             raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
         return _open(path)
-    from ..runtime.mouth import shipped_mouth
+    from ..runtime.mouth import open_default_mouth
 
     module, _, attribute = MODELS[name].partition(":")
-    model: Model = getattr(import_module(module), attribute)(mouth=shipped_mouth)
+    model: Model = getattr(import_module(module), attribute)(mouth=open_default_mouth)
     return model
 
 

@@ -74,18 +74,18 @@ class CamnConfig:
     """β of Huber's loss, in deviations; authors' code 0.1."""
     semantic: bool = True
     """Whether frames count by what they mean; without, stores need no such array. Section 4."""
-    unseeded: float = 0.0
+    seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
-        low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "unseeded": 0}
+        low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "seed_dropout": 0}
         for name, least in low.items():
             if not getattr(self, name) >= least:
                 raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
-        if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0):
+        if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0):
             raise InputError(
-                f"a CaMN with dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}", "shares; beta > 0"
+                f"a CaMN with dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}", "shares; beta > 0"
             )
 
 
@@ -222,7 +222,7 @@ class Camn(ManyInputs):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
-        made, pose = self(self.trained_on(batch, self.config.unseeded)), batch["pose"]
+        made, pose = self(self.collect_training_inputs(batch, self.config.seed_dropout)), batch["pose"]
         if self.config.semantic:
             meant = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
             made, pose = made * meant, pose * meant

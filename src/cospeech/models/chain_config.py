@@ -25,10 +25,10 @@ class ChainConfig:
     """Between layers of LSTMs and in the text network; not stated, CaMN's code 0.3."""
     reduction: int = 8
     """By how much channel attention narrows; not stated, ours."""
-    ear: str = "own"
+    speech_encoder: str = "own"
     """What makes Â of speech, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
-    """Of the ear wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
+    """Of the speech encoder wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
     """Numbers of a word where the network learns them; appendix A.3: 300 of fastText's."""
     text_channels: int = 256
@@ -49,20 +49,20 @@ class ChainConfig:
     """λ_Rhy; section 3.4."""
     temperature: float = 0.1
     """τ of equation 6; section 4.1."""
-    wordless: float = 0.0
+    word_dropout: float = 0.0
     """Share of training clips whose words are not known. Ours."""
-    unseeded: float = 0.0
+    seed_dropout: float = 0.0
     """Share of training clips without seed poses. Ours."""
-    labelled: float = 0.0
+    label_conditioning: float = 0.0
     """Share of training clips whose style is of their labels, not of what the classifier says. Ours."""
-    faced: float = 0.0
+    face_teacher_forcing: float = 0.0
     """Share of training clips of which TFFDec sees the recorded face. Ours."""
-    gain: float = 0.0
+    gain_augmentation: float = 0.0
     """dB by which training clips are made louder or softer at most. Ours."""
-    borrowed: float = 0.0
+    speech_swap: float = 0.0
     """Share of training clips that are played to the speech of another of their batch, in the style of their own labels: of
-    what they should be like D and ``manner`` tell. Ours."""
-    manner: float = 0.0
+    what they should be like D and ``motion_statistics`` tell. Ours."""
+    motion_statistics: float = 0.0
     """Weight of how far a clip's mean pose, and its deviations of pose, velocity and acceleration, are from those
     recorded. Ours."""
     noise: int = 0
@@ -71,9 +71,9 @@ class ChainConfig:
     """Frames over which the noise correlates. Ours."""
     adversarial: float = 0.0
     """Weight of what a discriminator says (models/nn/pose_discriminator.py), by least squares; 0: there is none. Ours."""
-    judge_channels: int = 48
+    discriminator_channels: int = 48
     """Of its first convolution. Ours."""
     attention: bool = True
     """Whether CW-Attn is in it; table 2 has rows without."""
-    styled: bool = True
+    style_injection: bool = True
     """Whether styles are injected; table 2 has rows without."""

@@ -37,9 +37,9 @@ class ChainLiveConfig(ChainConfig):
     """It begins with nothing."""
     look_ahead: int = 6
     """Frames between speech and pose: 0.4 s at 15 a second."""
-    pooled: int = 34
+    pooling_window: int = 34
     """Frames that channel attention pools."""
-    taught: float = 500.0
+    distillation: float = 500.0
     """Weight of the distance to what the teacher makes."""
 
 
@@ -59,11 +59,11 @@ class ChainLive(Chain):
         self, config: ChainLiveConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
         louder: Sequence[float] = (), teacher: ChainOfGeneration | None = None,
     ) -> None:  # fmt: skip
-        if config.look_ahead < 1 or config.pooled < 2:
-            raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooled} pooled", "1 and 2 at least")
+        if config.look_ahead < 1 or config.pooling_window < 2:
+            raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooling_window} pooled", "1 and 2 at least")
         layers = Layers(
             conv=CausalConv,
-            attention=lambda channels: PastAttention(channels, config.reduction, config.pooled),
+            attention=lambda channels: PastAttention(channels, config.reduction, config.pooling_window),
             recurrent=lambda inputs: Forwards(inputs, config.hidden, config.layers, config.dropout),
             hidden=config.hidden,
         )
@@ -107,28 +107,30 @@ class ChainLive(Chain):
         """Those of the chain, and the distance to its teacher."""
         found = super().terms(batch, turn)
         if self.teacher is not None:
-            now, heard = slice(self.delay, None), turn.played[self.ear.array][:, : self.config.frames]
+            now, heard = slice(self.delay, None), turn.played[self.speech_encoder.array][:, : self.config.frames]
             rows = torch.cat([heard, turn.words[..., : self.config.frames].mT], 2)
             with torch.no_grad():
                 shown = self.teacher.make(rows, turn.style[..., now].mT, turn.noise[..., now].mT)
-            found |= self.distances("teacher_", turn.made.pose, shown.mT, self.config.taught)
+            found |= self.distances("teacher_", turn.made.pose, shown.mT, self.config.distillation)
         return found
 
     @torch.no_grad()
-    def step(self, rows: Tensor, style: Tensor, nudge: Tensor, states: Sequence[Tensor] = ()) -> tuple[Tensor, list[Tensor]]:
+    def step(
+        self, rows: Tensor, style: Tensor, mode_noise: Tensor, states: Sequence[Tensor] = ()
+    ) -> tuple[Tensor, list[Tensor]]:
         """The next piece, of any number of frames.
 
         Args:
             rows: (B, T, A + W), as of `make`.
             style: (B, T, S + 8).
-            nudge: (B, T, Z).
+            mode_noise: (B, T, Z).
             states: after the piece before; none: it begins.
 
         Returns:
             (B, T, D) poses of the frames that lie ``look_ahead`` before these; and the states.
         """
         memory = Memory(states)
-        heard, words = rows.mT.split((self.ear.inputs, self.word.width), 1)
+        heard, words = rows.mT.split((self.speech_encoder.inputs, self.word.width), 1)
         seeds = rows.new_zeros(len(rows), self.pose + 1, rows.shape[1])
-        made, _ = self.run(heard, words, style.mT, nudge.mT, seeds, memory)
-        return made.pose.mT, memory.left
+        made, _ = self.run(heard, words, style.mT, mode_noise.mT, seeds, memory)
+        return made.pose.mT, memory.new_states

@@ -3,7 +3,7 @@
 From speech first a face, then with it the body, then with both the hands; whose style and which mood is heard in the speech
 too, so that nothing but speech and words is needed to play it. What is known besides is used.
 
-    speech ──► ear ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
+    speech ──► enc ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
         │              ├─────────────────────────────────────┤
         │    words ──► TCN ──► T̂ ────────────────────────────┴─► CW-Attn ─► AdaLN ─► body ──► B
         └──► classifier ──► E, I ──► HyNet ──► S ─────────────────────────────┴───► hands ──► H      (models/nn/cascade.py)
@@ -33,19 +33,19 @@ from torch.nn import functional as F
 
 from ..errors import InputError, nearest
 from .chain_config import ChainConfig
-from .nn.adversarial_losses import JUDGINGS
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, Cascade, CascadeOutput, Layers, Signals, Through, Widths
 from .nn.channel_attention import ChannelAttention
 from .nn.contrast import RhythmIdentity
 from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
 from .nn.modalities import INPUTS
-from .nn.motion_statistics_loss import manner
+from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES
-from .nn.pose_discriminator import PoseJudge
+from .nn.pose_discriminator import PoseDiscriminator
 from .nn.recurrent import BothWays
-from .nn.speech_encoders import EARS
+from .nn.speech_encoders import SPEECH_ENCODERS
 from .nn.temporal import Memory, SameConv
 from .nn.windowed import Windowed
 from .nn.words import word_embedding
@@ -88,7 +88,7 @@ class Chain(Windowed):
         speakers: S.
         hands: columns of a pose that are hands.
         text: width of the store's word vectors; 0: it has ids of subwords.
-        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain``.
+        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
         delay: frames that a pose comes after its speech.
 
     Raises:
@@ -106,36 +106,40 @@ class Chain(Windowed):
     ) -> None:  # fmt: skip
         super().__init__()
         sizes = (config.latent, config.hidden, config.layers, config.word_width, config.text_channels, pose, audio, speakers)
-        if min(*sizes, config.reduction, config.classifier_channels, config.judge_channels) < 1 or config.noise < 0:
+        if min(*sizes, config.reduction, config.classifier_channels, config.discriminator_channels) < 1 or config.noise < 0:
             raise InputError(f"a chain of {config}"[:200], "sizes are positive")
         if config.frames < max(1, config.seeds + 1, PATCH_FRAMES * (config.adversarial > 0)) or config.seeds < 0:
             raise InputError(
                 f"clips of {config.frames} frames"[:200], f"more than the seeds, {PATCH_FRAMES} at least to be judged"
             )
-        if config.ear not in EARS:
-            raise InputError(f"no ear is called {config.ear!r}"[:200], nearest(config.ear, EARS))
+        if config.speech_encoder not in SPEECH_ENCODERS:
+            raise InputError(
+                f"no speech encoder is called {config.speech_encoder!r}"[:200], nearest(config.speech_encoder, SPEECH_ENCODERS)
+            )
         if not config.attention:
             layers = replace(layers, attention=lambda channels: Through())
-        if not config.styled:
+        if not config.style_injection:
             layers = replace(layers, style=lambda channels, width: Through())
         self.config, self.pose, self.delay = config, pose, delay
-        self.ear = EARS[config.ear](config, audio, layers.conv)
-        self.arrays = tuple(self.ear.array if name == "audio" else name for name in self.arrays)
+        self.speech_encoder = SPEECH_ENCODERS[config.speech_encoder](config, audio, layers.conv)
+        self.arrays = tuple(self.speech_encoder.array if name == "audio" else name for name in self.arrays)
         self.word = word_embedding(text, config.word_width)
-        self.audio, self.styles, self.modes = self.ear.inputs + self.word.width, speakers + EMOTIONS, config.noise
+        self.audio, self.styles, self.modes = self.speech_encoder.inputs + self.word.width, speakers + EMOTIONS, config.noise
         self.multiple = self.shortest = 1
         self.classifier = SpeechClassifier(
             SpeechClassifierConfig(config.frames, config.classifier_channels, config.classifier_kernel),
-            audio=self.ear.inputs, speakers=speakers,
+            audio=self.speech_encoder.inputs, speakers=speakers,
         )  # fmt: skip
-        self.gain = GainAugmentation(config.gain, self.ear.inputs, louder)
+        self.gain_augmentation = GainAugmentation(config.gain_augmentation, self.speech_encoder.inputs, louder)
         extra = (pose + 1) * (config.seeds > 0) + config.noise
         widths = Widths(self.word.width, config.text_channels, config.latent, speakers, extra)
         self.cascade = Cascade(layers, widths, pose=pose, hands=sorted(hands), dropout=config.dropout)
         self.rhythm = RhythmIdentity(config.latent, config.temperature)
-        heard, judges = self.ear.inputs, config.adversarial > 0
-        self.judge = PoseJudge(pose, heard, config.judge_channels, speakers, EMOTIONS) if judges else None
-        self._left: tuple[Batch, Turn] | None = None
+        heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
+        self.discriminator = (
+            PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
+        )
+        self._shared_forward: tuple[Batch, Turn] | None = None
 
     @property
     def window(self) -> int:
@@ -154,7 +158,7 @@ class Chain(Windowed):
         logits: Tensor = self.classifier(audio)
         return logits
 
-    def recognised(self, audio: Tensor) -> Tensor:
+    def estimate_style(self, audio: Tensor) -> Tensor:
         """(B, T, A) → (B, S + 8) weights of a clip's speaker and emotion; nothing flows back."""
         training = self.classifier.training
         self.classifier.eval()
@@ -173,17 +177,17 @@ class Chain(Windowed):
             words: (B, W, T).
             style: (B, S + 8, T).
             noise: (B, Z, T).
-            seeds: (B, D + 1, T) poses and their flag, delayed, see `seeded`.
+            seeds: (B, D + 1, T) poses and their flag, delayed, see `mask_seeds`.
             memory: blank, or of the piece before.
             face: (B, 52, T) recorded, NaN where FaceDec's own is to stand, of the frames that FaceDec makes.
         """
-        ear = self.ear(heard, memory)
+        speech_encoder = self.speech_encoder(heard, memory)
         extra = torch.cat([seeds, noise] if self.config.seeds else [noise], 1)
-        given = Signals(ear, words, style, extra)
+        given = Signals(speech_encoder, words, style, extra)
         seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
-        return self.cascade(given, memory, seen), ear
+        return self.cascade(given, memory, seen), speech_encoder
 
-    def seeded(self, pose: Tensor, known: Tensor) -> Tensor:
+    def mask_seeds(self, pose: Tensor, known: Tensor) -> Tensor:
         """(B, D, T) poses, (B, 1, 1) whether they are known → (B, D + 1, T): the first four and a flag, delayed; else zeros."""
         first = (torch.arange(pose.shape[-1], device=pose.device) < self.config.seeds) & known
         both = torch.where(first, torch.cat([pose, torch.ones_like(pose[:, :1])], 1), 0.0)
@@ -199,74 +203,76 @@ class Chain(Windowed):
         """The classifier; then, while it rests, D, where there is one, and all others."""
         first = self.config.classifier_steps
         parts = {"classifier": Objective(self.classifier.parameters(), self.classifier_loss, stop=first)}
-        if self.judge is not None:
-            parts["judge"] = Objective(self.judge.parameters(), self.judge_loss, start=first)
-        others = [p for name, p in self.named_parameters() if name.partition(".")[0] not in ("classifier", "judge")]
+        if self.discriminator is not None:
+            parts["discriminator"] = Objective(self.discriminator.parameters(), self.discriminator_loss, start=first)
+        others = [p for name, p in self.named_parameters() if name.partition(".")[0] not in ("classifier", "discriminator")]
         return parts | {"gestures": Objective(others, self.gesture_loss, start=first)}
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10."""
-        return self.classifier.losses(self.gain(batch[self.ear.array], batch.chance), batch["speaker"], batch["emotion"])
+        return self.classifier.losses(
+            self.gain_augmentation(batch[self.speech_encoder.array], batch.chance), batch["speaker"], batch["emotion"]
+        )
 
-    def _lent(self, batch: Batch) -> tuple[Batch, Tensor]:
+    def _swap_speech(self, batch: Batch) -> tuple[Batch, Tensor]:
         """The batch with some clips' speech, words and faces those of the clip before; (B, 1, 1) which have their own."""
-        own = batch.chance.uniform(len(batch), 1, 1) >= self.config.borrowed * self.training
-        names = {self.ear.array, "text", "face"}
+        own = batch.chance.uniform(len(batch), 1, 1) >= self.config.speech_swap * self.training
+        names = {self.speech_encoder.array, "text", "face"}
         arrays = {n: torch.where(own, x, x.roll(1, 0)) if n in names else x for n, x in batch.arrays.items()}
         return Batch(arrays, batch.chance), own
 
-    def _styled(self, played: Batch, own: Tensor) -> Tensor:
+    def _draw_style(self, played: Batch, own: Tensor) -> Tensor:
         """(B, S + 8, T) weights of speakers and of emotions."""
         speakers, label = self.styles - EMOTIONS, played["emotion"]
-        heard = self.recognised(played[self.ear.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
+        heard = self.estimate_style(played[self.speech_encoder.array]).unsqueeze(1).expand(-1, label.shape[1], -1)
         told = F.one_hot(played["speaker"], speakers).unsqueeze(1).expand(-1, label.shape[1], -1)
         felt = torch.where((label < 0).unsqueeze(2), heard[..., speakers:], F.one_hot(label.clamp_min(0), EMOTIONS).float())
-        coins = played.chance.uniform(len(played), 2, 1, 1) < self.config.labelled * self.training
+        coins = played.chance.uniform(len(played), 2, 1, 1) < self.config.label_conditioning * self.training
         who = torch.where(coins[:, 0] | ~own, told.float(), heard[..., :speakers])
         how = torch.where(coins[:, 1] | ~own, felt, heard[..., speakers:])
         return torch.cat([who, how], 2).mT
 
     def _turn(self, batch: Batch) -> Turn:
         """What both turns of a step need; D's leaves it to that of the others, as it moves nothing of it."""
-        if self._left is not None and self._left[0] is batch:
-            return self._left[1]
-        heard = self.gain(batch[self.ear.array], batch.chance)
-        recorded = Batch({**batch.arrays, self.ear.array: heard}, batch.chance)
-        played, own = self._lent(recorded)
-        style = self._styled(played, own)
+        if self._shared_forward is not None and self._shared_forward[0] is batch:
+            return self._shared_forward[1]
+        heard = self.gain_augmentation(batch[self.speech_encoder.array], batch.chance)
+        recorded = Batch({**batch.arrays, self.speech_encoder.array: heard}, batch.chance)
+        played, own = self._swap_speech(recorded)
+        style = self._draw_style(played, own)
         rows, frames = len(batch), style.shape[-1]
         noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
         coins = batch.chance.uniform(rows, 3, 1, 1)
         coins = coins if self.training else torch.ones_like(coins)
-        words = self.words(played["text"]).mT * (coins[:, 0] >= self.config.wordless)
-        seeds = self.seeded(batch["pose"].mT, coins[:, 1] >= self.config.unseeded)
+        words = self.words(played["text"]).mT * (coins[:, 0] >= self.config.word_dropout)
+        seeds = self.mask_seeds(batch["pose"].mT, coins[:, 1] >= self.config.seed_dropout)
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
-        face = torch.where(coins[:, 2] < self.config.faced, face, torch.nan)
-        made, ear = self.run(played[self.ear.array].mT, words, style, noise, seeds, Memory(), face)
-        return Turn(self._cut(made), ear, made.features, recorded, played, own, style, words, noise)
+        face = torch.where(coins[:, 2] < self.config.face_teacher_forcing, face, torch.nan)
+        made, speech_encoder = self.run(played[self.speech_encoder.array].mT, words, style, noise, seeds, Memory(), face)
+        return Turn(self._cut(made), speech_encoder, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""
-        assert self.judge is not None
-        heard, emotion = batch[self.ear.array].roll(shift, 0), batch["emotion"][:, self.config.frames // 2]
-        scores: Tensor = self.judge(pose, heard[:, : self.config.frames].mT, batch["speaker"], emotion)
+        assert self.discriminator is not None
+        heard, emotion = batch[self.speech_encoder.array].roll(shift, 0), batch["emotion"][:, self.config.frames // 2]
+        scores: Tensor = self.discriminator(pose, heard[:, : self.config.frames].mT, batch["speaker"], emotion)
         return scores
 
-    def judge_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares, for D: recordings are true; what was made, and recordings to the speech of others, false."""
-        self._left = None
+        self._shared_forward = None
         turn = self._turn(batch)
-        self._left = (batch, turn) if torch.is_grad_enabled() else None
-        pose, judging = batch["pose"][:, : self.config.frames].mT, JUDGINGS["squares"]
-        terms = {"true": judging.true(self._score(pose, turn.recorded))}
-        terms["false"] = judging.false(self._score(turn.made.pose.detach(), turn.played))
+        self._shared_forward = (batch, turn) if torch.is_grad_enabled() else None
+        pose, losses = batch["pose"][:, : self.config.frames].mT, ADVERSARIAL_LOSSES["squares"]
+        terms = {"true": losses.true(self._score(pose, turn.recorded))}
+        terms["false"] = losses.false(self._score(turn.made.pose.detach(), turn.played))
         if len(batch) > 1:
-            terms["strange"] = judging.false(self._score(pose, turn.recorded, shift=1))
+            terms["mismatched"] = losses.false(self._score(pose, turn.recorded, shift=1))
         return terms
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 9, weighted, and D's."""
-        turn, self._left = self._turn(batch), None
+        turn, self._shared_forward = self._turn(batch), None
         return self.terms(batch, turn)
 
     def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
@@ -277,10 +283,12 @@ class Chain(Windowed):
         terms = self.distances("", made.pose, wanted, c.reconstruction)  # equation 8
         terms["face"] = c.face * torch.where(face.isnan(), 0.0, made.face - face.nan_to_num()).square().mean()  # equation 7
         terms["rhythm"] = c.rhythm * self.rhythm(turn.features, turn.heard)  # equation 6
-        if c.manner:
-            terms["manner"] = c.manner * (manner(made.pose) - manner(pose)).abs().mean()
-        if self.judge is not None:
-            terms["adv"] = c.adversarial * JUDGINGS["squares"].fooled(self._score(made.pose, turn.played))
+        if c.motion_statistics:
+            terms["motion_statistics"] = (
+                c.motion_statistics * (motion_statistics(made.pose) - motion_statistics(pose)).abs().mean()
+            )
+        if self.discriminator is not None:
+            terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms
 
     def distances(self, name: str, made: Tensor, pose: Tensor, weight: float) -> dict[str, Tensor]:
@@ -293,24 +301,24 @@ class Chain(Windowed):
     def _whole(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> CascadeOutput:
         """(B, ·, T) of all frames; what follows the last is as it is."""
         given = [torch.cat([x, x[..., -1:].expand(-1, -1, self.delay)], -1) for x in (rows, style, noise)]
-        heard, words = given[0].split((self.ear.inputs, self.word.width), 1)
+        heard, words = given[0].split((self.speech_encoder.inputs, self.word.width), 1)
         if face is not None:
             face = F.pad(face, (self.delay, 0), value=torch.nan)
         return self._cut(self.run(heard, words, given[1], given[2], F.pad(seeds, (0, self.delay)), Memory(), face)[0])
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """Poses of speech and words, without seeds.
 
         Args:
             audio: (B, T, A + W) speech, then words (`words`).
             style: (B, T, S + 8) weights of speakers, then of emotions; each sums to 1.
-            nudge: (B, T, Z) noise.
+            mode_noise: (B, T, Z) noise.
 
         Returns:
             (B, T, D).
         """
         rows, frames = audio.shape[:2]
-        return self._whole(audio.mT, style.mT, nudge.mT, audio.new_zeros(rows, self.pose + 1, frames)).pose.mT
+        return self._whole(audio.mT, style.mT, mode_noise.mT, audio.new_zeros(rows, self.pose + 1, frames)).pose.mT
 
     @torch.no_grad()
     def play(
@@ -337,10 +345,10 @@ class Chain(Windowed):
         for name in (*lacks, *given):
             if name not in INPUTS:
                 raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
-        wanted, heard = {*given} - {*lacks}, arrays[self.ear.array]
+        wanted, heard = {*given} - {*lacks}, arrays[self.speech_encoder.array]
         rows, frames, speakers = *heard.shape[:2], self.styles - EMOTIONS
         words = heard.new_zeros(rows, frames, self.word.width) if "text" in lacks else self.words(arrays["text"])
-        who, how = self.recognised(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
+        who, how = self.estimate_style(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
         if "speaker" in wanted:
             who = F.one_hot(arrays["speaker"], speakers)[:, None].expand(-1, frames, -1).to(who)
         if "emotion" in wanted:
@@ -348,7 +356,7 @@ class Chain(Windowed):
             how = torch.where(label < 0, how, F.one_hot(label.squeeze(2).clamp_min(0), EMOTIONS).to(how))
         seeds = heard.new_zeros(rows, self.pose + 1, frames)
         if "seed" not in lacks and self.config.seeds:
-            seeds = self.seeded(arrays["pose"].mT, seeds.new_ones(1, 1, 1, dtype=torch.bool))
+            seeds = self.mask_seeds(arrays["pose"].mT, seeds.new_ones(1, 1, 1, dtype=torch.bool))
         face = arrays["face"].mT if "face" in wanted else None
         noise = heard.new_zeros(rows, frames, self.modes) if noise is None else noise
         made = self._whole(torch.cat([heard, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)

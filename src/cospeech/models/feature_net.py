@@ -15,7 +15,7 @@ from ..motion.motion import Motion
 from ..motion.points import Points
 from ..motion.poses import Pose, find_pose
 from ..motion.rotations import Array
-from ..motion.skeleton import named_skeleton
+from ..motion.skeleton import find_skeleton
 from .gesture_autoencoder import FgdAutoencoder, GestureAutoencoder
 from .speaker_classifier import SpeakerClassifier
 
@@ -48,7 +48,7 @@ def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
         if values is None or (layout == "ted") is not (pose.name == "direction-vectors"):
             raise InputError(f"{sample.name!r} has not the key points of {pose.name}", "a feature network of this body")
         return pose.encode(Points(sample.fps, values, layout))
-    skeleton = named_skeleton(pose.skeleton)  # type: ignore[attr-defined]  # all representations of motion have one
+    skeleton = find_skeleton(pose.skeleton)  # type: ignore[attr-defined]  # all representations of motion have one
     if sample.rotations is None or sample.positions is None:
         raise InputError(f"{sample.name!r} has no joint rotations", f"the feature network sees {pose.name}")
     rotations = np.broadcast_to(skeleton.rest, (len(sample), len(skeleton), 4)).copy()

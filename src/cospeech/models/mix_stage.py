@@ -45,13 +45,13 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
-from .nn.adversarial_losses import JUDGINGS
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from .nn.gumbel import smooth_gumbel
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
 from .nn.patch import PatchDiscriminator, velocity
-from .nn.pose_discriminator import PoseJudge
+from .nn.pose_discriminator import PoseDiscriminator
 from .nn.style import NoStyle, SpeakerStyle, StyleReading
 from .nn.unet1d import UNet1d
 from .nn.windowed import Windowed
@@ -82,7 +82,7 @@ class MixGanConfig:
     """Whether Φ is H's estimate in training too, as in the authors' code; else one-hot, section 4.1."""
     curriculum: int = 0
     """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
-    judging: str = "logarithm"
+    adversarial_loss: str = "logarithm"
     """What D's scores are worth, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code;
     squares."""
     growth: float = 0.0
@@ -91,7 +91,7 @@ class MixGanConfig:
     """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
     reconstruction: float = 1.0
     """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
-    judge_poses: bool = False
+    pose_discriminator: bool = False
     """Whether D sees poses beside velocity, and knows whose they should be and to what speech
     (models/nn/pose_discriminator.py); ours."""
     persistence: float = 0.0
@@ -154,8 +154,10 @@ class MixGan(Windowed):
         if config.frames < STYLE_FRAMES or config.frames % 2**config.depth:
             hint = f"{STYLE_FRAMES} at least, and a multiple of {2**config.depth}"
             raise InputError(f"windows of {config.frames} frames", hint)
-        if config.judging not in JUDGINGS:
-            raise InputError(f"scores judged by {config.judging!r}", nearest(config.judging, JUDGINGS))
+        if config.adversarial_loss not in ADVERSARIAL_LOSSES:
+            raise InputError(
+                f"scores judged by {config.adversarial_loss!r}", nearest(config.adversarial_loss, ADVERSARIAL_LOSSES)
+            )
         self.config, self.pose, self.audio, self.identity = config, pose, audio, identity
         self.multiple = self.shortest = 2**config.depth
         self.styles, self.modes = style.speakers, config.modes if config.modes > 1 else 0
@@ -166,12 +168,12 @@ class MixGan(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
-        self.discriminator: PoseJudge | PatchDiscriminator = (
-            PoseJudge(pose, audio, config.patch_channels, max(1, style.speakers))
-            if config.judge_poses
+        self.discriminator: PoseDiscriminator | PatchDiscriminator = (
+            PoseDiscriminator(pose, audio, config.patch_channels, max(1, style.speakers))
+            if config.pose_discriminator
             else PatchDiscriminator(pose, config.patch_channels)
         )
-        self._left: _Decoded | None = None
+        self._shared_forward: _Decoded | None = None
 
     @property
     def window(self) -> int:
@@ -213,20 +215,22 @@ class MixGan(Windowed):
         """Weight of generated poses in L_adv; constant in the paper."""
         return min(GROWTH_LIMIT, 1 + self.config.growth * (step // GROWTH_EVERY)) if self.config.growth else 1.0
 
-    def _decoded(self, batch: Batch, step: int) -> _Decoded:
+    def _decode_batch(self, batch: Batch, step: int) -> _Decoded:
         """What both turns of a step need; the discriminator's leaves it to the generator's, as it moves nothing of it."""
         key = (batch, step, self.training, torch.is_grad_enabled())
-        if self._left is not None and self._left.key == key:
-            return self._left
+        if self._shared_forward is not None and self._shared_forward.key == key:
+            return self._shared_forward
         own = self.style.see(batch["pose"].mT)
-        heard, seen = self._heard(batch, step)
+        heard, seen = self._encode_contents(batch, step)
         z = self.latent(heard, own.weights)
         logits = self._logits(z)
         made = self.generators(z)
         mixed = mix(made, self._priors(logits, batch["cluster"]))
-        return _Decoded(key, own, seen, logits, mixed, self._played(batch, made, logits) if self.config.persistence else mixed)
+        return _Decoded(
+            key, own, seen, logits, mixed, self._generate_noisy(batch, made, logits) if self.config.persistence else mixed
+        )
 
-    def _played(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
+    def _generate_noisy(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
         """Ŷ as it is played, with priors of H and noise: (B, M, D, T), (B, M, T) → (B, D, T)."""
         rows, modes, frames = logits.shape
         noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
@@ -234,24 +238,26 @@ class MixGan(Windowed):
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
-        seen = (pose, batch["audio"].roll(shift, 0).mT, batch["speaker"]) if self.config.judge_poses else (velocity(pose),)
+        seen = (
+            (pose, batch["audio"].roll(shift, 0).mT, batch["speaker"]) if self.config.pose_discriminator else (velocity(pose),)
+        )
         scores: Tensor = self.discriminator(*seen)
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """−L_adv of equation 7, for D, or what else stands for it."""
-        self._left = None
+        self._shared_forward = None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.config.alternate):
-            decoded = self._decoded(batch, step)
-        self._left = None if self.config.alternate else decoded
+            decoded = self._decode_batch(batch, step)
+        self._shared_forward = None if self.config.alternate else decoded
         true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoded.judged.detach()))
-        judging = JUDGINGS[self.config.judging]
-        terms = {"true": judging.true(true), "false": self._growing(step) * judging.false(false)}
-        if self.config.judge_poses and len(batch) > 1:
-            terms["strange"] = judging.false(self._score(batch["pose"].mT, batch, shift=1))
+        losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
+        terms = {"true": losses.true(true), "false": self._growing(step) * losses.false(false)}
+        if self.config.pose_discriminator and len(batch) > 1:
+            terms["mismatched"] = losses.false(self._score(batch["pose"].mT, batch, shift=1))
         return terms
 
-    def _heard(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
+    def _encode_contents(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
         """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.
 
         With a curriculum there is one alone: of poses at first, with each step of more rows of speech.
@@ -268,7 +274,7 @@ class MixGan(Windowed):
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 8, weighted, for all but D."""
         pose, cluster = batch["pose"].mT, batch["cluster"]
-        decoded, self._left = self._decoded(batch, step), None
+        decoded, self._shared_forward = self._decode_batch(batch, step), None
         made, mixes = decoded.made, [F.cross_entropy(decoded.logits, cluster)]
         weight = self.config.reconstruction
         terms = {"rec": weight * (pose - made).abs().mean()}  # equation 5
@@ -282,17 +288,19 @@ class MixGan(Windowed):
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
         judged = self.style.identity(decoded.own, decoded.judged, batch["speaker"])
         terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
-        fooled = JUDGINGS[self.config.judging].fooled(self._score(decoded.judged, batch))  # equation 7: log(1 − D)
-        terms["adv"] = self.config.adversarial * self._growing(step) * fooled
+        generator_loss = ADVERSARIAL_LOSSES[self.config.adversarial_loss].generator_loss(
+            self._score(decoded.judged, batch)
+        )  # equation 7: log(1 − D)
+        terms["adv"] = self.config.adversarial * self._growing(step) * generator_loss
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """Equation 2 with the priors of H: (B, T, A), (B, T, S) of the speakers, (B, T, M; M = 1: 0) → (B, T, D)."""
         z = self.latent(self.audio_content(audio), style)
         logits = self._logits(z)
-        return mix(self.generators(z), torch.softmax(logits + nudge.mT if self.modes else logits, 1)).mT
+        return mix(self.generators(z), torch.softmax(logits + mode_noise.mT if self.modes else logits, 1)).mT
 
 
 class MixStage(MixGan):

@@ -94,14 +94,14 @@ class MoGlow(nn.Module):
                 f"style controls {', '.join(config.controls)}", nearest((unknown or ["twice the same"])[0], CONTROLS)
             )
         self.config, self.pose, self.audio, self.arrays = config, pose, audio, config.arrays
-        context = config.history * pose + self.heard * (audio + len(config.controls))
+        context = config.history * pose + self.speech_frames * (audio + len(config.controls))
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu or "inf"))
 
     def _net(self, inputs: int, outputs: int) -> RecurrentNet:
         return RecurrentNet(nn.LSTM, inputs, self.config.hidden, outputs, self.config.layers)
 
     @property
-    def heard(self) -> int:
+    def speech_frames(self) -> int:
         """Frames of speech that condition a frame: τ + 1 + l."""
         return self.config.history + 1 + self.config.look_ahead
 
@@ -142,7 +142,7 @@ class MoGlow(nn.Module):
         if frames < 1 or heard.shape[1] != pose.shape[1]:
             raise InputError(f"{pose.shape[1]} poses and {heard.shape[1]} frames of speech", f"both {self.window}")
         x = pose[:, tau : tau + frames]
-        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(heard, self.heard)
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(heard, self.speech_frames)
 
     def _base(self, histories: Tensor) -> Tensor:
         """(B, F, D) what the flow's output is added to: the last pose of each history, or nothing."""
@@ -207,7 +207,7 @@ class MoGlow(nn.Module):
             (B, F, D).
         """
         poses, states = history, None
-        heard = frame_windows(self.hear(audio, control), self.heard)
+        heard = frame_windows(self.hear(audio, control), self.speech_frames)
         for t in range(z.shape[1]):
             made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states)
             poses = torch.cat([poses, made[:, None]], 1)
@@ -220,7 +220,7 @@ class MoGlow(nn.Module):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "heard": self.heard, "cell": "lstm", "nu": float(c.nu), "residual": c.residual,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu), "residual": c.residual,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

@@ -78,17 +78,17 @@ class MultiContextConfig:
     """λ_d; BEAT's code 0.01, Yoon et al. 0.05."""
     divergence: float = 0.1
     """λ_k; both 0.1."""
-    unseeded: float = 0.0
+    seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
         low |= {"word_width": 1, "dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0}
-        for name, least in (low | {"diversity": 0, "divergence": 0, "unseeded": 0}).items():
+        for name, least in (low | {"diversity": 0, "divergence": 0, "seed_dropout": 0}).items():
             if not getattr(self, name) >= least:
                 raise InputError(f"{name} of a multi-context network is {getattr(self, name)}", f"{least} at least")
-        if not (self.dropout < 1 and self.unseeded <= 1 and self.beta > 0 and self.face != 1):
-            problem = f"dropout {self.dropout}, unseeded {self.unseeded}, beta {self.beta}, face {self.face}"
+        if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0 and self.face != 1):
+            problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}, face {self.face}"
             raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")
 
 
@@ -188,9 +188,9 @@ class MultiContext(ManyInputs):
 
     def forward(self, given: ModalityInputs, noise: Tensor) -> Tensor:
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""
-        return self._made(given, noise).pose
+        return self._generate(given, noise).pose
 
-    def _made(self, given: ModalityInputs, noise: Tensor) -> _Made:
+    def _generate(self, given: ModalityInputs, noise: Tensor) -> _Made:
         """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
         mean, variance = self.speaker(given.speaker)
         z = mean + torch.exp(variance / 2) * noise.mT
@@ -199,33 +199,33 @@ class MultiContext(ManyInputs):
         parts += [] if self.face is None else [self.face(given.face.mT)]
         return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
-    def _trained(self, batch: Batch, given: ModalityInputs) -> _Made:
+    def _generate_in_training(self, batch: Batch, given: ModalityInputs) -> _Made:
         """With ε drawn, one for a window."""
-        return self._made(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
     def objectives(self) -> dict[str, Objective]:
         """Discriminator, from the step on at which it begins, and generator; or the generator alone."""
         maker = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
-        generator = {"generator": Objective(maker, self.generated)}
+        generator = {"generator": Objective(maker, self.generator_loss)}
         if self.discriminator is None:
             return generator
-        judge = Objective(self.discriminator.parameters(), self.judged, start=self.config.adversarial_from)
+        judge = Objective(self.discriminator.parameters(), self.discriminator_loss, start=self.config.adversarial_from)
         return {"discriminator": judge, **generator}
 
-    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of D; moves the discriminator alone."""
         assert self.discriminator is not None
         with torch.no_grad():
-            made = self._trained(batch, self.trained_on(batch, self.config.unseeded)).pose
+            made = self._generate_in_training(batch, self.collect_training_inputs(batch, self.config.seed_dropout)).pose
         true, false = self.discriminator(batch["pose"]), self.discriminator(made)
         return {"true": F.softplus(-true).mean(), "false": F.softplus(false).mean()}
 
-    def generated(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of G, weighted; moves all but the discriminator."""
-        given = self.trained_on(batch, self.config.unseeded)
-        made = self._trained(batch, given)
+        given = self.collect_training_inputs(batch, self.config.seed_dropout)
+        made = self._generate_in_training(batch, given)
         terms = {"huber": self.config.reconstruction * huber(batch["pose"], made.pose, self.config.beta)}
         if self.discriminator is not None and step >= self.config.adversarial_from:
             terms["adversarial"] = self.config.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
@@ -240,6 +240,6 @@ class MultiContext(ManyInputs):
         """How differently another speaker, drawn of all, would move, for so much difference of z."""
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)
-        other = self._trained(batch, given._replace(speaker=weights))
+        other = self._generate_in_training(batch, given._replace(speaker=weights))
         moved = F.smooth_l1_loss(other.pose, made.pose, beta=self.config.beta, reduction="none").sum((1, 2))
         return (moved / ((other.z - made.z).detach().abs().mean((1, 2)) + NEAR)).clamp_max(CUT).mean()

@@ -236,15 +236,15 @@ class Munit(Windowed):
             raise InputError(f"a MUNIT from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config, self.pose, self.audio = config, pose, audio
         self.multiple, self.shortest, self.styles, self.modes = 2**DOWN, MADE, config.style, 0
-        self.heard, self.moved = _Domain(audio, config), _Domain(pose, config)
+        self.speech, self.motion = _Domain(audio, config), _Domain(pose, config)
         self.judge_heard, self.judge_moved = (_Discriminator(width, config.channels) for width in (audio, pose))
 
     @property
     def _domains(self) -> dict[str, _Domain]:
-        return {"audio": self.heard, "pose": self.moved}
+        return {"audio": self.speech, "pose": self.motion}
 
     @property
-    def _judges(self) -> dict[str, _Discriminator]:
+    def _discriminators(self) -> dict[str, _Discriminator]:
         return {"audio": self.judge_heard, "pose": self.judge_moved}
 
     @property
@@ -256,8 +256,13 @@ class Munit(Windowed):
 
     def objectives(self) -> dict[str, Objective]:
         """Two, in every step the discriminators first."""
-        judges, makers = ([p for part in parts.values() for p in part.parameters()] for parts in (self._judges, self._domains))
-        return {"discriminator": Objective(judges, self.judged), "generator": Objective(makers, self.made)}
+        discriminators, makers = (
+            [p for part in parts.values() for p in part.parameters()] for parts in (self._discriminators, self._domains)
+        )
+        return {
+            "discriminator": Objective(discriminators, self.discriminator_loss),
+            "generator": Objective(makers, self.generator_loss),
+        }
 
     def _translate(self, contents: dict[str, Tensor], batch: Batch) -> dict[str, _Translated]:
         """Each domain's x̂, of the other's content."""
@@ -267,17 +272,17 @@ class Munit(Windowed):
             found[name] = _Translated(self._domains[name].decode(contents[other], style), contents[other], style)
         return found
 
-    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares of both discriminators; moves them alone."""
         with torch.no_grad():
             made = self._translate({name: domain.content(batch[name].mT) for name, domain in self._domains.items()}, batch)
         terms = {}
-        for name, judge in self._judges.items():
-            terms[f"{name}_real"] = self.config.adversarial * judge.distance(batch[name].mT, 1.0)
-            terms[f"{name}_made"] = self.config.adversarial * judge.distance(made[name].made, 0.0)
+        for name, discriminator in self._discriminators.items():
+            terms[f"{name}_real"] = self.config.adversarial * discriminator.distance(batch[name].mT, 1.0)
+            terms[f"{name}_made"] = self.config.adversarial * discriminator.distance(made[name].made, 0.0)
         return terms
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring, a term for each domain; moves all but the discriminators."""
         c = self.config
         codes = {name: domain.encode(batch[name].mT) for name, domain in self._domains.items()}
@@ -291,7 +296,7 @@ class Munit(Windowed):
             terms[f"{name}_content"] = c.content_back * (content - there.content).abs().mean()
             terms[f"{name}_style"] = c.style_back * (style - there.style).abs().mean()
             terms[f"{name}_cycle"] = c.cycle * (again - batch[other].mT).abs().mean()
-            terms[f"{name}_adversarial"] = c.adversarial * self._judges[name].distance(there.made, 1.0)
+            terms[f"{name}_adversarial"] = c.adversarial * self._discriminators[name].distance(there.made, 1.0)
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
@@ -305,7 +310,7 @@ class Munit(Windowed):
         """
         if poses.shape[1] < 2 ** (STYLE_DOWN + 1):
             raise InputError(f"{poses.shape[1]} frames to tell a style from", f"{2 ** (STYLE_DOWN + 1)} at least")
-        style: Tensor = self.moved.style(poses.mT).squeeze(-1)
+        style: Tensor = self.motion.style(poses.mT).squeeze(-1)
         return style
 
     @torch.no_grad()
@@ -313,7 +318,7 @@ class Munit(Windowed):
         """The mean style of each speaker's stretches, (S, n, T, D) → (S, style)."""
         return torch.stack([self.style_of(own).mean(0) for own in stretches])
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A) and (B, T, style), of which the first frame's holds throughout, → (B, T, D); there are no modes."""
-        made: Tensor = self.moved.decode(self.heard.content(audio.mT), style[:, 0]).mT
+        made: Tensor = self.motion.decode(self.speech.content(audio.mT), style[:, 0]).mT
         return made

@@ -24,7 +24,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from .nn.adversarial_losses import JUDGINGS
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.content import AudioContent
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
@@ -34,7 +34,7 @@ from .nn.windowed import Windowed
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 
 HEARD = 3  # times that the speech encoder halves time
-_JUDGING = JUDGINGS["squares"]  # authors' code
+_LOSS = ADVERSARIAL_LOSSES["squares"]  # authors' code
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Speech2GestureConfig:
     """Halvings of time in the U-Net; Mix-StAGE's code 5 (T is filled up to a multiple of 2^depth)."""
     decoder: int = 4
     """Convolutions after the U-Net; Mix-StAGE's code 4."""
-    judge: int = 64
+    discriminator_channels: int = 64
     """Channels of the discriminator's first convolution, doubled in each that follows; authors' code 64."""
     adversarial: float = 1.0
     """λ_G; authors' code 1. 0 trains by L₁ alone."""
@@ -57,7 +57,15 @@ class Speech2GestureConfig:
     """λ_D; authors' code 1."""
 
     def __post_init__(self) -> None:
-        low = {"frames": PATCH_FRAMES, "channels": 4, "depth": 1, "decoder": 0, "judge": 1, "adversarial": 0, "fake": 0}
+        low = {
+            "frames": PATCH_FRAMES,
+            "channels": 4,
+            "depth": 1,
+            "decoder": 0,
+            "discriminator_channels": 1,
+            "adversarial": 0,
+            "fake": 0,
+        }
         for name, least in low.items():
             if not getattr(self, name) >= least:
                 raise InputError(f"{name} of a Speech2Gesture is {getattr(self, name)}", f"{least} at least")
@@ -91,7 +99,7 @@ class Speech2Gesture(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
         self.out = nn.Conv1d(config.channels, pose, 1)
-        self.discriminator = PatchDiscriminator(pose, config.judge)
+        self.discriminator = PatchDiscriminator(pose, config.discriminate)
 
     @property
     def window(self) -> int:
@@ -108,7 +116,7 @@ class Speech2Gesture(Windowed):
         made: Tensor = self.out(self.decoder(self.unet(self.encoder(audio)))).mT
         return made
 
-    def judge(self, poses: Tensor) -> Tensor:
+    def discriminate(self, poses: Tensor) -> Tensor:
         """D(Δ): the scores of the patches of a motion, (B, T, D) → (B, T / 4 − 4); 12 for 64 frames."""
         scores: Tensor = self.discriminator(velocity(poses.mT))
         return scores
@@ -120,27 +128,27 @@ class Speech2Gesture(Windowed):
         judge = [*self.discriminator.parameters()]
         known = {id(p) for p in judge}
         maker = [p for p in self.parameters() if id(p) not in known]
-        return {"discriminator": Objective(judge, self.judged), "generator": Objective(maker, self.made)}
+        return {"discriminator": Objective(judge, self.discriminator_loss), "generator": Objective(maker, self.generator_loss)}
 
-    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares of the discriminator: real motions towards 1, those made towards 0; moves the discriminator alone."""
         with torch.no_grad():
             made = self(batch["audio"])
         return {
-            "real": _JUDGING.true(self.judge(batch["pose"])),
-            "made": self.config.fake * _JUDGING.false(self.judge(made)),
+            "real": _LOSS.true(self.discriminate(batch["pose"])),
+            "made": self.config.fake * _LOSS.false(self.discriminate(made)),
         }
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Poses near the real ones, motions that the discriminator takes for real; moves all but the discriminator."""
         made = self(batch["audio"])
         terms = {"l1": (made - batch["pose"]).abs().mean()}
         if self.config.adversarial:
-            terms["adversarial"] = self.config.adversarial * _JUDGING.fooled(self.judge(made))
+            terms["adversarial"] = self.config.adversarial * _LOSS.generator_loss(self.discriminate(made))
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A) → (B, T, D); there is no style to choose and no mode."""
         return self._poses(audio)

@@ -40,7 +40,7 @@ class SpeechClassifierConfig:
     """Frames that a convolution sees; ours."""
     dropout: float = 0.0
     """Behind each convolution; ours."""
-    gain: float = 0.0
+    gain_augmentation: float = 0.0
     """dB by which training clips are made louder or softer at most; ours: how loud somebody was recorded says nothing."""
 
 
@@ -51,7 +51,7 @@ class SpeechClassifier(nn.Module):
         config: sizes.
         audio: A, numbers of a frame of speech.
         speakers: S.
-        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain``.
+        louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
 
     Raises:
         InputError: sizes that are none, or an even kernel.
@@ -70,7 +70,7 @@ class SpeechClassifier(nn.Module):
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
         self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))
-        self.gain = GainAugmentation(config.gain, audio, louder)
+        self.gain_augmentation = GainAugmentation(config.gain_augmentation, audio, louder)
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 
@@ -103,7 +103,7 @@ class SpeechClassifier(nn.Module):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 10."""
-        return self.losses(self.gain(batch["audio"], batch.chance), batch["speaker"], batch["emotion"])
+        return self.losses(self.gain_augmentation(batch["audio"], batch.chance), batch["speaker"], batch["emotion"])
 
     def losses(self, audio: Tensor, speaker: Tensor, emotion: Tensor) -> dict[str, Tensor]:
         """Equation 10 of (B, T, A) speech, (B,) speakers and (B, T) emotions, −1: not known; a clip's is that of its middle."""

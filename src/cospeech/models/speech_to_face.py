@@ -71,7 +71,7 @@ class SpeechToFaceConfig:
     """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""
     jaw: float = 8.0
     """w of jawOpen; of the other numbers 1."""
-    gain: float = 3.0
+    gain_augmentation: float = 3.0
     """Speech is up to so much louder or softer, in natural log of power: 13 dB."""
     tilt: float = 1.0
     """Its spectrum is tilted by up to so much at either end."""
@@ -83,7 +83,7 @@ class SpeechToFaceConfig:
     """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""
 
     def __post_init__(self) -> None:
-        low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain": 0, "tilt": 0}
+        low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain_augmentation": 0, "tilt": 0}
         more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "distribution": 0, "closure": 0}
         for name, least in (low | more).items():
             if not getattr(self, name) >= least:
@@ -111,11 +111,11 @@ class Block(nn.Module):
         super().__init__()
         self.pads = ((config.kernel - 1 - ahead) * dilation, ahead * dilation)
         self.over_time = nn.Conv1d(config.channels, config.channels, config.kernel, dilation=dilation)
-        self.mixed = nn.Conv1d(config.channels, config.channels, 1)
+        self.mix = nn.Conv1d(config.channels, config.channels, 1)
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, channels, T) → the same shape."""
-        out: Tensor = x + self.mixed(F.leaky_relu(self.over_time(F.pad(x, self.pads)), SLOPE))
+        out: Tensor = x + self.mix(F.leaky_relu(self.over_time(F.pad(x, self.pads)), SLOPE))
         return out
 
 
@@ -164,7 +164,7 @@ class SpeechToFace(Windowed):
         """Frames of a training window."""
         return self.config.frames
 
-    def told(self, statistics: Mapping[str, Tensor]) -> None:
+    def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
         """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""
         for name in ("pose_mean", "pose_std", "audio_mean", "audio_std"):
             getattr(self, name).copy_(statistics[name])
@@ -174,7 +174,7 @@ class SpeechToFace(Windowed):
         """(S, n, T, D) → (S, S): each speaker is themself."""
         return torch.eye(self.styles, device=stretches.device)
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, S) speakers' weights → (B, T, D)."""
         x = F.leaky_relu(self.first(torch.cat([audio, style], 2).mT), SLOPE)
         for block in self.blocks:
@@ -190,11 +190,13 @@ class SpeechToFace(Windowed):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Distance of weights, of their velocity and of their distribution; of the frames that hear nothing from beyond."""
-        audio, face = self._changed(batch["audio"], self._evened(batch["pose"] * self.pose_std + self.pose_mean), batch.chance)
+        audio, face = self._augment(
+            batch["audio"], self._symmetrise(batch["pose"] * self.pose_std + self.pose_mean), batch.chance
+        )
         style = F.one_hot(batch["speaker"], self.styles).to(audio)[:, None].expand(-1, audio.shape[1], -1)
         made = self.make(audio, style, audio.new_zeros(*audio.shape[:2], 0)) * self.pose_std + self.pose_mean
         rows = slice(self.config.past, audio.shape[1] - self.config.future)
-        made, face = self._counted(made[:, rows]) / self.pose_std, face[:, rows] / self.pose_std
+        made, face = self._clip_weights(made[:, rows]) / self.pose_std, face[:, rows] / self.pose_std
         shares, squared = self._shares(made), self.config.squared
         off = made - face
         off = (1 - squared) * off.abs() + squared * off.square() / 2
@@ -224,7 +226,7 @@ class SpeechToFace(Windowed):
         """How many of the numbers are weights of a face, the first ones."""
         return len(ARKIT) if self.pose == FACE.dimensions else 0
 
-    def _counted(self, made: Tensor) -> Tensor:
+    def _clip_weights(self, made: Tensor) -> Tensor:
         """ŷ₊: weights below 0 as what they will be shown as."""
         weights, turn = made[..., : self._weights], made[..., self._weights :]
         return torch.cat([torch.where(weights < 0, BELOW * weights, weights), turn], -1)
@@ -237,7 +239,7 @@ class SpeechToFace(Windowed):
             shares[self._weights :] = TURN
         return shares
 
-    def _evened(self, face: Tensor) -> Tensor:
+    def _symmetrise(self, face: Tensor) -> Tensor:
         """Weights with left and right the mean of both; the turn of the head as it is."""
         other = face[..., MIRROR] if self._weights else face
         even = (face + other) / 2
@@ -245,12 +247,14 @@ class SpeechToFace(Windowed):
 
     # how speech is changed ------------------------------------------------------------------------------------------
 
-    def _changed(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor]:
+    def _augment(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor]:
         """Another voice in another place, (B, T, A) standardised; and the face, which rests in the pauses that are put in."""
         rows, bands = len(audio), self.audio
         axis = torch.linspace(-1, 1, bands, device=audio.device)
-        mel = _stretched(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
-        mel = mel + (self.config.gain * _even(chance, rows) + self.config.tilt * _even(chance, rows) * axis)[:, None]
+        mel = _stretch(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
+        mel = (
+            mel + (self.config.gain_augmentation * _even(chance, rows) + self.config.tilt * _even(chance, rows) * axis)[:, None]
+        )
         below = 4 + 10 * chance.uniform(rows, 1)  # natural log of power under the loudest band
         slope = COLOUR * _even(chance, rows)
         level = mel.amax((1, 2))[:, None] - below - slope.abs() + slope * axis
@@ -268,7 +272,7 @@ def _even(chance: StepRandom, rows: int) -> Tensor:
     return 2 * chance.uniform(rows, 1) - 1
 
 
-def _stretched(mel: Tensor, factors: Tensor) -> Tensor:
+def _stretch(mel: Tensor, factors: Tensor) -> Tensor:
     """(B, T, A) with the axis of bands stretched by factors (B, 1): linear between bands, the ends held."""
     last = mel.shape[2] - 1
     at = (torch.arange(last + 1, device=mel.device) * factors).clamp(0, last)

@@ -122,7 +122,7 @@ class StylisedFlow(nn.Module):
                 oldest=config.encoder_oldest,
             )  # fmt: skip
         self.stylist = StyleEncoder(pose, channels=config.encoder_channels, style=config.style) if config.style else None
-        context = config.history * pose + self.heard * audio + (config.feature if config.encoder else 0) + config.style
+        context = config.history * pose + self.speech_frames * audio + (config.feature if config.encoder else 0) + config.style
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
         ears = getattr(omega, "omega", omega)  # of a whole gesture autoencoder its fourth layer
         self.omega = [ears.eval().requires_grad_(False)] if ears is not None else []  # a list: no part of this model
@@ -131,17 +131,17 @@ class StylisedFlow(nn.Module):
         return RecurrentNet(nn.GRU, inputs, self.config.hidden, outputs, self.config.layers)
 
     @property
-    def heard(self) -> int:
+    def speech_frames(self) -> int:
         """Frames of speech that condition a frame: τ + 1 + l."""
         return self.config.history + 1 + self.config.look_ahead
 
     @property
     def window(self) -> int:
         """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
-        return self.shown + self.config.history + self.config.frames + self.config.look_ahead
+        return self.style_frames + self.config.history + self.config.frames + self.config.look_ahead
 
     @property
-    def shown(self) -> int:
+    def style_frames(self) -> int:
         """Frames before the history that the style is taken from."""
         return self.config.style_window if self.config.style else 0
 
@@ -171,12 +171,12 @@ class StylisedFlow(nn.Module):
 
     def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Trained poses (B, F, D), their histories (B, F, τ, D) and the speech about them (B, F, τ + 1 + l, A)."""
-        pose, audio = pose[:, self.shown :], audio[:, self.shown :]
+        pose, audio = pose[:, self.style_frames :], audio[:, self.style_frames :]
         tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
         if frames < 1 or audio.shape[1] != pose.shape[1]:
             raise InputError(f"{pose.shape[1]} poses and {audio.shape[1]} frames of speech", f"both {self.window}")
         x = pose[:, tau : tau + frames]
-        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(audio, self.heard)
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(audio, self.speech_frames)
 
     def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
         """Exact log-likelihood (equation 5) of each frame after the history.
@@ -191,13 +191,15 @@ class StylisedFlow(nn.Module):
         """
         x, histories, heard = self._windows(pose, audio)
         return self.flow.log_prob(
-            x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown]))
+            x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
         )
 
     def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
         x, histories, heard = self._windows(pose, audio)
-        return self.flow(x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.shown])))[0]
+        return self.flow(x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames])))[
+            0
+        ]
 
     def _base(self, histories: Tensor) -> Tensor:
         """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
@@ -222,7 +224,7 @@ class StylisedFlow(nn.Module):
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
-        c = self.condition(histories, heard, self.style(pose[:, : self.shown]))
+        c = self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
         terms = {"nll": -self.flow.log_prob(x - base, c).mean() / self.config.nll_unit}
         if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
             z = self.flow.latent.sample(batch.chance.normal, len(x), x.shape[1])
@@ -256,7 +258,7 @@ class StylisedFlow(nn.Module):
             (B, F, D).
         """
         poses, states = history, None
-        heard = frame_windows(audio, self.heard)
+        heard = frame_windows(audio, self.speech_frames)
         for t in range(z.shape[1]):
             made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states, style)
             poses = torch.cat([poses, made[:, None]], 1)
@@ -269,7 +271,7 @@ class StylisedFlow(nn.Module):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "heard": self.heard, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
             "inertia": c.inertia, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
             "channels": c.encoder_channels if c.encoder or c.style else 0, "oldest": c.encoder_oldest, "style": c.style,
             "steps_seen": c.steps_seen,

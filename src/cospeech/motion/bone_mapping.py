@@ -148,7 +148,7 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
     Raises:
         InputError: joints without which nothing can be carried over were not found, or ``bone_map`` has unknown names.
     """
-    chosen = _checked(bone_map or {}, skeleton)
+    chosen = _check_map(bone_map or {}, skeleton)
     found = by_names(skeleton, chosen) | chosen
     missing = [name for name in REQUIRED if not found.get(name)]
     if missing and not bone_map:
@@ -163,7 +163,7 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
     return {name: found[name] for name in humanoid().names if found.get(name)}
 
 
-def _checked(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str]:
+def _check_map(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str]:
     for ours, theirs in bone_map.items():
         for what, name, known in (("our", ours, humanoid().names), ("their", theirs, ("", *skeleton.names))):
             if name not in known:

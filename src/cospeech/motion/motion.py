@@ -48,7 +48,7 @@ class Motion:
         if self.skeleton is None:
             object.__setattr__(self, "skeleton", humanoid())
         if not isinstance(self.skeleton, Skeleton):
-            raise InputError(f"{self.skeleton!r} is not a skeleton", "cospeech.motion.skeleton.named_skeleton(name) makes one")
+            raise InputError(f"{self.skeleton!r} is not a skeleton", "cospeech.motion.skeleton.find_skeleton(name) makes one")
         _check_rate(self.fps)
         for name in ("rotations", "root", "face"):
             if name != "face" or self.face is not None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .rotations import Array
 
-__all__ = ["hashed_normal", "hashed_uniform", "smooth_noise"]
+__all__ = ["hash_normal", "hash_uniform", "smooth_noise"]
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele, Lea & Flood 2014)
 _MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -28,23 +28,23 @@ def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
         return x ^ (x >> np.uint64(31))
 
 
-def hashed_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
+def hash_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     """Uniform values in (0, 1) that depend on nothing but ``(seed, stream, index)``; arguments broadcast."""
     return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
 
 
-def hashed_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
+def hash_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     """Unit normal values (approximate: a sum of three uniforms) from the same hash; |value| < 3."""
     stream, index = np.asarray(stream), np.asarray(index)
     draws = np.arange(1000003, 1000006).reshape(-1, *[1] * max(stream.ndim, index.ndim))
-    total = hashed_uniform(seed, stream * 3 + draws, index)  # the three at once
+    total = hash_uniform(seed, stream * 3 + draws, index)  # the three at once
     return (total[0] + total[1] + total[2] - 1.5) * 2.0
 
 
 @lru_cache(64)
 def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Array:
     """(count, channels) values from a place on; a stream asks for the same again and again until the next one comes in."""
-    lattice = hashed_normal(seed, np.arange(channels) + 7919 * octave, (low + np.arange(count))[:, None])
+    lattice = hash_normal(seed, np.arange(channels) + 7919 * octave, (low + np.arange(count))[:, None])
     lattice.setflags(write=False)
     return lattice
 

@@ -30,12 +30,12 @@ from .rotations import (
     quat_rotate,
     quat_slerp,
 )
-from .skeleton import Skeleton, named_skeleton
+from .skeleton import Skeleton, find_skeleton
 from .tpose import directions
 
 __all__ = ["load_map", "positions_to_rotations", "recognise", "retarget", "skeleton"]
 
-skeleton = named_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELETONS`
+skeleton = find_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELETONS`
 
 _AIMED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Thumb", "Index", "Middle", "Ring", "Little")
 _SPINE = ("spine", "chest", "upperChest")
@@ -62,7 +62,7 @@ def retarget(
     """
     if not isinstance(target, (str, Skeleton)):
         raise InputError(f"cannot retarget to a {type(target).__name__}", "give the name of a skeleton, or a Skeleton")
-    goal = named_skeleton(target) if isinstance(target, str) else target
+    goal = find_skeleton(target) if isinstance(target, str) else target
     if goal == motion.skeleton:
         return motion
     source_map, goal_map = bone_map, None

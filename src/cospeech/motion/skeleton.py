@@ -13,7 +13,7 @@ from ..errors import InputError
 from .rotations import Array, quat_identity, quat_multiply, quat_rotate
 from .skeletons import SKELETONS
 
-__all__ = ["Skeleton", "humanoid", "named_skeleton"]
+__all__ = ["Skeleton", "find_skeleton", "humanoid"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,13 +162,13 @@ def from_table(
 
 
 @lru_cache
-def named_skeleton(name: str) -> Skeleton:
+def find_skeleton(name: str) -> Skeleton:
     """A skeleton of the table `cospeech.motion.skeletons.SKELETONS`.
 
     Raises:
         InputError: unknown name; the message lists the known ones and the nearest.
 
-    >>> named_skeleton("mixamo").names[0]
+    >>> find_skeleton("mixamo").names[0]
     'mixamorig:Hips'
     """
     if name not in SKELETONS:
@@ -185,4 +185,4 @@ def humanoid() -> Skeleton:
     >>> len(humanoid()), humanoid().names[0]
     (55, 'hips')
     """
-    return named_skeleton("humanoid")
+    return find_skeleton("humanoid")

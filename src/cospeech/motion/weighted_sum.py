@@ -10,10 +10,10 @@ import numpy as np
 
 from .rotations import Array
 
-__all__ = ["weighted_sum"]
+__all__ = ["add_weighted_rows"]
 
 
-def weighted_sum(weights: Array, rows: Array | None = None) -> Array:
+def add_weighted_rows(weights: Array, rows: Array | None = None) -> Array:
     """Rows added up by weights, each after the one before.
 
     Args:
@@ -23,7 +23,7 @@ def weighted_sum(weights: Array, rows: Array | None = None) -> Array:
     Returns:
         (T, C) float64: row t follows from ``weights[t]`` alone, and terms of weight 0 change no bit of it.
 
-    >>> weighted_sum(np.array([[1.0, 0.0, 2.0]]), np.array([[1.0, 2.0], [5.0, 5.0], [0.5, 1.0]])).tolist()
+    >>> add_weighted_rows(np.array([[1.0, 0.0, 2.0]]), np.array([[1.0, 2.0], [5.0, 5.0], [0.5, 1.0]])).tolist()
     [[2.0, 4.0]]
     """
     terms = weights[:, :, None] if rows is None else weights[:, :, None] * rows

@@ -22,7 +22,7 @@ from ..motion.named_numbers import read_named_numbers
 from ..motion.parts import PARTS
 from .options import GenerationOptions
 from .plan import Gesture
-from .session import LATENCY, LOOK_AHEAD, Session, check_speech, streamed
+from .session import LATENCY, LOOK_AHEAD, Session, check_speech, stream_motion
 from .styles import STYLES, Style, mix_styles
 
 __all__ = [
@@ -112,7 +112,7 @@ class RuleBasedModel:
         Raises:
             InputError: at once, for an option; as the pieces are taken, for a piece of speech.
         """
-        return streamed(self.session(**options), chunks)
+        return stream_motion(self.session(**options), chunks)
 
 
 def _find_style(style: object) -> Style:

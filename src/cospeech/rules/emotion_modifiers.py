@@ -10,7 +10,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MANNERS", "EmotionModifier", "blend_manners"]
+__all__ = ["MANNERS", "EmotionModifier", "blend_modifiers"]
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,6 @@ _MANNER_FIELDS = tuple(f.name for f in fields(EmotionModifier))
 _MANNER_TABLE = np.array([[getattr(m, name) for name in _MANNER_FIELDS] for m in MANNERS.values()])
 
 
-def blend_manners(probabilities: Array) -> EmotionModifier:
+def blend_modifiers(probabilities: Array) -> EmotionModifier:
     """The mixture of all manners under ``probabilities (8,)``."""
     return EmotionModifier(*(float(v) for v in np.asarray(probabilities) @ _MANNER_TABLE))

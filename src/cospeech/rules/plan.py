@@ -20,13 +20,13 @@ from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .gesture_space import GesturePlacement, reach_time, stroke_time
 from .lexicon import form_for
-from .places import Places, reach_time, stroke_time
+from .minimum_jerk import MinimumJerkTrack
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form
-from .rests import RESTS
+from .rest_poses import RESTS
 from .styles import Style
-from .track import MinimumJerkTrack
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 
@@ -82,7 +82,7 @@ class Planner:
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [_HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
-        self._places = Places(style, self._random, intensity, temperature)
+        self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
         self._last_accent = -1.0
@@ -102,26 +102,26 @@ class Planner:
         accents: Sequence[Accent],
         phrases: Sequence[Phrase],
         words: Sequence[Word],
-        manner: EmotionModifier,
+        modifier: EmotionModifier,
     ) -> list[Gesture]:
         """One tick: take up what has become visible, let go what has run its course. Returns the strokes it planned."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
-        self.posture.decide(now, phrases=phrases, manner=manner, speaking=speaking)
+        self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
         for accent in accents:
             if self._last_accent < accent.time <= now + HORIZON:
                 self._last_accent = accent.time
                 if accent.time > now + 0.1 or now == 0:
-                    self._on_accent(now, accent, words, manner)
-                self.posture.on_accent(now, accent, manner)
-        self._silent_words(now, words, manner)
-        self._let_go(now, phrases, manner)
+                    self._on_accent(now, accent, words, modifier)
+                self.posture.on_accent(now, accent, modifier)
+        self._silent_words(now, words, modifier)
+        self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []
         return planned
 
     # ------------------------------------------------------------------------------------------------ strokes
 
-    def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], manner: EmotionModifier) -> None:
+    def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], modifier: EmotionModifier) -> None:
         if self.intensity <= 0:
             return
         near = [w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)]
@@ -130,12 +130,12 @@ class Planner:
         if word is not None and word.start > self._last_word:
             name, chance = form_for(word.text) or ("", 0.0)
             chance *= 0.0 if soon and chance < 0.5 else 0.95
-            if self._random.random() < chance and self._perform(now, accent.time, accent.strength, name, manner, word):
+            if self._random.random() < chance and self._perform(now, accent.time, accent.strength, name, modifier, word):
                 self._last_word = word.start
                 return
         if soon:
             return
-        willing = self.style.rate * manner.rate * (0.62 + 0.75 * accent.strength) * (0.4 + 0.6 * min(self.intensity, 1.0))
+        willing = self.style.rate * modifier.rate * (0.62 + 0.75 * accent.strength) * (0.4 + 0.6 * min(self.intensity, 1.0))
         held = [
             s
             for s in self.hands
@@ -144,13 +144,13 @@ class Planner:
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
             if stirred and self._random.random() < 0.45:
-                self._beat(now, accent, stirred, manner, 0.6)
+                self._beat(now, accent, stirred, modifier, 0.6)
             return
         if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
-            self._beat(now, accent, held, manner, 1.0)
+            self._beat(now, accent, held, modifier, 1.0)
             return
-        if not self._perform(now, accent.time, accent.strength, self._choose_form(manner), manner, None) and held:
-            self._beat(now, accent, held, manner, 0.9)
+        if not self._perform(now, accent.time, accent.strength, self._choose_form(modifier), modifier, None) and held:
+            self._beat(now, accent, held, modifier, 0.9)
 
     def _strong_word_soon(self, at: float, words: Sequence[Word]) -> bool:
         """Whether a word with a gesture of its own comes so soon that hands had better be free for it."""
@@ -160,7 +160,7 @@ class Planner:
                 return True
         return False
 
-    def _silent_words(self, now: float, words: Sequence[Word], manner: EmotionModifier) -> None:
+    def _silent_words(self, now: float, words: Sequence[Word], modifier: EmotionModifier) -> None:
         """Words with a strong gesture of their own get it even without an accent."""
         for word in words:
             middle = word.start + 0.4 * (word.end - word.start)
@@ -171,11 +171,11 @@ class Planner:
                 continue
             self._last_word = word.start
             if self._random.random() < found[1] * 0.6:
-                self._perform(now, middle, 0.5, found[0], manner, word)
+                self._perform(now, middle, 0.5, found[0], modifier, word)
 
-    def _choose_form(self, manner: EmotionModifier) -> str:
+    def _choose_form(self, modifier: EmotionModifier) -> str:
         names = list(self._forms)
-        sharp = 1.0 / max(manner.variety * max(self.temperature, 0.05), 0.05) ** 0.5
+        sharp = 1.0 / max(modifier.variety * max(self.temperature, 0.05), 0.05) ** 0.5
         weights = [self._forms[n] ** sharp * (0.3 if n in self._recent else 1.0) for n in names]
         name = self._random.choices(names, weights)[0]
         self._recent.append(name)
@@ -187,16 +187,16 @@ class Planner:
         both = form.hands == "both" or (form.hands == "any" and self._random.random() < self.style.both)
         return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
 
-    def _perform(self, now: float, at: float, strength: float, name: str, manner: EmotionModifier, word: Word | None) -> bool:
+    def _perform(self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None) -> bool:
         """Plan preparation and stroke(s) of a form whose first stroke peaks at the accent; False where there is no time."""
         form = FORMS.get(name) or LEXICAL_FORMS[name]
         hands, label = self._which_hands(form)
         leader = self.hands[hands[0]]
-        tempo = self.style.tempo * manner.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
-        effort = (1.15 + 0.9 * strength) * self.style.amplitude * manner.amplitude * self.intensity
+        tempo = self.style.tempo * modifier.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
+        effort = (1.15 + 0.9 * strength) * self.style.amplitude * modifier.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
-        poses = self._places.of(form, effort, manner)
-        stroke = stroke_time(poses[0], poses[1], tempo, manner)
+        poses = self._gesture_space.of(form, effort, modifier)
+        stroke = stroke_time(poses[0], poses[1], tempo, modifier)
         onset = at - LEAD - stroke / 2
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
@@ -208,17 +208,17 @@ class Planner:
         start = onset - prepare
         end = onset
         for hand in hands:
-            own = poses if hand == hands[0] else [self._places.follower(p, strength) for p in poses]
+            own = poses if hand == hands[0] else [self._gesture_space.follower(p, strength) for p in poses]
             late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.05)
-            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, manner)
-            self._mark(self.hands[hand], name, onset + stroke / 2, end, manner)
+            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, modifier)
+            self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
             if other.place == "up" and onset > other.busy and self._random.random() < 0.8:
-                self._retract(max(start, other.busy) + self._random.uniform(0.0, 0.25), hand, other, "rest", manner)
+                self._retract(max(start, other.busy) + self._random.uniform(0.0, 0.25), hand, other, "rest", modifier)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
-        self.posture.on_stroke(start, onset, stroke, poses, hands, manner)
+        self.posture.on_stroke(start, onset, stroke, poses, hands, modifier)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
@@ -241,15 +241,15 @@ class Planner:
         onset: float,
         stroke: float,
         tempo: float,
-        manner: EmotionModifier,
+        modifier: EmotionModifier,
     ) -> float:
         """Moves of one hand through all poses; returns the end of the last stroke."""
         state.track.move(start, prepare * (1 + _BLEND), poses[0])
         end = onset
         for k in range(1, len(poses)):
-            length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, manner)
+            length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, modifier)
             over = np.zeros(CHANNELS)
-            over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + manner.tension))
+            over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + modifier.tension))
             state.track.move(end, length, poses[k] + over)
             state.track.move(end + 0.72 * length, 0.30 / tempo, poses[k])
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
@@ -263,16 +263,16 @@ class Planner:
         state.pose = poses[-1]
         return end
 
-    def _mark(self, state: _HandState, name: str, peak: float, end: float, manner: EmotionModifier) -> None:
+    def _mark(self, state: _HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
-        state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / manner.tempo
+        state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * _effort(state.track.target))
 
-    def _beat(self, now: float, accent: Accent, held: list[_HandState], manner: EmotionModifier, scale: float) -> None:
+    def _beat(self, now: float, accent: Accent, held: list[_HandState], modifier: EmotionModifier, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
-        tempo = self.style.tempo * manner.tempo
-        size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * manner.amplitude * self.intensity
-        stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * manner.abrupt)
+        tempo = self.style.tempo * modifier.tempo
+        size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
+        stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
         onset = accent.time - LEAD - stroke / 2
         lift = min(0.44 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
@@ -288,7 +288,7 @@ class Planner:
             back[:7] = -(up + down)[:7] * 0.8
             state.track.add(onset + stroke + 0.05, 0.7 / tempo, back)
             if state.place == "up":
-                self._mark(state, state.form, onset + stroke / 2, onset + stroke, manner)
+                self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)
             else:
                 state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
@@ -321,7 +321,7 @@ class Planner:
         undo[:7] = (goal - state.track.target)[:7] * 0.85
         state.track.add(onset + stroke + self._random.uniform(0.15, 0.5), self._random.uniform(0.7, 1.2), undo)
 
-    def _let_go(self, now: float, phrases: Sequence[Phrase], manner: EmotionModifier) -> None:
+    def _let_go(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
         """Retract hands that have nothing to hold; drop them for good in long pauses."""
         quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
@@ -332,12 +332,12 @@ class Planner:
                 and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold))
             ):
                 self._retract(
-                    now, hand, state, "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest", manner
+                    now, hand, state, "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest", modifier
                 )
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
-                self._retract(now, hand, state, "idle", manner)
+                self._retract(now, hand, state, "idle", modifier)
 
-    def _retract(self, now: float, hand: int, state: _HandState, place: str, manner: EmotionModifier) -> None:
+    def _retract(self, now: float, hand: int, state: _HandState, place: str, modifier: EmotionModifier) -> None:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
@@ -347,8 +347,8 @@ class Planner:
             self._random.gauss(0, 0.025) * free,
         ]
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
-        goal[19] += manner.shrug
-        length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * manner.tempo)
+        goal[19] += modifier.shrug
+        length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
         state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
         state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
 

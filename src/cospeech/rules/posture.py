@@ -14,8 +14,8 @@ from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.kinematics.legs import STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .minimum_jerk import MinimumJerkTrack
 from .styles import Style
-from .track import MinimumJerkTrack
 
 __all__ = ["Posture"]
 
@@ -43,23 +43,23 @@ class Posture:
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._side = random.choice((-1, 1))
-        self._manner: EmotionModifier | None = None
+        self._modifier: EmotionModifier | None = None
 
-    def decide(self, now: float, *, phrases: Sequence[Phrase], manner: EmotionModifier, speaking: bool) -> None:
+    def decide(self, now: float, *, phrases: Sequence[Phrase], modifier: EmotionModifier, speaking: bool) -> None:
         """One tick."""
-        if self._manner is None:
-            self._settle(-5.0, 1.0, manner)  # where it stands before the first frame
-        self._manner = manner
+        if self._modifier is None:
+            self._settle(-5.0, 1.0, modifier)  # where it stands before the first frame
+        self._modifier = modifier
         for phrase in phrases:
             if phrase.start > self._phrase and phrase.start <= now + 0.4:
                 self._phrase = phrase.start
-                self._on_phrase(now, manner)
+                self._on_phrase(now, modifier)
         if now >= self._next["lean"]:
-            self._settle(now, self._random.uniform(0.9, 1.8), manner)
+            self._settle(now, self._random.uniform(0.9, 1.8), modifier)
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
-            self._turn_head(now, manner, speaking)
-        self._look(now, phrases, manner)
+            self._turn_head(now, modifier, speaking)
+        self._look(now, phrases, modifier)
         if now >= self._next["shift"]:
             self._shift_weight(now)
         if now >= self._next["step"]:
@@ -68,28 +68,28 @@ class Posture:
     def _gauss(self, size: float) -> float:
         return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
 
-    def _settle(self, now: float, length: float, manner: EmotionModifier) -> None:
+    def _settle(self, now: float, length: float, modifier: EmotionModifier) -> None:
         """A new place for the torso around the speaker's usual one."""
-        torso = self.style.torso * manner.torso * self.size
+        torso = self.style.torso * modifier.torso * self.size
         goal = (
-            self.style.lean + manner.bow + self._gauss(2.6 * torso),
+            self.style.lean + modifier.bow + self._gauss(2.6 * torso),
             self._gauss(1.8 * torso),
-            manner.turn + self._gauss(4.2 * torso),
+            modifier.turn + self._gauss(4.2 * torso),
         )
         self.track.move(now + 0.02, length, np.array(goal), [Body.PITCH, Body.ROLL, Body.YAW])
         self.track.move(now + 0.05, length * 1.1, np.array([self._gauss(2.0 * torso)]), [Body.HIPS_YAW])
 
-    def _on_phrase(self, now: float, manner: EmotionModifier) -> None:
+    def _on_phrase(self, now: float, modifier: EmotionModifier) -> None:
         self._next["lean"] = min(self._next["lean"], now + self._random.uniform(0, 0.3))
         if self._random.random() < 0.55:
             self._next["head"] = now
 
-    def _turn_head(self, now: float, manner: EmotionModifier, speaking: bool) -> None:
-        head = self.style.head * manner.head * self.size
+    def _turn_head(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
+        head = self.style.head * modifier.head * self.size
         goal = (
-            -manner.chin + self._gauss(4.3 * head),
-            manner.tilt + self._gauss(5.2 * head),
-            manner.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
+            -modifier.chin + self._gauss(4.3 * head),
+            modifier.tilt + self._gauss(5.2 * head),
+            modifier.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
@@ -98,10 +98,10 @@ class Posture:
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, phrases: Sequence[Phrase], manner: EmotionModifier) -> None:
+    def _look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
         """The eyes jump where the plan of the gaze wants; the head follows far jumps."""
         away = self.gaze.away
-        saccade = self.gaze.decide(now, phrases, manner.averted)
+        saccade = self.gaze.decide(now, phrases, modifier.averted)
         if saccade is None:
             return
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
@@ -156,12 +156,12 @@ class Posture:
         goal = self.track.target[foot][0] * 0.36 + self.track.target[Body.HIPS_X] * 0.64
         self.track.move(now + 0.02, 0.5, np.array([goal]), [Body.HIPS_X])
 
-    def on_accent(self, now: float, accent: Accent, manner: EmotionModifier) -> None:
+    def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
         tied = self.style.emphasis
         if accent.time < now + 0.2 or self._random.random() > (0.45 + 0.5 * accent.strength) * min(tied, 1.0):
             return
-        size = (2.5 + 6.0 * accent.strength) * self.style.head * manner.head * self.size * self._random.uniform(0.6, 1.25)
+        size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
         size *= 0.4 + 0.6 * tied
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
@@ -172,11 +172,11 @@ class Posture:
         self.track.add(onset + down * 0.8, up, -nod)
 
     def on_stroke(
-        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], manner: EmotionModifier
+        self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], modifier: EmotionModifier
     ) -> None:
         """The torso goes along with the hands: towards what one hand does, forward or up with both."""
         way = poses[1][:3] - poses[0][:3]
-        torso = self.style.torso * manner.torso * self.size
+        torso = self.style.torso * modifier.torso * self.size
         part = np.zeros(BODY_CHANNELS)
         if len(hands) == 1:
             side = 1 if hands[0] == 0 else -1

@@ -28,8 +28,8 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
+from .minimum_jerk import MinimumJerkTrack
 from .styles import Style
-from .track import MinimumJerkTrack
 
 __all__ = ["Pieces", "realise"]
 

@@ -17,7 +17,7 @@ from ..audio.features.at_16_khz import At16kHz
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
-from ..audio.speech import Speech, Word, count_frames, counted_from
+from ..audio.speech import Speech, Word, count_frames, shift_times
 from ..errors import InputError
 from ..face.composition import Face
 from ..face.gaze import direction_of, eye_angles, look, toward
@@ -26,13 +26,13 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from .arousal import arouse
-from .emotion_modifiers import blend_manners
+from .emotion_modifiers import blend_modifiers
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
 
-__all__ = ["KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "streamed"]
+__all__ = ["KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "stream_motion"]
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
@@ -80,7 +80,7 @@ class Session:
     ) -> None:
         self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
         self.intensity = intensity
-        self.listener = EventDetector()
+        self.detector = EventDetector()
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.face = Face(
@@ -102,7 +102,7 @@ class Session:
 
     def share(self, prosody: SharedProsody) -> None:
         """Hear with what others hear, too; before anything is pushed."""
-        self.listener.share(prosody)
+        self.detector.share(prosody)
         if isinstance(self.mouth, Sharing):
             self.mouth.share(prosody)
 
@@ -152,16 +152,16 @@ class Session:
         check_speech(chunk)
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
-        self._words.extend(counted_from(chunk, self._origin).words or ())
+        self._words.extend(shift_times(chunk, self._origin).words or ())
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
-            heard = self.listener.known + LEVEL_DELAY
+            heard = self.detector.certain_until + LEVEL_DELAY
             while self._ticks * TICK + LOOK_AHEAD <= heard:
                 self._decide()
             if self._ticks * TICK - self._frame / self.fps >= _MOST_AT_ONCE:
                 self._make(self._ticks * TICK)
         self._make(self._ticks * TICK)
-        return self._taken()
+        return self._next_frames()
 
     def finish(self) -> Iterator[Motion]:
         """The speech is over, from now on.
@@ -176,9 +176,9 @@ class Session:
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._sound.finished:
-            return self._taken()
+            return self._next_frames()
         self._hear(self._sound.finish())
-        self.listener.finish()
+        self.detector.finish()
         if self.mouth is not None:
             self.mouth.finish()
         while self._frame < total:
@@ -186,7 +186,7 @@ class Session:
             while self._ticks * TICK < end:
                 self._decide()
             self._make(end, total)
-        return self._taken()
+        return self._next_frames()
 
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, in lists, as sessions of several takes give it; here of one."""
@@ -196,33 +196,33 @@ class Session:
         """As `finish`, in lists."""
         return ([piece] for piece in self.finish())
 
-    def _taken(self) -> Iterator[Motion]:
+    def _next_frames(self) -> Iterator[Motion]:
         """What is ready: a piece leaves the queue before anybody sees it."""
         while self._ready:
             yield self._ready.popleft()
 
     def _hear(self, samples: Array) -> None:
         """Samples at 16 kHz, for all that listens."""
-        self.listener.push(samples)
+        self.detector.push(samples)
         if self.mouth is not None:
             self.mouth.push(samples)
 
     def _decide(self) -> None:
         now = self._ticks * TICK
         visible = now + LOOK_AHEAD
-        listener = self.listener
-        accents = [a for a in listener.accents if now - 1.5 < a.time <= now + HORIZON]
-        phrases = [p for p in listener.phrases if p.start <= now + HORIZON]
+        detector = self.detector
+        accents = [a for a in detector.accents if now - 1.5 < a.time <= now + HORIZON]
+        phrases = [p for p in detector.phrases if p.start <= now + HORIZON]
         words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
         if self.mood.track is not None:
             self.mood.keep(now)
         elif self._ticks % 5 == 0:
-            recent = [a for a in listener.accents if a.time <= now + HORIZON]
-            self.mood.follow(listener.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        manner = arouse(blend_manners(self.mood.probabilities), self.mood.arousal.level)
+            recent = [a for a in detector.accents if a.time <= now + HORIZON]
+            self.mood.follow(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
+        modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self.parts:
-            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, manner=manner)
+            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
         self._ticks += 1
 
     def _make(self, until: float, total: int | None = None) -> None:
@@ -257,8 +257,8 @@ class Session:
         rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
-            heard = self.listener.window(times[0] - 0.6, times[-1] + 0.6)
-            accents = [a for a in self.listener.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
+            heard = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
+            accents = [a for a in self.detector.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
             words = [w for w in self._words if w.start < times[-1] + 1.0]
             shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
             spoken = None if self.mouth is None else self.mouth.at(times)
@@ -317,14 +317,14 @@ def in_short(chunk: Speech) -> Iterable[Speech]:
 
 
 class _Pushed(Protocol):
-    """What `streamed` asks of a session."""
+    """What `stream_motion` asks of a session."""
 
     def push(self, chunk: Speech) -> Iterator[Motion]: ...
 
     def finish(self) -> Iterator[Motion]: ...
 
 
-def streamed(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
+def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
     """The motion of a session to speech that comes in pieces of any size; of long ones, two seconds are worked off at once."""
     for chunk in chunks:
         check_speech(chunk)

@@ -13,7 +13,7 @@ from .flow_bundle import FlowSystem
 from .pose_resampler import MOST_LAG
 from .style_measures import StyleMixture
 
-__all__ = ["AutoregressiveDecoder", "Casting", "Source"]
+__all__ = ["AutoregressiveDecoder", "Source", "SourceFactory"]
 
 SKIPPED = 1024  # ours: latents that are drawn and thrown away at once
 
@@ -32,18 +32,18 @@ class Source(Protocol):
         ...
 
     @property
-    def centre(self) -> Array:
+    def speaker_mean(self) -> Array:
         """(D,) standardised mean pose of the speaker, from which ``intensity`` scales."""
         ...
 
     @property
-    def spread(self) -> Array | None:
+    def style_gain(self) -> Array | None:
         """(D,) what the network's poses are multiplied by before they are added to the mean pose, so that they deviate as the
         speaker's do; None for a network that gives standardised poses themselves."""
         ...
 
     @property
-    def drift(self) -> Array | None:
+    def model_mean(self) -> Array | None:
         """(D,) mean of what the network makes of these latents by itself, taken off before; None with ``spread``."""
         ...
 
@@ -52,7 +52,7 @@ class Source(Protocol):
         ...
 
 
-Casting = Callable[[StyleMixture], Sequence[Source]]
+SourceFactory = Callable[[StyleMixture], Sequence[Source]]
 """A style → the sources of the takes, one for each seed."""
 
 
@@ -64,9 +64,9 @@ class AutoregressiveDecoder:
 
     Args:
         system: the bundle, opened.
-        casting: makes sources.
+        make_sources: makes sources.
         blend: the style to begin with.
-        quiet: (1, A) row of silence, which is before the speech.
+        silence: (1, A) row of silence, which is before the speech.
         intensity: how far poses stray from the mean one.
     """
 
@@ -76,24 +76,24 @@ class AutoregressiveDecoder:
     """It hears none of them."""
 
     def __init__(
-        self, system: FlowSystem, casting: Casting, blend: StyleMixture, quiet: Array, *, intensity: float = 1.0
+        self, system: FlowSystem, make_sources: SourceFactory, blend: StyleMixture, silence: Array, *, intensity: float = 1.0
     ) -> None:
-        self._system, self._casting, self._intensity = system, casting, np.float32(intensity)
-        sources = casting(blend)
+        self._system, self._make_sources, self._intensity = system, make_sources, np.float32(intensity)
+        sources = make_sources(blend)
         self._sources = Crossfade(sources, system.fps)
         self._takes = system.engine.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
-        self._rows = np.repeat(quiet, system.engine.sizes.history, 0)
+        self._rows = np.repeat(silence, system.engine.sizes.history, 0)
         self._made = 0
         self.takes, self.width = len(sources), system.engine.sizes.pose
 
     @property
     def latency(self) -> float:
-        """See `Player`."""
+        """See `Decoder`."""
         sizes = self._system.engine.sizes
-        return (sizes.heard - sizes.history) / self._system.fps
+        return (sizes.speech_frames - sizes.history) / self._system.fps
 
     def push(self, rows: Array) -> Array:
-        """See `Player`."""
+        """See `Decoder`."""
         self._sources.forget(self._made - MOST_LAG)
         self._rows = np.concatenate([self._rows, rows])
         windows = self._system.engine.windows(self._rows)
@@ -104,23 +104,23 @@ class AutoregressiveDecoder:
         self._made = end
         z = self._latents(first, end)
         if self._sources.steady(first, end):
-            return self._framed(first, windows, z)
-        frames = [self._framed(first + k, windows[k : k + 1], z[:, k : k + 1]) for k in range(len(windows))]
+            return self._make_frames(first, windows, z)
+        frames = [self._make_frames(first + k, windows[k : k + 1], z[:, k : k + 1]) for k in range(len(windows))]
         return np.concatenate(frames, 1)
 
-    def finish(self, quiet: Array) -> Array:
-        """See `Player`."""
+    def finish(self, silence: Array) -> Array:
+        """See `Decoder`."""
         sizes = self._system.engine.sizes
-        return self.push(np.repeat(quiet, sizes.heard - 1 - sizes.history, 0))
+        return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history, 0))
 
-    def units(self, poses: Array, at: Array) -> Array:
-        """See `Player`."""
-        s, centres = self._system.statistics, self._mixed("centre", at)
-        return (centres + self._intensity * self._strayed(poses, centres, at)) * s.pose_std + s.pose_mean
+    def denormalise(self, poses: Array, at: Array) -> Array:
+        """See `Decoder`."""
+        s, centres = self._system.statistics, self._mix_sources("speaker_mean", at)
+        return (centres + self._intensity * self._deviate(poses, centres, at)) * s.pose_std + s.pose_mean
 
     def restyle(self, blend: StyleMixture, frame: int) -> None:
-        """See `Player`."""
-        sources = self._casting(blend)
+        """See `Decoder`."""
+        sources = self._make_sources(blend)
         for source in sources:
             for start in range(0, frame, SKIPPED):
                 source.draw(min(SKIPPED, frame - start))
@@ -132,19 +132,19 @@ class AutoregressiveDecoder:
         for start, sources in self._sources.layers:
             z = np.stack([source.draw(max(0, end - max(first, start))) for source in sources])
             drawn[id(sources)] = np.pad(z, ((0, 0), (end - first - z.shape[1], 0), (0, 0)))
-        return self._sources.mixed(lambda sources: drawn[id(sources)], np.arange(first, end))
+        return self._sources.mix(lambda sources: drawn[id(sources)], np.arange(first, end))
 
-    def _framed(self, frame: int, windows: Array, z: Array) -> Array:
+    def _make_frames(self, frame: int, windows: Array, z: Array) -> Array:
         """Poses of frames that have one style."""
-        self._takes.styles[:] = self._mixed("style", np.array([frame]))[:, 0]
+        self._takes.styles[:] = self._mix_sources("style", np.array([frame]))[:, 0]
         return self._takes.frames(windows, z)
 
-    def _strayed(self, poses: Array, centres: Array, at: Array) -> Array:
+    def _deviate(self, poses: Array, centres: Array, at: Array) -> Array:
         """(N, n, D) how far poses are from the mean ones, standardised."""
-        if self._sources.layers[0][1][0].spread is None:  # of a system, all have one or none
+        if self._sources.layers[0][1][0].style_gain is None:  # of a system, all have one or none
             return poses - centres
-        return (poses - self._mixed("drift", at)) * self._mixed("spread", at)
+        return (poses - self._mix_sources("model_mean", at)) * self._mix_sources("style_gain", at)
 
-    def _mixed(self, name: str, at: Array) -> Array:
+    def _mix_sources(self, name: str, at: Array) -> Array:
         """(N, n or 1, …) an attribute of the sources at these frames."""
-        return self._sources.mixed(lambda sources: np.stack([getattr(source, name) for source in sources])[:, None], at)
+        return self._sources.mix(lambda sources: np.stack([getattr(source, name) for source in sources])[:, None], at)

@@ -1,4 +1,4 @@
-"""Kinds of systems on stage: how each understands styles, and what plays it."""
+"""Kinds of systems: how each resolves styles, and what decodes it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder, OverlapAddDecoder
 from .chain_bundle import ChainSystem
-from .chain_style import example_chain, mixture_chain, named_chain
-from .conditioning import NOTHING, OFFLINE, Conditioning, ConditioningFace, nothing_given, poses_before
+from .chain_style import embed_chain_speaker, example_chain, mixture_chain
+from .conditioning import NOTHING, OFFLINE, Conditioning, ConditioningFace, poses_before, refuse_conditioning
 from .flow_bundle import FlowSystem
 from .manifest import System
 from .session import Decoder
@@ -28,7 +28,7 @@ from .style import Styles, Transfer, best_transfer
 from .style_measures import StyleMixture
 from .window_bundle import WindowSystem
 from .window_layout import check_look_ahead
-from .window_style import example_window, mixture, named_window
+from .window_style import embed_window_speaker, example_window, mixture
 
 __all__ = ["Backend", "backend_of"]
 
@@ -64,9 +64,11 @@ class Backend(Protocol):
         """Who hears the speech, with (C,) style controls to begin with."""
         ...
 
-    def play(self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING) -> Decoder:
-        """A player that begins with this style; ``quiet`` (1, A) is the row of silence, which is before the speech;
-        ``given``: what there is beside it."""
+    def play(
+        self, blend: StyleMixture, silence: Array, options: GenerationOptions, conditioning: Conditioning = NOTHING
+    ) -> Decoder:
+        """A player that begins with this style; ``silence`` (1, A) is the row of silence, which is before the speech;
+        ``conditioning``: what there is beside it."""
         ...
 
 
@@ -94,21 +96,21 @@ class FlowBackend:
         return SpeechFrontend(self._system, controls)
 
     def play(
-        self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING
+        self, blend: StyleMixture, silence: Array, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> AutoregressiveDecoder:
         """See `Backend`.
 
         Raises:
             InputError: a look-ahead is given, or a face, or motion to go on from.
         """
-        nothing_given(given)
+        refuse_conditioning(conditioning)
         if options.look_ahead is not None:
             raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
 
         def sources(blend: StyleMixture) -> list[Source]:
             return [self._transfer(self._system, blend, seed=seed, temperature=options.temperature) for seed in options.seeds]
 
-        return AutoregressiveDecoder(self._system, sources, blend, quiet, intensity=options.intensity)
+        return AutoregressiveDecoder(self._system, sources, blend, silence, intensity=options.intensity)
 
 
 class WindowBackend:
@@ -122,7 +124,7 @@ class WindowBackend:
 
     def __init__(self, system: WindowSystem) -> None:
         self._system = system
-        self.styles = Styles(system, named_window, example_window)
+        self.styles = Styles(system, embed_window_speaker, example_window)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 
     def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
@@ -134,17 +136,17 @@ class WindowBackend:
         return SpeechFrontend(self._system, controls)
 
     def play(
-        self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING
+        self, blend: StyleMixture, silence: Array, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> SlidingWindowDecoder:
         """See `Backend`.
 
         Raises:
             InputError: a face is given, or motion to go on from.
         """
-        nothing_given(given)
+        refuse_conditioning(conditioning)
         setting = looking(self._system.engine.sizes, self._system.fps, options.look_ahead)
         return SlidingWindowDecoder(
-            self._system, setting, blend, options.seeds, quiet, temperature=options.temperature, intensity=options.intensity
+            self._system, setting, blend, options.seeds, silence, temperature=options.temperature, intensity=options.intensity
         )
 
 
@@ -159,7 +161,7 @@ class ChainBackend:
 
     def __init__(self, system: ChainSystem) -> None:
         self._system = system
-        self.styles = Styles(system, named_chain, example_chain)
+        self.styles = Styles(system, embed_chain_speaker, example_chain)
         self.controls, self.quantiles = (), np.zeros((QUANTILES, 0), np.float32)
 
     def mixture(self, blend: StyleMixture) -> dict[str, float] | None:
@@ -170,7 +172,9 @@ class ChainBackend:
         """See `Backend`."""
         return SpeechTextFrontend(self._system)
 
-    def play(self, blend: StyleMixture, quiet: Array, options: GenerationOptions, given: Conditioning = NOTHING) -> Decoder:
+    def play(
+        self, blend: StyleMixture, silence: Array, options: GenerationOptions, conditioning: Conditioning = NOTHING
+    ) -> Decoder:
         """Frame by frame, where the system can be played so and no look-ahead is given; else in windows.
 
         Raises:
@@ -178,27 +182,27 @@ class ChainBackend:
         """
         seconds, engine = options.look_ahead, self._system.engine
         check_look_ahead(seconds)
-        ear = SpeakerEmotionTracker(engine, self._system.fps, quiet[0, : engine.sizes.audio], options.track)
+        tracker = SpeakerEmotionTracker(engine, self._system.fps, silence[0, : engine.sizes.audio], options.track)
         live = engine.lives and (seconds is None or seconds * self._system.fps <= engine.sizes.look_ahead)
         scales = {"temperature": options.temperature, "intensity": options.intensity}
-        if live and given.anything:
+        if live and conditioning.anything:
             raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
         if live:
-            return CausalStreamDecoder(self._system, blend, options.seeds, quiet, ear, **scales)
-        face, before = self._given(given)
-        return OverlapAddDecoder(self._system, blend, options.seeds, quiet, ear, face=face, before=before, **scales)
+            return CausalStreamDecoder(self._system, blend, options.seeds, silence, tracker, **scales)
+        face, before = self._prepare_conditioning(conditioning)
+        return OverlapAddDecoder(self._system, blend, options.seeds, silence, tracker, face=face, before=before, **scales)
 
-    def _given(self, given: Conditioning) -> tuple[ConditioningFace | None, Array | None]:
+    def _prepare_conditioning(self, conditioning: Conditioning) -> tuple[ConditioningFace | None, Array | None]:
         """The face, and (seeds, D) standardised poses, that the network was trained to be given."""
         sizes = self._system.engine.sizes
-        hint = "train one with model.faced and model.unseeded (docs/models/chain_of_generation.md)"
-        if given.face is not None and not sizes.faces:
+        hint = "train one with model.face_teacher_forcing and model.seed_dropout (docs/models/chain_of_generation.md)"
+        if conditioning.face is not None and not sizes.faces:
             raise InputError("this chain cannot be given a face", hint)
-        if given.before is None:
-            return given.face, None
+        if conditioning.before is None:
+            return conditioning.face, None
         if not sizes.seeds:
             raise InputError("this chain cannot be given motion to go on from", hint)
-        return given.face, poses_before(self._system, given.before, sizes.seeds)
+        return conditioning.face, poses_before(self._system, conditioning.before, sizes.seeds)
 
 
 _WITHOUT_LATENTS: Mapping[type[System], Callable[[Any], Backend]] = {WindowSystem: WindowBackend, ChainSystem: ChainBackend}

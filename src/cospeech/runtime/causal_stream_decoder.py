@@ -20,7 +20,7 @@ from .crossfade import Crossfade
 from .mode_noise import SmoothGumbel
 from .pose_resampler import MOST_LAG
 from .speaker_emotion_tracker import SpeakerEmotionTracker
-from .style_measures import StyleMixture, weighted
+from .style_measures import StyleMixture, average_parts
 from .window_layout import Sliding, WindowLayout
 
 __all__ = ["CausalStreamDecoder", "ChainPlayer", "OverlapAddDecoder", "sections"]
@@ -43,8 +43,8 @@ class ChainPlayer:
         system: the bundle, opened.
         blend: the style to begin with; shares of nobody are the voice's.
         seeds: of the takes.
-        quiet: (1, A + W) row of silence, which is before the speech.
-        ear: hears who speaks and how.
+        silence: (1, A + W) row of silence, which is before the speech.
+        tracker: hears who speaks and how.
         temperature: scale of the noise.
         intensity: how far poses stray from the style's mean one.
     """
@@ -54,15 +54,15 @@ class ChainPlayer:
         system: ChainSystem,
         blend: StyleMixture,
         seeds: Sequence[int],
-        quiet: Array,
-        ear: SpeakerEmotionTracker,
+        silence: Array,
+        tracker: SpeakerEmotionTracker,
         *,
         temperature: float = 1.0,
         intensity: float = 1.0,
     ) -> None:
         sizes = system.engine.sizes
         self.takes, self.width = len(seeds), sizes.pose
-        self._system, self._ear, self._quiet = system, ear, quiet
+        self._system, self._tracker, self._silent_row = system, tracker, silence
         self._temperature, self._intensity = np.float32(temperature), np.float32(intensity)
         self._noise = [SmoothGumbel(sizes.noise, system.fps, seed=seed) for seed in seeds]
         self._asked = Crossfade(_speakers(blend), system.fps)
@@ -71,28 +71,28 @@ class ChainPlayer:
     @property
     def moods(self) -> Moods | None:
         """See `Decoder`; None where none was given."""
-        return self._ear if self._ear.knows else None
+        return self._tracker if self._tracker.knows else None
 
     @property
     def emotion(self) -> dict[str, float] | None:
-        """See `Player`."""
-        if not self._ear.hears:
+        """See `Decoder`."""
+        if not self._tracker.hears:
             return None
-        return {name: float(p) for name, p in zip(EMOTIONS, self._ear.emotion, strict=True)}
+        return {name: float(p) for name, p in zip(EMOTIONS, self._tracker.emotion, strict=True)}
 
     @property
     def speaker(self) -> dict[str, float] | None:
-        """See `Player`."""
-        if not self._system.engine.judges:
+        """See `Decoder`."""
+        if not self._system.engine.classifies:
             return None
-        return {name: float(p) for name, p in zip(self._system.speakers, self._ear.speaker, strict=True)}
+        return {name: float(p) for name, p in zip(self._system.speakers, self._tracker.speaker, strict=True)}
 
     def restyle(self, blend: StyleMixture, frame: int) -> None:
-        """See `Player`."""
+        """See `Decoder`."""
         self._asked.change(_speakers(blend), frame)
 
-    def units(self, poses: Array, at: Array) -> Array:
-        """See `Player`."""
+    def denormalise(self, poses: Array, at: Array) -> Array:
+        """See `Decoder`."""
         s, (centre, made, gain) = self._system.statistics, self._scales(at)
         return (centre + gain * (poses - made)) * s.pose_std + s.pose_mean
 
@@ -100,7 +100,11 @@ class ChainPlayer:
         """(n, D) mean pose of the style, that of what the network makes in it, and by what the difference is multiplied."""
         calibration = self._calibration
         shares = self._style(at)[:, : self._system.engine.sizes.speakers].astype(np.float32)
-        return shares @ self._system.statistics.centres, shares @ calibration[0], self._intensity * (shares @ calibration[1])
+        return (
+            shares @ self._system.statistics.speaker_mean,
+            shares @ calibration[0],
+            self._intensity * (shares @ calibration[1]),
+        )
 
     @property
     def _calibration(self) -> tuple[Array, Array, np.float32]:
@@ -110,19 +114,19 @@ class ChainPlayer:
     def _style(self, frames: Array) -> Array:
         """(n, S + 8) of these frames."""
         speakers = self._system.engine.sizes.speakers
-        heard = self._ear.shares(frames)
-        asked = np.broadcast_to(self._asked.mixed(lambda shares: shares, frames)[0], (len(frames), speakers))
+        heard = self._tracker.shares(frames)
+        asked = np.broadcast_to(self._asked.mix(lambda shares: shares, frames)[0], (len(frames), speakers))
         left = np.maximum(1 - asked.sum(1, keepdims=True), 0)
         return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
 
-    def _drawn(self, frames: int) -> Array:
+    def _draw_noise(self, frames: int) -> Array:
         """(N, frames, Z) the next noise."""
         return self._calibration[2] * self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
     def _forget(self, back: int) -> None:
         """What no window that begins ``back`` frames before what is made next, and no pose handed out so far, asks for."""
         self._asked.forget(self._made - back - MOST_LAG)
-        self._ear.forget(self._made - back - round(KEPT * self._system.fps))
+        self._tracker.forget(self._made - back - round(KEPT * self._system.fps))
 
 
 class CausalStreamDecoder(ChainPlayer):
@@ -135,31 +139,31 @@ class CausalStreamDecoder(ChainPlayer):
 
     @property
     def latency(self) -> float:
-        """See `Player`."""
+        """See `Decoder`."""
         return (self._system.engine.sizes.look_ahead + 1) / self._system.fps
 
     @property
     def _calibration(self) -> tuple[Array, Array, np.float32]:
         s = self._system.statistics
-        return s.live_made, s.live_gains, s.strays[1]
+        return s.live_model_mean, s.live_style_gain, s.noise_gain[1]
 
     def push(self, rows: Array) -> Array:
-        """See `Player`."""
+        """See `Decoder`."""
         self._forget(0)
         audio, made = self._system.engine.sizes.audio, [np.zeros((self.takes, 0, self.width), np.float32)]
         for row in rows:
-            self._ear.push(row[None, :audio])
+            self._tracker.push(row[None, :audio])
             style = self._style(np.array([self._heard]))[0]
-            poses = self._live.frame(row, np.broadcast_to(style, (self.takes, len(style))), self._drawn(1)[:, 0])
+            poses = self._live.frame(row, np.broadcast_to(style, (self.takes, len(style))), self._draw_noise(1)[:, 0])
             self._heard += 1
             if self._heard > self._system.engine.sizes.look_ahead:
                 made.append(poses[:, None])
                 self._made += 1
         return np.concatenate(made, 1)
 
-    def finish(self, quiet: Array) -> Array:
-        """See `Player`."""
-        return self.push(np.repeat(quiet, self._system.engine.sizes.look_ahead if self._heard else 0, 0))
+    def finish(self, silence: Array) -> Array:
+        """See `Decoder`."""
+        return self.push(np.repeat(silence, self._system.engine.sizes.look_ahead if self._heard else 0, 0))
 
 
 class OverlapAddDecoder(ChainPlayer):
@@ -180,32 +184,32 @@ class OverlapAddDecoder(ChainPlayer):
         self._gap: Array | None = None
         if before is not None and len(before) > self.setting.past:
             raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
-        self._windows = Sliding(self.setting, self._quiet, self._drawn, self._window)
+        self._windows = Sliding(self.setting, self._silent_row, self._draw_noise, self._window)
 
     @property
     def latency(self) -> float:
-        """See `Player`."""
+        """See `Decoder`."""
         return self.setting.waits / self._system.fps
 
     @property
     def _calibration(self) -> tuple[Array, Array, np.float32]:
         s = self._system.statistics
-        return s.made, s.gains, s.strays[0]
+        return s.model_mean, s.style_gain, s.noise_gain[0]
 
     def push(self, rows: Array) -> Array:
-        """See `Player`."""
+        """See `Decoder`."""
         self._forget(self.setting.past)
-        self._ear.push(rows[:, : self._system.engine.sizes.audio])
-        return self._joined(self._windows.push(rows))
+        self._tracker.push(rows[:, : self._system.engine.sizes.audio])
+        return self._join(self._windows.push(rows))
 
-    def finish(self, quiet: Array) -> Array:
-        """See `Player`."""
-        self._ear.push(np.repeat(quiet, self.setting.window, 0)[:, : self._system.engine.sizes.audio])
-        return self._joined(self._windows.finish(quiet))
+    def finish(self, silence: Array) -> Array:
+        """See `Decoder`."""
+        self._tracker.push(np.repeat(silence, self.setting.window, 0)[:, : self._system.engine.sizes.audio])
+        return self._join(self._windows.finish(silence))
 
-    def units(self, poses: Array, at: Array) -> Array:
-        """See `Player`; the first call has the first pose."""
-        found = super().units(poses, at)
+    def denormalise(self, poses: Array, at: Array) -> Array:
+        """See `Decoder`; the first call has the first pose."""
+        found = super().denormalise(poses, at)
         if self._before is None or not len(at):
             return found
         if self._gap is None:
@@ -214,11 +218,11 @@ class OverlapAddDecoder(ChainPlayer):
         left = np.clip(1 - (at + 1) / (_JOIN * self._system.fps), 0, 1)  # all of it a frame before the first
         return found + (left * left * (3 - 2 * left)).astype(np.float32)[:, None] * self._gap
 
-    def _joined(self, made: list[Array]) -> Array:
-        self._made = self._windows.made
+    def _join(self, made: list[Array]) -> Array:
+        self._made = self._windows.frames
         return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
 
-    def _window(self, rows: Array, first: int, nudge: Array) -> Array:
+    def _window(self, rows: Array, first: int, mode_noise: Array) -> Array:
         """(N, window, D) where ``first`` is the first new frame."""
         frames = np.arange(self.setting.window) + (first - self.setting.past)
         style, more = self._style(np.maximum(frames, 0)), dict[str, Array]()
@@ -231,7 +235,7 @@ class OverlapAddDecoder(ChainPlayer):
             more["seed"] = self._seeds(len(frames))
         styles = np.broadcast_to(style[began:], (self.takes, len(style) - began, style.shape[1]))
         more = {name: x[began:] for name, x in more.items()}
-        made = self._system.engine.windows.make(rows[began:], styles, nudge[:, began:], more=more)
+        made = self._system.engine.windows.make(rows[began:], styles, mode_noise[:, began:], more=more)
         return np.concatenate([np.repeat(made[:, :1], began, 1), made], 1)
 
     def _seeds(self, frames: int) -> Array:
@@ -251,4 +255,4 @@ _LEAST_GAIN = np.float32(1e-3)  # ours: below, nothing moves that could be gone 
 
 def _speakers(blend: StyleMixture) -> Array:
     """(1, 1, S) shares of the speakers that were asked for."""
-    return weighted((share, manner.code) for share, manner in blend)[None, None]
+    return average_parts((share, embedding.code) for share, embedding in blend)[None, None]

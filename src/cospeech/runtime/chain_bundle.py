@@ -26,7 +26,7 @@ from .manifest import (
     read_statistics,
     write_system,
 )
-from .window_bundle import unpacked
+from .window_bundle import unpack_weights
 
 __all__ = ["KIND", "VOICE", "ChainStatistics", "ChainSystem", "open_chain", "write_chain"]
 
@@ -34,23 +34,23 @@ KIND = "chain"
 """What a manifest's ``kind`` says of a bundle of this module."""
 VOICE = "voice"
 """The style that a chain hears in the voice, beside its speakers' names."""
-_BY_SPEAKER = ("centres", "made", "gains", "live_made", "live_gains")
+_BY_SPEAKER = ("speaker_mean", "model_mean", "style_gain", "live_model_mean", "live_style_gain")
 
 
 @dataclass(frozen=True)
 class ChainStatistics(Normalisation):
     """Normalisation, what stands for each speaker, and what stands for words."""
 
-    centres: Array
+    speaker_mean: Array
     """(S, D) standardised mean pose of each speaker."""
-    made: Array
+    model_mean: Array
     """(S, D) mean of what the network of windows makes in each speaker's style, which the speaker's own takes the place of."""
-    gains: Array
+    style_gain: Array
     """(S, D) by what that is multiplied, so that it deviates from its mean as the speaker does; positive."""
-    live_made: Array
+    live_model_mean: Array
     """(S, D) and (S, D): the same of the network of frames; those of windows again where there is none."""
-    live_gains: Array
-    strays: Array
+    live_style_gain: Array
+    noise_gain: Array
     """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
     words: Array
     """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first:
@@ -98,7 +98,7 @@ def write_chain(
     """Write a chain as a bundle.
 
     Args:
-        weights: of the graphs, float32, or some float16 (`cospeech.runtime.window_bundle.half`).
+        weights: of the graphs, float32, or some float16 (`cospeech.runtime.window_bundle.halve_weights`).
         graphs: see `ChainEngine`.
         sizes: of the networks.
         statistics: of the training data.
@@ -113,7 +113,7 @@ def write_chain(
         InputError: these do not fit together.
     """
     _check(statistics, sizes, graphs, facts["styles"], facts.get("vocabulary"))
-    ChainEngine(sizes, unpacked(weights), graphs, *pose_bounds(statistics))
+    ChainEngine(sizes, unpack_weights(weights), graphs, *pose_bounds(statistics))
     known = {**facts, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
     write_system(path, KIND, sizes, weights, graphs, statistics, known, card)
 
@@ -130,7 +130,7 @@ def open_chain(bundle: Bundle) -> ChainSystem:
     statistics = read_statistics(bundle, ChainStatistics)
     words = bundle.fact("vocabulary", list) if "vocabulary" in bundle.manifest else None
     _check(statistics, sizes, bundle.graphs(), known.styles, words)
-    engine = ChainEngine(sizes, unpacked(bundle.arrays(WEIGHTS)), bundle.graphs(), *pose_bounds(statistics))
+    engine = ChainEngine(sizes, unpack_weights(bundle.arrays(WEIGHTS)), bundle.graphs(), *pose_bounds(statistics))
     vocabulary = None if words is None else {word: k for k, word in enumerate(words, 1)}
     return ChainSystem(**vars(known), engine=engine, statistics=statistics, vocabulary=vocabulary)
 
@@ -144,8 +144,8 @@ def _check(
         raise InputError("a vocabulary that is not of words", "is the bundle damaged?")
     rows = BUCKETS if vocabulary is None else len(vocabulary)
     by_speaker = dict.fromkeys(_BY_SPEAKER, (sizes.speakers, sizes.pose))
-    check_numbers(statistics, sizes.pose, sizes.audio, by_speaker | {"strays": (2,), "words": (rows + 1, sizes.words)})
+    check_numbers(statistics, sizes.pose, sizes.audio, by_speaker | {"noise_gain": (2,), "words": (rows + 1, sizes.words)})
     if statistics.words[0].any():
         raise InputError("a word that is none and has numbers", "is the bundle damaged?")
-    if min(statistics.gains.min(), statistics.live_gains.min()) <= 0:
+    if min(statistics.style_gain.min(), statistics.live_style_gain.min()) <= 0:
         raise InputError("a gain of a style that is not positive", "is the bundle damaged?")

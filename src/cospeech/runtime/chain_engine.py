@@ -110,13 +110,13 @@ class ChainEngine:
         self.windows = WindowEngine(sizes.windows, own["make"], {"make": graphs["make"]}, low, high, sizes.optional)
         self._classify = open_session(graphs["classify"], own["classify"]) if "classify" in graphs else None
         self._live = open_session(graphs["live"], own["live"]) if "live" in graphs else None
-        self._states = self._checked_states()
+        self._states = self._check_states()
         if self._classify is not None:
             self.classify(np.zeros((2 * sizes.reach + 1, sizes.audio)))  # a graph that fails, fails here
         if self._live is not None:
             self.live(2).frame(np.zeros(sizes.rows), np.zeros((2, sizes.style)), np.zeros((2, sizes.noise)))
 
-    def _checked_states(self) -> dict[str, tuple[bool, int]]:
+    def _check_states(self) -> dict[str, tuple[bool, int]]:
         """State of the network of frames → whether each take has its own, and its width; inputs and outputs of graphs are
         looked at."""
         s = self.sizes
@@ -125,12 +125,12 @@ class ChainEngine:
             ends += [(self._classify.get_inputs(), {"rows": s.audio}), (self._classify.get_outputs(), {"logits": s.style})]
         states: dict[str, tuple[bool, int]] = {}
         if self._live is not None:
-            given, made = self._live.get_inputs(), self._live.get_outputs()
-            widths = {end.name: end.shape[-1] for end in given if end.name.startswith("state")}
+            feed, made = self._live.get_inputs(), self._live.get_outputs()
+            widths = {end.name: end.shape[-1] for end in feed if end.name.startswith("state")}
             after = {f"next.{name}": width for name, width in widths.items()}
-            states = {end.name: (end.shape[0] != 1, end.shape[-1]) for end in given if end.name in widths}
-            taken = {"rows": s.rows, "style": s.style} | ({"nudge": s.noise} if s.noise else {})
-            ends += [(given, taken | widths), (made, {"poses": s.pose} | after)]
+            states = {end.name: (end.shape[0] != 1, end.shape[-1]) for end in feed if end.name in widths}
+            taken = {"rows": s.rows, "style": s.style} | ({"mode_noise": s.noise} if s.noise else {})
+            ends += [(feed, taken | widths), (made, {"poses": s.pose} | after)]
         for found, due in ends:
             for end in found:
                 width = due.get(end.name)
@@ -141,7 +141,7 @@ class ChainEngine:
         return states
 
     @property
-    def judges(self) -> bool:
+    def classifies(self) -> bool:
         """Whether it has a classifier."""
         return self._classify is not None
 
@@ -163,7 +163,7 @@ class ChainEngine:
         (logits,) = run_session(self._classify, {"rows": _sane(rows)[None]})
         if logits.shape != (1, len(rows), s.style):
             raise InputError(f"a graph makes logits of shape {logits.shape}", "is the bundle damaged?")
-        return _bounded(logits[0, s.reach : s.reach + frames])
+        return _clip_poses(logits[0, s.reach : s.reach + frames])
 
     def live(self, takes: int) -> Live:
         """A performance of so many takes, frame by frame.
@@ -176,10 +176,10 @@ class ChainEngine:
         shapes = {name: (takes if own else 1, width) for name, (own, width) in self._states.items()}
         return Live(self, takes, {name: np.zeros(shape, np.float32) for name, shape in shapes.items()})
 
-    def step(self, given: Mapping[str, Array], takes: int) -> list[Array]:
+    def step(self, feed: Mapping[str, Array], takes: int) -> list[Array]:
         """Poses (N, D) and states after a frame, in the order of the states; see `Live.frame`."""
         assert self._live is not None
-        poses, *states = run_session(self._live, given)
+        poses, *states = run_session(self._live, feed)
         due = [(takes, self.sizes.pose), *((takes if own else 1, width) for own, width in self._states.values())]
         if [each.shape for each in (poses, *states)] != due:
             raise InputError("a graph gives other shapes than it announces", "is the bundle damaged?")
@@ -208,8 +208,8 @@ class Live:
         wanted = [(s.rows,), (self.takes, s.style), (self.takes, s.noise)]
         if [np.shape(x) for x in (row, style, noise)] != wanted:
             raise InputError(f"a frame of shapes {[np.shape(x) for x in (row, style, noise)]}", f"{wanted}")
-        given = {"rows": _sane(row)[None], "style": _sane(style)} | ({"nudge": _sane(noise)} if s.noise else {})
-        poses, *states = self.engine.step(given | self.states, self.takes)
+        feed = {"rows": _sane(row)[None], "style": _sane(style)} | ({"mode_noise": _sane(noise)} if s.noise else {})
+        poses, *states = self.engine.step(feed | self.states, self.takes)
         self.states = dict(zip(self.states, states, strict=True))
         return poses
 
@@ -221,7 +221,7 @@ def _sane(values: Array) -> Array:
     return np.ascontiguousarray(np.clip(values, -LIMIT, LIMIT), np.float32)
 
 
-def _bounded(values: Array) -> Array:
+def _clip_poses(values: Array) -> Array:
     """What a hostile network makes too."""
     bounded: Array = np.clip(np.nan_to_num(values, posinf=LIMIT, neginf=-LIMIT), -LIMIT, LIMIT)
     return bounded

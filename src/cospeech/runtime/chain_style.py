@@ -7,13 +7,13 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from .chain_bundle import VOICE, ChainSystem
-from .style_measures import StyleEmbedding, StyleMixture, weighted
-from .window_style import shown_shares
+from .style_measures import StyleEmbedding, StyleMixture, average_parts
+from .window_style import list_shares
 
-__all__ = ["example_chain", "mixture_chain", "named_chain"]
+__all__ = ["embed_chain_speaker", "example_chain", "mixture_chain"]
 
 
-def named_chain(system: ChainSystem, name: str) -> StyleEmbedding:
+def embed_chain_speaker(system: ChainSystem, name: str) -> StyleEmbedding:
     """One of a system's speakers; `VOICE` is nobody, whose share the voice decides."""
     sizes = system.engine.sizes
     code = np.zeros(sizes.speakers, np.float32)
@@ -33,6 +33,6 @@ def mixture_chain(system: ChainSystem, blend: StyleMixture) -> dict[str, float] 
     """Speaker → weight, the heaviest first, of a mixture; None for one speaker, and where the voice decides alone."""
     if len(blend) == 1:
         return None
-    shares = weighted((share, manner.code) for share, manner in blend)
+    shares = average_parts((share, embedding.code) for share, embedding in blend)
     names = {**dict(zip(system.speakers, shares.tolist(), strict=True)), VOICE: 1 - float(shares.sum())}
-    return shown_shares(names)
+    return list_shares(names)

@@ -11,9 +11,9 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .manifest import System
-from .style_measures import encoded
+from .style_measures import encode_motion
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "nothing_given", "poses_before", "read_given"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "poses_before", "read_conditioning", "refuse_conditioning"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
@@ -64,7 +64,7 @@ class Conditioning:
 NOTHING = Conditioning()
 
 
-def read_given(face: object, before: object) -> Conditioning:
+def read_conditioning(face: object, before: object) -> Conditioning:
     """Motions, or files of them.
 
     Raises:
@@ -76,20 +76,20 @@ def read_given(face: object, before: object) -> Conditioning:
     return Conditioning(None if shown is None else ConditioningFace(shown), past)
 
 
-def _motion(given: object, what: str) -> Motion | None:
-    if given is None or isinstance(given, Motion):
-        return given
-    if not isinstance(given, str | PathLike):
-        raise InputError(f"{what}: {str(given)[:60]!r}", "a Motion, or a motion file")
-    return Motion.load(given)
+def _motion(conditioning: object, what: str) -> Motion | None:
+    if conditioning is None or isinstance(conditioning, Motion):
+        return conditioning
+    if not isinstance(conditioning, str | PathLike):
+        raise InputError(f"{what}: {str(conditioning)[:60]!r}", "a Motion, or a motion file")
+    return Motion.load(conditioning)
 
 
-def nothing_given(given: Conditioning) -> None:
+def refuse_conditioning(conditioning: Conditioning) -> None:
     """Raises:
     InputError: something is, and this system knows of no such thing.
     """
-    if given.anything:
-        what = "a face" if given.face is not None else "motion to go on from"
+    if conditioning.anything:
+        what = "a face" if conditioning.face is not None else "motion to go on from"
         raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
 
 
@@ -102,7 +102,7 @@ def poses_before(system: System, motion: Motion, frames: int) -> Array:
     """
     step = motion.fps / system.fps
     tail = motion[max(0, len(motion) - int(np.ceil(frames * step)) - 1) :]
-    rows = encoded(tail.retarget("humanoid"), system)
+    rows = encode_motion(tail.retarget("humanoid"), system)
     place = np.clip(len(tail) - step * np.arange(frames, 0, -1), 0, len(tail) - 1)
     low = np.minimum(place.astype(int), max(len(tail) - 2, 0))
     part = (place - low).astype(np.float32)[:, None]

@@ -52,7 +52,7 @@ class Crossfade(Generic[T]):
         """Whether all these frames have the same mixture."""
         return all(end <= start + 1 or first >= start + self._frames for start, _ in self._layers[1:])
 
-    def mixed(self, pick: Callable[[T], Array], at: Array) -> Array:
+    def mix(self, pick: Callable[[T], Array], at: Array) -> Array:
         """(N, n or 1, K) numbers of the values, mixed.
 
         Args:

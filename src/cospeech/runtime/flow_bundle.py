@@ -43,14 +43,14 @@ class Statistics(Normalisation):
     """(P · M, τ, D) standardised stretches of the training data, with which performances begin: M of each speaker."""
     styles: Array
     """(P, style) code of each speaker; of no width where the network has none."""
-    centres: Array
+    speaker_mean: Array
     """(P, D) standardised mean pose of each speaker."""
-    spreads: Array = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    style_gain: Array = field(default_factory=lambda: np.zeros((0, 0), np.float32))
     """(P, D) deviation of each speaker's standardised poses, for a network that knows poses by their recording's own mean and
     deviation; of no width for one that does not. With it, ranges and histories are of such poses."""
-    made_mean: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    model_mean: Array = field(default_factory=lambda: np.zeros(0, np.float32))
     """(D,) of the poses that the network makes by itself, taken off before ``spreads`` are applied; of no width without."""
-    made_std: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    model_std: Array = field(default_factory=lambda: np.zeros(0, np.float32))
     """(D,) their deviation."""
     controls: Array = field(default_factory=lambda: np.zeros((QUANTILES, 0), np.float32))
     """(101, C) standardised quantiles 0, 0.01 … 1 of each style control that the network has, over the training data."""
@@ -126,12 +126,12 @@ def _check_statistics(statistics: Statistics, sizes: FlowSizes, speakers: int, c
     each = max(1, len(np.atleast_1d(statistics.histories)) // max(speakers, 1))
     shapes: dict[str, tuple[int, ...]] = {
         "histories": (speakers * each, sizes.history, sizes.pose), "styles": (speakers, sizes.style),
-        "centres": (speakers, sizes.pose), "controls": (QUANTILES, controls),
-        "spreads": (len(statistics.spreads), sizes.pose if statistics.spreads.shape[-1] else 0),
-        **dict.fromkeys(("made_mean", "made_std"), (sizes.pose if statistics.spreads.size else 0,)),
+        "speaker_mean": (speakers, sizes.pose), "controls": (QUANTILES, controls),
+        "style_gain": (len(statistics.style_gain), sizes.pose if statistics.style_gain.shape[-1] else 0),
+        **dict.fromkeys(("model_mean", "model_std"), (sizes.pose if statistics.style_gain.size else 0,)),
     }  # fmt: skip
     check_numbers(statistics, sizes.pose, sizes.audio - controls, shapes)
-    if statistics.spreads.size and (len(statistics.spreads) != speakers or statistics.spreads.min() <= 0):
+    if statistics.style_gain.size and (len(statistics.style_gain) != speakers or statistics.style_gain.min() <= 0):
         raise InputError("spreads of speakers that are not positive, or not one for each")
-    if statistics.made_std.size and statistics.made_std.min() <= 0:
+    if statistics.model_std.size and statistics.model_std.min() <= 0:
         raise InputError("a deviation of the network's own poses that is not positive")

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .onnx_session import failed, open_session, run_session
+from .onnx_session import explain_failure, open_session, run_session
 
 __all__ = ["FlowEngine", "StudentT", "Takes"]
 
@@ -73,7 +73,7 @@ class FlowEngine:
         self._check_ends()
         z = np.zeros((2, 1, sizes.pose), np.float32)  # a graph that fails, fails here
         self.begin(np.zeros((2, sizes.history, sizes.pose), np.float32)).frames(
-            self.windows(np.zeros((sizes.heard, sizes.audio))), z
+            self.windows(np.zeros((sizes.speech_frames, sizes.audio))), z
         )
 
     def _check_ends(self) -> None:
@@ -86,7 +86,7 @@ class FlowEngine:
         heard = {"gates": width} | ({"code": s.channels} if s.feature else {})
         ends = [
             (self.frame.get_inputs(), wanted), (self.frame.get_outputs(), made),
-            (self.speech.get_inputs(), {"windows": s.heard * s.audio}), (self.speech.get_outputs(), heard),
+            (self.speech.get_inputs(), {"windows": s.speech_frames * s.audio}), (self.speech.get_outputs(), heard),
         ]  # fmt: skip
         for found, due in ends:
             for end in found:
@@ -128,14 +128,14 @@ class FlowEngine:
     def windows(self, audio: Array) -> Array:
         """(T, A) rows of speech → (T − heard + 1, heard, A): a window for each frame that has one whole; a view."""
         audio = np.asarray(audio, np.float32)
-        heard = self.sizes.heard
+        heard = self.sizes.speech_frames
         if len(audio) < heard:
             return np.zeros((0, heard, self.sizes.audio), np.float32)
         return np.lib.stride_tricks.sliding_window_view(audio, heard, axis=0).transpose(0, 2, 1)
 
     def hear(self, windows: Array) -> list[Array]:
         """What the frames' gates have of the speech, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
-        flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.heard * self.sizes.audio)
+        flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.speech_frames * self.sizes.audio)
         return run_session(self.speech, {"windows": flat})
 
     def latents(self, poses: Array, audio: Array, style: Array | None = None) -> Array:
@@ -155,7 +155,7 @@ class FlowEngine:
         s = self.sizes
         poses, windows = np.asarray(poses, np.float32), self.windows(audio)
         if poses.shape != (len(audio), s.pose) or np.shape(audio)[1] != s.audio or not len(windows):
-            wanted = f"(T, {s.pose}) and (T, {s.audio}), at least {s.heard} of each"
+            wanted = f"(T, {s.pose}) and (T, {s.audio}), at least {s.speech_frames} of each"
             raise InputError(f"poses {poses.shape} and audio {np.shape(audio)}", wanted)
         frames = len(windows)
         histories = np.lib.stride_tricks.sliding_window_view(poses[: s.history + frames - 1], s.history, axis=0)
@@ -168,7 +168,7 @@ class FlowEngine:
             heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
             heard |= {name: code[rows] for name, code in codes.items()}
             (past[rows],) = run_session(session, {"history": histories[rows]} | heard)
-        x = poses[s.history : s.history + frames] / np.float32(s.pull)
+        x = poses[s.history : s.history + frames] / np.float32(s.feedback_gain)
         if s.residual:
             last = poses[s.history - 1 : s.history + frames - 1]
             x = x - last
@@ -181,18 +181,18 @@ class FlowEngine:
     def _normalise(self, k: int, x: Array, past: Array) -> Array:
         """One step, all frames."""
         s, w = self.sizes, self.weights
-        moved = s.pose - s.kept
+        moved = s.pose - s.first_half
         x = np.linalg.solve(w[f"{k}.mix"].T.astype(np.float64), (x - w[f"{k}.mix.bias"]).T).T.astype(np.float32)
-        hidden = x[:, : s.kept] @ w[f"{k}.kept"] + past
+        hidden = x[:, : s.first_half] @ w[f"{k}.kept"] + past
         for layer in range(s.layers):
             if layer:
-                hidden = self._seen(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
+                hidden = self._quantise_states(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
             hidden = self._cells(hidden, unpack(w, f"{k}.{layer}.hh"), w[f"{k}.{layer}.hh.bias"])
         out = hidden @ w[f"{k}.out"] + w[f"{k}.out.bias"]
         scale = _sigmoid(out[:, moved:]) + np.float32(SCALE_FLOOR)
-        return np.concatenate([x[:, : s.kept], (x[:, s.kept :] + out[:, :moved]) * scale], 1)
+        return np.concatenate([x[:, : s.first_half], (x[:, s.first_half :] + out[:, :moved]) * scale], 1)
 
-    def _seen(self, hidden: Array) -> Array:
+    def _quantise_states(self, hidden: Array) -> Array:
         """Hidden states as the products of the graphs see them."""
         return np.round(hidden * 127) / np.float32(127) if self.sizes.int8 else hidden
 
@@ -201,7 +201,7 @@ class FlowEngine:
         size = self.sizes.hidden
         out, h, cell = np.empty((len(gates), size), np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32)
         for t, x in enumerate(gates):
-            product = self._seen(h) @ weight + bias
+            product = self._quantise_states(h) @ weight + bias
             if self.sizes.cell == "gru":
                 both = _sigmoid(x[: 2 * size] + product[: 2 * size])
                 new = np.tanh(x[2 * size :] + both[:size] * product[2 * size :])
@@ -266,7 +266,11 @@ class Takes:
         Returns:
             (N, F, D).
         """
-        width, run, pull = self._engine.sizes.pose, self._engine.frame.run_with_iobinding, np.float32(self._engine.sizes.pull)
+        width, run, feedback_gain = (
+            self._engine.sizes.pose,
+            self._engine.frame.run_with_iobinding,
+            np.float32(self._engine.sizes.feedback_gain),
+        )
         out = np.empty((len(self._pose), len(windows), width), np.float32)
         if np.shape(z) != out.shape:
             raise InputError(f"latents of shape {np.shape(z)}", f"{out.shape}")
@@ -279,10 +283,10 @@ class Takes:
                 try:
                     run(self._bindings[0][0])
                 except Exception as error:  # classes of onnxruntime's own
-                    raise failed() from error
+                    raise explain_failure() from error
                 self._bindings.reverse()
-                if pull != 1:
-                    self._pose *= pull
+                if feedback_gain != 1:
+                    self._pose *= feedback_gain
                 out[:, first + t] = self._pose
                 self.history[:, :-width] = self.history[:, width:]
                 self.history[:, -width:] = self._pose

@@ -58,7 +58,7 @@ class _Builder(GraphBuilder):
     def to_bytes(self, x: str, unit: float) -> str:
         return self.node("QuantizeLinear", x, self.const(unit), self.const(128, np.uint8))
 
-    def hidden(self, state: str, name: str) -> str:
+    def multiply_states(self, state: str, name: str) -> str:
         """Hidden states (bytes, where quantised) · W + bias."""
         if not self.sizes.int8:
             return self.linear(state, name, self.weight(f"{name}.bias"))
@@ -108,10 +108,10 @@ def _speech_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:
     outputs: dict[str, tuple[Any, ...]] = {"gates": ("F", sizes.steps * sizes.gates)}
     b.wide("windows", "speech", b.weight("speech.bias"), outputs=("gates",))
     if sizes.feature:
-        code = b.tcn("windows", "speech", sizes.heard)
+        code = b.tcn("windows", "speech", sizes.speech_frames)
         b.node("Gemm", code, b.weight("full0.speech"), b.weight("full0.bias"), outputs=("code",))
         outputs["code"] = ("F", sizes.channels)
-    return b.model({"windows": ("F", sizes.heard * sizes.audio)}, outputs)
+    return b.model({"windows": ("F", sizes.speech_frames * sizes.audio)}, outputs)
 
 
 def _style_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:
@@ -176,15 +176,17 @@ def _frame_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:
     inputs |= {kind: ("N", sizes.states) for kind in kinds}
     cells = sizes.steps * sizes.layers
     states = {kind: b.split(kind, *[sizes.hidden] * cells) for kind in kinds}
-    z1, z2 = b.split("z", sizes.kept, sizes.pose - sizes.kept)
+    z1, z2 = b.split("z", sizes.first_half, sizes.pose - sizes.first_half)
     for k in reversed(range(sizes.steps)):
         top = _cells(b, k, b.linear(z1, f"{k}.kept", gates[k]), states)
-        shift, scale = b.split(b.linear(top, f"{k}.out", b.weight(f"{k}.out.bias")), *[sizes.pose - sizes.kept] * 2)
+        shift, scale = b.split(b.linear(top, f"{k}.out", b.weight(f"{k}.out.bias")), *[sizes.pose - sizes.first_half] * 2)
         scale = b.node("Add", b.node("Sigmoid", scale), b.const(SCALE_FLOOR))
         z2 = b.node("Sub", b.node("Div", z2, scale), shift)
         z = b.linear(b.node("Concat", z1, z2, axis=1), f"{k}.mix", b.weight(f"{k}.mix.bias"))
         if k:
-            z1, z2 = b.split(b.node("Clip", z, b.const(-LIMIT), b.const(LIMIT)), sizes.kept, sizes.pose - sizes.kept)
+            z1, z2 = b.split(
+                b.node("Clip", z, b.const(-LIMIT), b.const(LIMIT)), sizes.first_half, sizes.pose - sizes.first_half
+            )
     if sizes.residual:
         rest = (sizes.history - 1) * sizes.pose
         last = b.split("history", rest, sizes.pose)[1] if rest else "history"
@@ -205,8 +207,8 @@ def _cells(b: _Builder, k: int, x: str, states: dict[str, list[str]]) -> str:
     for layer in range(sizes.layers):
         at = k * sizes.layers + layer
         if layer:
-            x = b.hidden(states[seen][at - 1], f"{k}.{layer}.ih")
-        h = b.hidden(states[seen][at], f"{k}.{layer}.hh")
+            x = b.multiply_states(states[seen][at - 1], f"{k}.{layer}.ih")
+        h = b.multiply_states(states[seen][at], f"{k}.{layer}.hh")
         if sizes.cell == "gru":
             made = states["h"][at] = _gru(b, x, h, states["h"][at])
         else:

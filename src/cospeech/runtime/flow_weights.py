@@ -41,7 +41,7 @@ class FlowSizes:
     layers: int
     history: int
     """τ, poses that condition a frame."""
-    heard: int
+    speech_frames: int
     """Frames of speech that condition a frame: τ + 1 + look-ahead."""
     cell: str = "gru"
     """A key of ``GATES``."""
@@ -63,14 +63,14 @@ class FlowSizes:
     """With ``residual``: share of the last step that is added too."""
     steps_seen: bool = False
     """Whether the couplings see a history as its last pose and `STEP_GAIN` times the steps that led there."""
-    pull: float = 1.0
+    feedback_gain: float = 1.0
     """What is made is multiplied by this before it is fed back: below 1, poses are drawn to the mean one, 0."""
     int8: bool = True
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value, (low, high) = getattr(self, field.name), _RANGES.get(field.name, (False, True))
-            kinds = (int, float) if field.name in ("nu", "inertia", "pull") else (type(low),)
+            kinds = (int, float) if field.name in ("nu", "inertia", "feedback_gain") else (type(low),)
             if field.name == "cell":
                 if not isinstance(value, str) or value not in GATES:
                     raise InputError(f"a flow of {str(value)[:60]!r} cells", f"one of {', '.join(GATES)}")
@@ -78,8 +78,8 @@ class FlowSizes:
                 raise InputError(f"{field.name} = {str(value)[:60]} of a flow", f"{low} … {high}")
         if self.inertia and self.history < 2:
             raise InputError(f"a flow with inertia and a history of {self.history} poses", "2 at least")
-        if self.heard <= self.history:
-            raise InputError(f"a flow that hears {self.heard} frames", f"more than its history of {self.history}")
+        if self.speech_frames <= self.history:
+            raise InputError(f"a flow that hears {self.speech_frames} frames", f"more than its history of {self.history}")
 
     @property
     def gates(self) -> int:
@@ -92,15 +92,15 @@ class FlowSizes:
         return self.steps * self.layers * self.hidden
 
     @property
-    def kept(self) -> int:
+    def first_half(self) -> int:
         """Numbers of z₁."""
         return self.pose // 2
 
 
 _RANGES = {
     "pose": (2, 2000), "audio": (1, 4000), "steps": (1, 64), "hidden": (1, 4096), "layers": (1, 8), "history": (1, 600),
-    "heard": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096), "style": (0, 1024),
-    "inertia": (0, 1), "pull": (0.5, 1),
+    "speech_frames": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096), "style": (0, 1024),
+    "inertia": (0, 1), "feedback_gain": (0.5, 1),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 
@@ -169,24 +169,26 @@ def _pack_step(out: dict[str, Array], k: int, arrays: Mapping[str, Array], sizes
     step, order, h, d = f"flow.steps.{k}.", _gate_order(sizes), sizes.hidden, sizes.pose
     rnn = {name: arrays[f"{step}coupling.net.rnn.{name}"] for name in _cell_names(sizes.layers)}
     rnn = {name: np.asarray(value, np.float64)[order].T for name, value in rnn.items()}
-    first, heads = np.split(rnn["weight_ih_l0"], [sizes.kept]), None
+    first, heads = np.split(rnn["weight_ih_l0"], [sizes.first_half]), None
     for layer in range(sizes.layers):
         to_x, to_h = rnn[f"bias_ih_l{layer}"], rnn[f"bias_hh_l{layer}"]
         to_x, to_h = (to_x + to_h, 0 * to_h) if sizes.cell == "lstm" else (to_x + _but_new(to_h, h), to_h - _but_new(to_h, h))
         out[f"{k}.{layer}.hh.bias"] = to_h.astype(np.float32)
         _put(out, f"{k}.{layer}.hh", rnn[f"weight_hh_l{layer}"], sizes.int8)
         if layer == 0:
-            past, speech, feature = np.split(first[1], [sizes.history * d, sizes.history * d + sizes.heard * sizes.audio])
+            past, speech, feature = np.split(
+                first[1], [sizes.history * d, sizes.history * d + sizes.speech_frames * sizes.audio]
+            )
             heads = np.concatenate([past, feature]), speech, to_x
         else:
             out[f"{k}.{layer}.ih.bias"] = to_x.astype(np.float32)
             _put(out, f"{k}.{layer}.ih", rnn[f"weight_ih_l{layer}"], sizes.int8)
     assert heads is not None
     out[f"{k}.kept"] = np.ascontiguousarray(first[0], np.float32)
-    pairs = np.concatenate([np.arange(0, 2 * (d - sizes.kept), 2), np.arange(1, 2 * (d - sizes.kept), 2)])
+    pairs = np.concatenate([np.arange(0, 2 * (d - sizes.first_half), 2), np.arange(1, 2 * (d - sizes.first_half), 2)])
     out[f"{k}.out"] = np.ascontiguousarray(arrays[f"{step}coupling.net.out.weight"][pairs].T, np.float32)
     bias = np.asarray(arrays[f"{step}coupling.net.out.bias"], np.float64)[pairs]
-    bias[d - sizes.kept :] += SCALE_SHIFT
+    bias[d - sizes.first_half :] += SCALE_SHIFT
     out[f"{k}.out.bias"] = bias.astype(np.float32)
     inverse = np.linalg.inv(_mixing(arrays, f"{step}mix."))
     out[f"{k}.mix"] = np.ascontiguousarray((np.exp(-_double(arrays, f"{step}norm.logs"))[:, None] * inverse).T, np.float32)
@@ -250,7 +252,7 @@ def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
     g, h = sizes.gates, sizes.hidden
     shapes: dict[str, tuple[int, ...]] = {
         "past": (sizes.history * sizes.pose + sizes.feature + sizes.style, sizes.steps * g),
-        "speech": (sizes.heard * sizes.audio, sizes.steps * g),
+        "speech": (sizes.speech_frames * sizes.audio, sizes.steps * g),
     }
     for k in range(sizes.steps):
         shapes |= {f"{k}.{layer}.hh": (h, g) for layer in range(sizes.layers)}
@@ -260,14 +262,14 @@ def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
     """Of every array of `pack_weights`."""
-    g, d, moved, c = sizes.gates, sizes.pose, sizes.pose - sizes.kept, sizes.channels
+    g, d, moved, c = sizes.gates, sizes.pose, sizes.pose - sizes.first_half, sizes.channels
     shapes: dict[str, tuple[int, ...]] = {"speech.bias": (sizes.steps * g,)}
     for name, shape in _matrix_shapes(sizes).items():
         shapes |= {f"{name}.q": shape, f"{name}.s": shape[1:]} if sizes.int8 else {name: shape}
         if name not in ("past", "speech"):
             shapes[f"{name}.bias"] = (g,)
     for k in range(sizes.steps):
-        shapes |= {f"{k}.kept": (sizes.kept, g), f"{k}.out": (sizes.hidden, 2 * moved), f"{k}.out.bias": (2 * moved,)}
+        shapes |= {f"{k}.kept": (sizes.first_half, g), f"{k}.out": (sizes.hidden, 2 * moved), f"{k}.out.bias": (2 * moved,)}
         shapes |= {f"{k}.mix": (d, d), f"{k}.mix.bias": (d,)}
     if sizes.feature:
         for side, width in (("poses", d), ("speech", sizes.audio)):

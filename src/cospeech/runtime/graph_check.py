@@ -42,7 +42,7 @@ def check_onnx(data: bytes) -> External:
         raise _refuse("it does not hold one graph")
     for number, value in _fields(memoryview(data), _MODEL):
         if number == 8:
-            _known("domain", _texts(value, 1, {1, 2}) or [""], DOMAINS)
+            _require_names("domain", _texts(value, 1, {1, 2}) or [""], DOMAINS)
     for number, value in _fields(_message(graphs[0]), _GRAPH):
         if number == 1:
             _check_node(value)
@@ -52,8 +52,8 @@ def check_onnx(data: bytes) -> External:
 
 
 def _check_node(node: int | memoryview) -> None:
-    _known("operator", _texts(node, 4, _NODE), OPERATORS)
-    _known("domain", _texts(node, 7, _NODE), DOMAINS)
+    _require_names("operator", _texts(node, 4, _NODE), OPERATORS)
+    _require_names("domain", _texts(node, 7, _NODE), DOMAINS)
     for number, value in _fields(_message(node), _NODE):
         if number == 5:
             for _ in _fields(_message(value), _ATTRIBUTE):
@@ -83,7 +83,7 @@ def _check_tensor(tensor: int | memoryview, found: External) -> None:
     found[names[-1]] = (kind, tuple(shape))
 
 
-def _known(what: str, names: list[str], known: object) -> None:
+def _require_names(what: str, names: list[str], known: object) -> None:
     for name in names:
         if name not in known:  # type: ignore[operator]
             raise _refuse(f"it has the {what} {name[:60]!r}")

@@ -1,4 +1,4 @@
-"""A bundle on stage: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleBasedModel`."""
+"""A bundle that is ready to play: speech in, motion of our humanoid out; the same calls as `cospeech.rules.RuleBasedModel`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..audio.features.shared_prosody import SharedProsody
-from ..audio.speech import Speech, counted_from
+from ..audio.speech import Speech, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.named_numbers import read_named_numbers
@@ -21,13 +21,13 @@ from ..motion.poses.controls import control_row, read_controls
 from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
 from ..rules.options import GenerationOptions, MotionLike
-from ..rules.session import check_speech, streamed
+from ..rules.session import check_speech, stream_motion
 from .backends import Backend, backend_of
 from .bundle import read_bundle
-from .conditioning import NOTHING, Conditioning, read_given
+from .conditioning import NOTHING, Conditioning, read_conditioning
 from .face_override import FaceOverride
 from .manifest import System
-from .mouth import POSE, BundleMouth, shipped_mouth
+from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
 from .speech_frontend import SpeechFrontend
@@ -53,19 +53,19 @@ class TrainedModel:
 
     takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
-    def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = shipped_mouth) -> None:
+    def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = open_default_mouth) -> None:
         if system.pose in _WHOLE:
             raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
-        self._players = backend_of(system, transfer)
-        self.for_files = self._players.for_files
+        self._backend = backend_of(system, transfer)
+        self.for_files = self._backend.for_files
         self._rules = RuleBasedModel(mouth)
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> TrainedModel:
-        """A bundle's file on stage.
+        """Open a bundle's file.
 
         Raises:
             InputError: it cannot be read, or is no bundle of ours.
@@ -91,20 +91,23 @@ class TrainedModel:
         options = GenerationOptions.of(options, keywords)
         if options.takes > _MOST_TAKES:
             raise InputError(f"{options.takes} takes at once", f"1 … {_MOST_TAKES}")
-        wish, given = self._understood(options.style), read_given(options.face, options.continue_from)
-        listener, player = self._cast(wish, options, given)
+        resolved_style, conditioning = (
+            self._resolve_style(options.style),
+            read_conditioning(options.face, options.continue_from),
+        )
+        frontend, decoder = self._start(resolved_style, options, conditioning)
         shown = "face" in options.parts  # without a face, moods alone are listened to
         rules = self._speaking(options.style)
-        of_face: dict[str, Any] = {"parts": ("face",), "emotion": player.moods or options.emotion, "fps": options.fps}
+        of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
-        faces = heads if given.face is None else [FaceOverride(head, given.face) for head in heads]
+        faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
-        for each in (listener, *faces):
+        for each in (frontend, *faces):
             each.share(shared)
         return TrainedSession(
-            self.system, listener, player, faces, fps=options.fps, parts=options.parts, wish=wish, direct=self._understood,
-            before=given.before,
+            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style, direct=self._resolve_style,
+            before=conditioning.before,
         )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleBasedModel:
@@ -114,18 +117,18 @@ class TrainedModel:
             return self._rules
         return RuleBasedModel(lambda: BundleMouth(system, style))
 
-    def _cast(
-        self, wish: ResolvedStyle, options: GenerationOptions, given: Conditioning = NOTHING
+    def _start(
+        self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
         """Who hears, and who plays."""
-        listener = self._players.listen(wish.controls)
-        return listener, self._players.play(wish.blend, listener.quiet, options, given)
+        frontend = self._backend.listen(resolved_style.controls)
+        return frontend, self._backend.play(resolved_style.blend, frontend.silence, options, conditioning)
 
-    def _understood(self, style: object) -> ResolvedStyle:
+    def _resolve_style(self, style: object) -> ResolvedStyle:
         """What a style means."""
-        wishes, controls = _wishes(style, self._players)
-        blend = self._players.styles.blend(wishes)
-        return ResolvedStyle(blend, controls, self._players.mixture(blend))
+        weights, controls = _parse_style(style, self._backend)
+        blend = self._backend.styles.blend(weights)
+        return ResolvedStyle(blend, controls, self._backend.mixture(blend))
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
@@ -187,13 +190,13 @@ class TrainedModel:
         if pose.source != "points":
             raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
         options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
-        listener, player = self._cast(self._understood(style), options)
+        frontend, decoder = self._start(self._resolve_style(style), options)
         check_speech(speech)
-        made = [player.push(listener.push(chunk)) for chunk in counted_from(speech, speech.start).chunks(PIECE)]
-        made += [player.push(listener.finish()), player.finish(listener.quiet)]
-        sampled = PoseResampler(1, player.width, smooth=self.system.smooth, step=1.0)
-        poses, at = sampled.push(np.concatenate(made, 1), listener.frames, listener.frames - 1)
-        found: Points = pose.decode(player.units(poses, at)[0], self.system.fps)
+        made = [decoder.push(frontend.push(chunk)) for chunk in shift_times(speech, speech.start).chunks(PIECE)]
+        made += [decoder.push(frontend.finish()), decoder.finish(frontend.silence)]
+        sampled = PoseResampler(1, decoder.width, smooth=self.system.smooth, step=1.0)
+        poses, at = sampled.push(np.concatenate(made, 1), frontend.frames, frontend.frames - 1)
+        found: Points = pose.decode(decoder.denormalise(poses, at)[0], self.system.fps)
         return found
 
     def generate_takes(self, speech: Speech, *, takes: int, **options: Any) -> list[Motion]:
@@ -210,7 +213,7 @@ class TrainedModel:
         Raises:
             InputError: at once, for an option; as the pieces are taken, for a piece of speech.
         """
-        return streamed(self.session(**options), chunks)
+        return stream_motion(self.session(**options), chunks)
 
 
 _WHOLE = frozenset({"expmap-full"})
@@ -218,7 +221,7 @@ _WHOLE = frozenset({"expmap-full"})
 _MOST_TAKES = 64  # ours, of one pass
 
 
-def _wishes(style: object, system: Backend) -> tuple[object, Array]:
+def _parse_style(style: object, system: Backend) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
     parts = (
         read_named_numbers(style, number="quantile", of="style control", hint="0 … 1", is_name=system.controls.__contains__)

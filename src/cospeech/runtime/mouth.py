@@ -27,9 +27,9 @@ from .systems import open_system
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
 from .window_layout import WindowLayout
-from .window_style import example_window, named_window
+from .window_style import embed_window_speaker, example_window
 
-__all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "open_mouth", "shipped_mouth", "spoken_setting"]
+__all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "choose_layout", "open_default_mouth", "open_mouth"]
 
 POSE = "face"
 """The representation of poses that a mouth is read from: the ARKit weights come first."""
@@ -39,7 +39,7 @@ _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the fa
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
 
-def spoken_setting(sizes: WindowSizes, fps: float) -> WindowLayout:
+def choose_layout(sizes: WindowSizes, fps: float) -> WindowLayout:
     """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
     hop = max(sizes.multiple, round(_HOP * fps) // sizes.multiple * sizes.multiple)
     far = round(_HOP * fps)
@@ -65,12 +65,12 @@ class BundleMouth:
         if system.pose != POSE:
             raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
         self._fps = system.fps
-        self._listener = SpeechFrontend(system, np.zeros(0, np.float32))
-        setting = spoken_setting(system.engine.sizes, system.fps)
-        blend = Styles(system, named_window, example_window).blend(style)
-        self._player = SlidingWindowDecoder(system, setting, blend, [0], self._listener.quiet, temperature=0.0)
-        self._sampled = PoseResampler(1, self._player.width, smooth=system.smooth, step=1.0)
-        self.latency = self._player.latency + self._listener.delay + (system.smooth + 2) / system.fps
+        self._frontend = SpeechFrontend(system, np.zeros(0, np.float32))
+        setting = choose_layout(system.engine.sizes, system.fps)
+        blend = Styles(system, embed_window_speaker, example_window).blend(style)
+        self._decoder = SlidingWindowDecoder(system, setting, blend, [0], self._frontend.silence, temperature=0.0)
+        self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
+        self.latency = self._decoder.latency + self._frontend.delay + (system.smooth + 2) / system.fps
         """Seconds of speech after a time that have been heard, at most, when it is known."""
         if not self.latency <= MOUTH_WAITS:
             raise InputError(f"a mouth that waits {self.latency:.2f} s", f"a face is made after {MOUTH_WAITS:.2f} s of speech")
@@ -79,23 +79,23 @@ class BundleMouth:
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.face.mouth.Sharing`."""
-        self._listener.share(prosody)
+        self._frontend.share(prosody)
 
     @property
-    def known(self) -> float:
+    def certain_until(self) -> float:
         """See `Mouth`."""
         return np.inf if self._finished else (self._first + len(self._kept) - 1) / self._fps
 
     def push(self, samples: Array) -> None:
         """See `Mouth`."""
         if len(samples):
-            self._keep(self._player.push(self._listener.push(Speech(samples))))
+            self._keep(self._decoder.push(self._frontend.push(Speech(samples))))
 
     def finish(self) -> None:
         """See `Mouth`."""
-        rest = self._player.push(self._listener.finish())
-        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
-        self._keep(rest, self._listener.frames, self._listener.frames - 1)
+        rest = self._decoder.push(self._frontend.finish())
+        rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
+        self._keep(rest, self._frontend.frames, self._frontend.frames - 1)
         self._finished = True
 
     def at(self, times: Array) -> Array:
@@ -107,8 +107,8 @@ class BundleMouth:
         places = np.asarray(times, float) * self._fps
         if not len(places) or (self._finished and not len(self._kept)):
             return np.zeros((len(places), len(ARKIT)))
-        if not places[-1] <= self.known * self._fps + 1e-6:
-            raise RuntimeError(f"the mouth is known until {self.known:.3f} s, not at {times[-1]:.3f} s")
+        if not places[-1] <= self.certain_until * self._fps + 1e-6:
+            raise RuntimeError(f"the mouth is known until {self.certain_until:.3f} s, not at {times[-1]:.3f} s")
         low = np.floor(places + 1e-6).astype(int)
         share = np.maximum(places - low, 0.0)[:, None]
         here, there = (self._kept[np.clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
@@ -121,7 +121,7 @@ class BundleMouth:
         """Weights of what further frames of the network make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            weights = np.clip(self._player.units(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
+            weights = np.clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
             self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
 
 
@@ -139,16 +139,16 @@ def open_mouth(path: Path) -> WindowSystem:
 
 
 @lru_cache(maxsize=1)
-def _shipped() -> WindowSystem:
+def _open_default() -> WindowSystem:
     if not SHIPPED_FACE.is_file():
         raise InputError(f"no {SHIPPED_FACE.name} ships with this installation", "install cospeech again: faces speak with it")
     return open_mouth(SHIPPED_FACE)
 
 
-def shipped_mouth() -> BundleMouth:
+def open_default_mouth() -> BundleMouth:
     """A mouth of the face that ships.
 
     Raises:
         InputError: it is missing or damaged.
     """
-    return BundleMouth(_shipped())
+    return BundleMouth(_open_default())

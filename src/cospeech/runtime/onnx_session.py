@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .graph_check import check_onnx
 
-__all__ = ["failed", "open_session", "run_session"]
+__all__ = ["explain_failure", "open_session", "run_session"]
 
 _HINT = "is the bundle damaged?"
 
@@ -40,19 +40,19 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
         raise InputError("a graph does not fit together", _HINT) from error
 
 
-def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
+def run_session(session: Any, feed: Mapping[str, Array]) -> list[Array]:
     """Outputs for inputs.
 
     Raises:
         InputError: it fails, as only a graph of somebody else's does.
     """
     try:
-        made: list[Array] = session.run(None, given)
+        made: list[Array] = session.run(None, feed)
     except Exception as error:  # as where a session is opened
-        raise failed() from error
+        raise explain_failure() from error
     return made
 
 
-def failed() -> InputError:
+def explain_failure() -> InputError:
     """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
     return InputError("a graph fails while it runs", _HINT)

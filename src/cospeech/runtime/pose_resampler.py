@@ -62,11 +62,11 @@ class PoseResampler:
         """(N, n, D) of these places; ends are held."""
         low = np.floor(at).astype(int)
         t = (at - low).astype(np.float32)[:, None]
-        before, here, there, after = np.split(self._smoothed(np.concatenate([low + n for n in (-1, 0, 1, 2)]), last), 4, 1)
+        before, here, there, after = np.split(self._smooth_poses(np.concatenate([low + n for n in (-1, 0, 1, 2)]), last), 4, 1)
         bend = 2 * before - 5 * here + 4 * there - after + (3 * (here - there) + after - before) * t
         return here + np.float32(0.5) * t * (there - before + t * bend)
 
-    def _smoothed(self, poses: Array, last: int) -> Array:
+    def _smooth_poses(self, poses: Array, last: int) -> Array:
         """(N, n, D) of these indices."""
         total = np.zeros((len(self._made), len(poses), self._made.shape[2]), np.float32)
         for n, tap in enumerate(self._taps):

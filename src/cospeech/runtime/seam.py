@@ -32,7 +32,7 @@ class Seam:
         self._fps, self._still, self._placed = fps, list(still), placed
         self._gap: tuple[Array, Array] | None = None
 
-    def closed(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
+    def blend(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
         """Rotations (n, J, 4) and places (n, 3) of the frames from ``first`` on, which is 0 at the first call."""
         if self._gap is None:
             turns = quat_to_rotvec(quat_multiply(self._rotations, quat_conjugate(rotations[0].astype(float))))

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from ..audio.emotions import Moods
-from ..audio.speech import Speech, count_frames, counted_from
+from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.points import Points
@@ -78,11 +78,11 @@ class Decoder(Protocol):
         """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
         ...
 
-    def finish(self, quiet: Array) -> Array:
-        """The poses of the rest; ``quiet`` (1, A) is the row of silence, which is after the speech."""
+    def finish(self, silence: Array) -> Array:
+        """The poses of the rest; ``silence`` (1, A) is the row of silence, which is after the speech."""
         ...
 
-    def units(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array) -> Array:
         """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
 
         Args:
@@ -111,12 +111,12 @@ class TrainedSession:
 
     Args:
         system: the bundle, opened.
-        listener: of the speech.
-        player: of the network.
+        frontend: of the speech.
+        decoder: of the network.
         faces: a rule-based session for each take: face, eyes, and the emotion that is heard.
         fps: of the motion.
         parts: what is generated.
-        wish: the style that the player begins with.
+        resolved_style: the style that the player begins with.
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
     """
@@ -124,23 +124,23 @@ class TrainedSession:
     def __init__(
         self,
         system: System,
-        listener: SpeechFrontend | SpeechTextFrontend,
-        player: Decoder,
+        frontend: SpeechFrontend | SpeechTextFrontend,
+        decoder: Decoder,
         faces: Sequence[RuleSession | FaceOverride],
         *,
         fps: float,
         parts: tuple[str, ...],
-        wish: ResolvedStyle,
+        resolved_style: ResolvedStyle,
         direct: Callable[[object], ResolvedStyle],
         before: Motion | None = None,
     ) -> None:
         self._pose: Pose = find_pose(system.pose)
-        self._listener, self._player = listener, player
-        self._sampled = PoseResampler(player.takes, player.width, smooth=system.smooth, step=system.fps / fps)
+        self._frontend, self._decoder = frontend, decoder
+        self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
-        self._wish, self._direct = wish, direct
+        self._resolved_style, self._direct = resolved_style, direct
         behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
-        self._latency = self._look_ahead = player.latency + behind + listener.delay
+        self._latency = self._look_ahead = decoder.latency + behind + frontend.delay
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
@@ -159,7 +159,7 @@ class TrainedSession:
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
-        return self._player.emotion or self._faces[0].emotion
+        return self._decoder.emotion or self._faces[0].emotion
 
     @property
     def played(self) -> dict[str, float]:
@@ -174,7 +174,7 @@ class TrainedSession:
     @property
     def speaker(self) -> dict[str, float] | None:
         """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
-        return self._player.speaker
+        return self._decoder.speaker
 
     @property
     def latency(self) -> float:
@@ -194,7 +194,7 @@ class TrainedSession:
     def style_mixture(self) -> dict[str, float] | None:
         """Speaker → weight, the heaviest first, where a system that plays mixtures of its speakers plays one; of an example
         the nearest. None for a speaker by name, and for systems of another kind. After `restyle` that of the new style."""
-        return None if self._wish.mixture is None else dict(self._wish.mixture)
+        return None if self._resolved_style.mixture is None else dict(self._resolved_style.mixture)
 
     def restyle(self, style: object) -> None:
         """Another style from here on: it is faded in over half a second from where the speech that was pushed has come to.
@@ -206,10 +206,10 @@ class TrainedSession:
         Raises:
             InputError: a style that cannot be used; the old one goes on.
         """
-        wish = self._direct(style)
-        self._player.restyle(wish.blend, self._listener.frames)
-        self._listener.control(wish.controls)
-        self._wish = wish
+        resolved_style = self._direct(style)
+        self._decoder.restyle(resolved_style.blend, self._frontend.frames)
+        self._frontend.control(resolved_style.controls)
+        self._resolved_style = resolved_style
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
@@ -230,17 +230,17 @@ class TrainedSession:
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, of every take."""
         self._check(chunk)
-        for piece in in_short(counted_from(chunk, self._origin)):
+        for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
-            made = self._player.push(self._listener.push(piece))
+            made = self._decoder.push(self._frontend.push(piece))
             self._keep(made)
             for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
                 self._see(kept, face.push(piece))
             if (count := self._count()) > 0:
-                self._ready.append(self._made(count))
+                self._ready.append(self._make_motions(count))
             elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
                 self._decode()
-        return self._taken()
+        return self._next_frames()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """As `finish`, of every take."""
@@ -248,16 +248,16 @@ class TrainedSession:
         if total == 0:
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._over:
-            return self._taken()
+            return self._next_frames()
         self._over = True
-        rest = self._player.push(self._listener.finish())
-        rest = np.concatenate([rest, self._player.finish(self._listener.quiet)], 1)
-        self._keep(rest, total, self._listener.frames - 1)
+        rest = self._decoder.push(self._frontend.finish())
+        rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
+        self._keep(rest, total, self._frontend.frames - 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
             self._see(kept, face.finish())
         if (count := self._count()) > 0:
-            self._ready.append(self._made(count))
-        return self._taken()
+            self._ready.append(self._make_motions(count))
+        return self._next_frames()
 
     def _check(self, chunk: Speech) -> None:
         """Before any of those who listen has heard it: that all of them can."""
@@ -268,7 +268,7 @@ class TrainedSession:
         if self._rate is None:
             self._rate, self._origin = chunk.rate, chunk.start
 
-    def _taken(self) -> Iterator[list[Motion]]:
+    def _next_frames(self) -> Iterator[list[Motion]]:
         """What is ready: a piece leaves the queue before anybody sees it."""
         while self._ready:
             yield self._ready.popleft()
@@ -277,7 +277,7 @@ class TrainedSession:
         """Further poses of the model, and what they make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            self._rows.append(self._player.units(poses, at))
+            self._rows.append(self._decoder.denormalise(poses, at))
 
     def _decode(self) -> None:
         """All that waits for it; many frames at once take hardly longer than few."""
@@ -287,7 +287,7 @@ class TrainedSession:
         for vectors, kept, signs in zip(rows, self._bodies, self._signs, strict=True):
             rotations, root = _moving(self._pose, vectors, self._fps)
             if "body" not in self._parts or "hands" not in self._parts:
-                rotations, root = _chosen(rotations, root, self._parts)
+                rotations, root = _select_parts(rotations, root, self._parts)
             kept.push((signs.push(rotations), root))
 
     def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
@@ -306,7 +306,7 @@ class TrainedSession:
             self._decode()
         return min(heads, len(self._bodies[0]))
 
-    def _made(self, count: int) -> list[Motion]:
+    def _make_motions(self, count: int) -> list[Motion]:
         """The next frames of every take, as one."""
         start = self._frame / self._fps
         self._frame += count
@@ -321,7 +321,7 @@ class TrainedSession:
                 aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
                 rotations, face = aimed.rotations, aimed.face
             if self._seams:
-                rotations, root = self._seams[take].closed(rotations, root, self._frame - count)
+                rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
         return made
 
@@ -370,7 +370,7 @@ def _resting(parts: tuple[str, ...]) -> list[int]:
     return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
 
 
-def _chosen(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
+def _select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
     """Neutral rotations, and the hips at their place, for parts that were not asked for."""
     rotations = rotations.copy()
     rotations[:, _resting(parts)] = quat_identity(1)

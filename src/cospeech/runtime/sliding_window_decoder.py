@@ -12,7 +12,7 @@ from ..motion.rotations import Array
 from .crossfade import Crossfade
 from .mode_noise import SmoothGumbel
 from .pose_resampler import MOST_LAG
-from .style_measures import StyleMixture, weighted
+from .style_measures import StyleMixture, average_parts
 from .window_bundle import WindowSystem
 from .window_engine import WindowSizes
 from .window_layout import Sliding, WindowLayout, check_look_ahead
@@ -74,11 +74,11 @@ class _Style:
 
     codes: Array
     """(N, 1, styles) of each take."""
-    centre: Array
+    speaker_mean: Array
     """(1, 1, D) standardised mean pose."""
-    made: Array
+    model_mean: Array
     """(1, 1, D) that of what the network makes."""
-    gain: Array
+    style_gain: Array
     """(1, 1, D) by what the network's poses are multiplied."""
 
 
@@ -97,7 +97,7 @@ class SlidingWindowDecoder:
         setting: how windows lie.
         blend: the style to begin with.
         seeds: of the takes.
-        quiet: (1, A) row of silence, which is before the speech.
+        silence: (1, A) row of silence, which is before the speech.
         temperature: scale of the noise.
         intensity: how far poses stray from the style's mean one.
     """
@@ -113,7 +113,7 @@ class SlidingWindowDecoder:
         setting: WindowLayout,
         blend: StyleMixture,
         seeds: Sequence[int],
-        quiet: Array,
+        silence: Array,
         *,
         temperature: float = 1.0,
         intensity: float = 1.0,
@@ -125,51 +125,54 @@ class SlidingWindowDecoder:
         self._noise = [SmoothGumbel(sizes.modes, system.fps, seed=seed) for seed in seeds]
         self._moved = self._temperature * _asides(system, seeds)
         self._styles = Crossfade(self._style(blend), system.fps)
-        self._windows = Sliding(setting, quiet, self._drawn, self._window)
+        self._windows = Sliding(setting, silence, self._draw_noise, self._window)
 
     @property
     def latency(self) -> float:
-        """See `Player`."""
+        """See `Decoder`."""
         return self.setting.waits / self._system.fps
 
     def push(self, rows: Array) -> Array:
-        """See `Player`."""
-        return self._joined(self._windows.push(rows))
+        """See `Decoder`."""
+        return self._join(self._windows.push(rows))
 
-    def finish(self, quiet: Array) -> Array:
-        """See `Player`."""
-        return self._joined(self._windows.finish(quiet))
+    def finish(self, silence: Array) -> Array:
+        """See `Decoder`."""
+        return self._join(self._windows.finish(silence))
 
-    def units(self, poses: Array, at: Array) -> Array:
-        """See `Player`."""
-        s, mixed = self._system.statistics, self._styles.mixed
-        centre, made, gain = (mixed(f, at) for f in (lambda x: x.centre, lambda x: x.made, lambda x: x.gain))
+    def denormalise(self, poses: Array, at: Array) -> Array:
+        """See `Decoder`."""
+        s, mixed = self._system.statistics, self._styles.mix
+        centre, made, gain = (mixed(f, at) for f in (lambda x: x.speaker_mean, lambda x: x.model_mean, lambda x: x.style_gain))
         return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
 
     def restyle(self, blend: StyleMixture, frame: int) -> None:
-        """See `Player`."""
+        """See `Decoder`."""
         self._styles.change(self._style(blend), frame)
 
     def _style(self, blend: StyleMixture) -> _Style:
-        code, *rest = (weighted((s, getattr(m, name)) for s, m in blend) for name in ("code", "centre", "made", "spread"))
+        code, *rest = (
+            average_parts((s, getattr(m, name)) for s, m in blend)
+            for name in ("code", "speaker_mean", "model_mean", "style_gain")
+        )
         return _Style((code + self._moved)[:, None], *(each[None, None] for each in rest))
 
-    def _drawn(self, frames: int) -> Array:
+    def _draw_noise(self, frames: int) -> Array:
         """(N, frames, modes) the next noise."""
         return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
-    def _joined(self, made: list[Array]) -> Array:
+    def _join(self, made: list[Array]) -> Array:
         """(N, k, D) of the windows that were made."""
-        self._styles.forget(self._windows.made - self.setting.past - MOST_LAG)
+        self._styles.forget(self._windows.frames - self.setting.past - MOST_LAG)
         return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
 
-    def _window(self, rows: Array, first: int, nudge: Array) -> Array:
+    def _window(self, rows: Array, first: int, mode_noise: Array) -> Array:
         """(N, window, D) where ``first`` is the first new frame."""
         window, hop, past = self.setting.window, self.setting.hop, self.setting.past
         at = np.arange(window) + (first - past) if self._by_frame else np.array([first + hop // 2])
-        codes = self._styles.mixed(lambda style: style.codes, at)
+        codes = self._styles.mix(lambda style: style.codes, at)
         codes = np.broadcast_to(codes, (self.takes, window, codes.shape[2]))
-        return self._system.engine.make(rows, codes, nudge)
+        return self._system.engine.make(rows, codes, mode_noise)
 
 
 def _asides(system: WindowSystem, seeds: Sequence[int]) -> Array:

@@ -33,14 +33,14 @@ class SpeakerEmotionTracker:
     Args:
         engine: of the bundle.
         fps: of its frames.
-        quiet: (A,) what silence sounds like.
-        given: the emotion, where it is not to be heard.
+        silence: (A,) what silence sounds like.
+        emotions: the emotion, where it is not to be heard.
     """
 
-    def __init__(self, engine: ChainEngine, fps: float, quiet: Array, given: Moods | None = None) -> None:
-        self._engine, self._fps, self._quiet, self._given = engine, fps, np.asarray(quiet, np.float32), given
+    def __init__(self, engine: ChainEngine, fps: float, silence: Array, emotions: Moods | None = None) -> None:
+        self._engine, self._fps, self._silent_row, self._emotions = engine, fps, np.asarray(silence, np.float32), emotions
         speakers, reach = engine.sizes.speakers, engine.sizes.reach
-        self._rows = np.repeat(self._quiet[None], reach, 0)
+        self._rows = np.repeat(self._silent_row[None], reach, 0)
         self._fade = np.ones(engine.sizes.style)
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
         self._sum = np.zeros(engine.sizes.style)
@@ -55,16 +55,16 @@ class SpeakerEmotionTracker:
         self._rows = np.concatenate([self._rows, rows])
         width = 2 * self._engine.sizes.reach + BLOCK
         while len(self._rows) >= width:
-            self._judge(self._rows[:width])
+            self._classify_block(self._rows[:width])
             self._rows = self._rows[BLOCK:]
         self._rows = self._rows.copy()
 
-    def _judge(self, rows: Array) -> None:
+    def _classify_block(self, rows: Array) -> None:
         """The frames in the middle of (2 · reach + BLOCK, A) rows."""
         reach = self._engine.sizes.reach
         middle = rows[reach : reach + BLOCK]
-        voiced = np.sqrt(np.square(middle - self._quiet).mean(1)) > VOICE
-        logits = self._engine.classify(rows) if self._engine.judges and voiced.any() else None
+        voiced = np.sqrt(np.square(middle - self._silent_row).mean(1)) > VOICE
+        logits = self._engine.classify(rows) if self._engine.classifies and voiced.any() else None
         for k in range(BLOCK):
             self._sum, self._count = self._sum * self._fade, self._count * self._fade
             if logits is not None and voiced[k]:
@@ -93,13 +93,13 @@ class SpeakerEmotionTracker:
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
         heard: Array = now + (known - low)[..., None] * (after - now)
         moods = heard[..., self._engine.sizes.speakers :]
-        moods[...] = _NEUTRAL if self._given is None else self._given.at(wanted / self._fps)
+        moods[...] = _NEUTRAL if self._emotions is None else self._emotions.at(wanted / self._fps)
         return heard
 
     def at(self, times: Array) -> Array:
         """(…, 8) weights of the emotions that are played at these times in seconds."""
         times = np.asarray(times, float)
-        return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._given is None else self._given.at(times)
+        return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._emotions is None else self._emotions.at(times)
 
     def forget(self, before: int) -> None:
         """Frames before this one are asked for no more."""
@@ -111,12 +111,12 @@ class SpeakerEmotionTracker:
     @property
     def knows(self) -> bool:
         """Whether emotions are given."""
-        return self._given is not None
+        return self._emotions is not None
 
     @property
     def hears(self) -> bool:
         """Whether emotions are heard."""
-        return self._given is None and self._engine.judges
+        return self._emotions is None and self._engine.classifies
 
     @property
     def speaker(self) -> Array:

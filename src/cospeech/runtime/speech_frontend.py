@@ -28,7 +28,7 @@ class SpeechFrontend:
         self._features = open_features(system.audio, system.fps)
         self._silence = self._standard(_silence(system))
         self._given = 0
-        self._nothing = self.quiet[:0]
+        self._nothing = self.silence[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.audio.features.streaming.StreamingFeatures`."""
@@ -45,9 +45,9 @@ class SpeechFrontend:
         return self._features.delay
 
     @property
-    def quiet(self) -> Array:
+    def silence(self) -> Array:
         """(1, A) what silence sounds like where rows have come to."""
-        return self._controlled(self._silence)
+        return self._append_controls(self._silence)
 
     def control(self, controls: Array) -> None:
         """Other style controls (C,) from the frame on that was heard last."""
@@ -64,7 +64,7 @@ class SpeechFrontend:
     def _rows(self, columns: Array) -> Array:
         if not len(columns):
             return self._nothing
-        rows = self._controlled(self._standard(columns))
+        rows = self._append_controls(self._standard(columns))
         self._given += len(rows)
         self._controls.forget(self._given)
         return rows
@@ -75,8 +75,8 @@ class SpeechFrontend:
         rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
         return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
 
-    def _controlled(self, rows: Array) -> Array:
-        controls = self._controls.mixed(lambda row: row, self._given + np.arange(len(rows)))[0]
+    def _append_controls(self, rows: Array) -> Array:
+        controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
 
 

@@ -31,7 +31,7 @@ from .autoregressive_decoder import Source
 from .flow_bundle import FlowSystem
 from .flow_engine import StudentT
 from .manifest import System
-from .style_measures import StyleEmbedding, StyleMixture, example, latents_of, named, weighted
+from .style_measures import StyleEmbedding, StyleMixture, average_parts, embed_flow_speaker, example, latents_of
 
 __all__ = [
     "CodeSource",
@@ -68,14 +68,14 @@ class CodeSource:
 
     def __init__(self, system: FlowSystem, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         rng, sizes = np.random.default_rng([seed, 1]), system.engine.sizes
-        begun = [(share, manner.beginnings[rng.integers(len(manner.beginnings))]) for share, manner in blend]
-        self.history: Array = weighted(begun)
-        self.style: Array = weighted([(share, manner.code) for share, manner in blend])
-        self.centre: Array = weighted([(share, manner.centre) for share, manner in blend])
-        self.spread: Array | None = _size(blend)
-        self.drift: Array | None = None
-        if self.spread is not None:  # random latents: what the network makes of them by itself is known
-            self.drift, self.spread = system.statistics.made_mean, self.spread / system.statistics.made_std
+        begun = [(share, embedding.beginnings[rng.integers(len(embedding.beginnings))]) for share, embedding in blend]
+        self.history: Array = average_parts(begun)
+        self.style: Array = average_parts([(share, embedding.code) for share, embedding in blend])
+        self.speaker_mean: Array = average_parts([(share, embedding.speaker_mean) for share, embedding in blend])
+        self.style_gain: Array | None = _size(blend)
+        self.model_mean: Array | None = None
+        if self.style_gain is not None:  # random latents: what the network makes of them by itself is known
+            self.model_mean, self.style_gain = system.statistics.model_mean, self.style_gain / system.statistics.model_std
         self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
 
     def draw(self, frames: int) -> Array:
@@ -97,17 +97,19 @@ class _ExampleSource(CodeSource):
         super().__init__(system, blend, seed=seed, temperature=temperature)
         sized = blend
         if not coded:
-            plain = named(system, system.style)
-            self.style, self.centre, sized = plain.code, plain.centre, ((1.0, plain),)
-        self.spread = _size(sized)  # an example's latents make its own poses
-        self.drift = None if self.spread is None else np.zeros(system.engine.sizes.pose, np.float32)
+            plain = embed_flow_speaker(system, system.style)
+            self.style, self.speaker_mean, sized = plain.code, plain.speaker_mean, ((1.0, plain),)
+        self.style_gain = _size(sized)  # an example's latents make its own poses
+        self.model_mean = None if self.style_gain is None else np.zeros(system.engine.sizes.pose, np.float32)
         self._system, self._temperature = system, np.float32(temperature)
         self._kept = np.zeros((0, system.engine.sizes.pose), np.float32)
         self._rng = np.random.default_rng([seed, 2])
-        self._pieces = [(share, latents_of(system, manner, manner.code if coded else self.style)) for share, manner in blend]
-        self._blocks = self._drawn()
+        self._pieces = [
+            (share, latents_of(system, embedding, embedding.code if coded else self.style)) for share, embedding in blend
+        ]
+        self._blocks = self._generate_blocks()
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         raise NotImplementedError
 
     def draw(self, frames: int) -> Array:
@@ -124,11 +126,11 @@ class SegmentSource(_ExampleSource):
     Of a mixture every block comes from one of the manners, by their shares; speakers by name give random latents.
     """
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         means = [np.mean(np.concatenate(found), 0) if found else None for _, found in self._pieces]
         if len(self._pieces) == 1 and means[0] is not None:
             for piece in self._pieces[0][1]:
-                yield self._warmed(piece, means[0])
+                yield self._scale(piece, means[0])
         length = max(1, round(BLOCK * self._system.fps))
         shares = np.array([share for share, _ in self._pieces])
         while True:
@@ -141,9 +143,9 @@ class SegmentSource(_ExampleSource):
             place = int(self._rng.integers(sizes.sum()))
             which = int(np.searchsorted(np.cumsum(sizes), place, "right"))
             start = place - int(sizes[:which].sum())
-            yield self._warmed(found[which][start : start + length], mean)
+            yield self._scale(found[which][start : start + length], mean)
 
-    def _warmed(self, latents: Array, mean: Array) -> Array:
+    def _scale(self, latents: Array, mean: Array) -> Array:
         return (mean + self._temperature * (latents - mean)).astype(np.float32)
 
 
@@ -153,7 +155,7 @@ class NormalSource(_ExampleSource):
     The covariance is drawn towards that of random latents, the more so the shorter the example is.
     """
 
-    def _drawn(self) -> Iterator[Array]:
+    def _generate_blocks(self) -> Iterator[Array]:
         sizes = self._system.engine.sizes
         spread = sizes.nu / (sizes.nu - 2) if sizes.nu > 2 else 1.0
         mean, covariance = np.zeros(sizes.pose), np.zeros((sizes.pose, sizes.pose))
@@ -177,8 +179,8 @@ def best_transfer(system: FlowSystem) -> Transfer:
 
 def _size(blend: StyleMixture) -> Array | None:
     """(D,) deviation of the poses, for systems that know them by their recording's own."""
-    spreads = [(share, manner.spread) for share, manner in blend if manner.spread is not None]
-    return weighted(spreads) if spreads else None
+    spreads = [(share, embedding.style_gain) for share, embedding in blend if embedding.style_gain is not None]
+    return average_parts(spreads) if spreads else None
 
 
 # styles by what users say ---------------------------------------------------------------------------------------------
@@ -189,17 +191,17 @@ class Styles:
 
     Args:
         system: whose.
-        named: what it knows of a speaker.
+        embed_flow_speaker: what it knows of a speaker.
         example: what a motion shows it, which has a name for messages.
     """
 
     def __init__(
         self,
         system: System,
-        named: Callable[[Any, str], StyleEmbedding] = named,
+        embed_flow_speaker: Callable[[Any, str], StyleEmbedding] = embed_flow_speaker,
         example: Callable[[Any, Motion, str], StyleEmbedding] = example,
     ) -> None:
-        self._system, self._named, self._example = system, named, example
+        self._system, self._named, self._example = system, embed_flow_speaker, example
         self._seen: OrderedDict[tuple[str, int, int], StyleEmbedding] = OrderedDict()
 
     def blend(self, style: object) -> StyleMixture:
@@ -217,14 +219,14 @@ class Styles:
         weights = _weights(style, self._system.styles)
         total = sum(weights.values())
         if not all(isfinite(w) and w >= 0 for w in weights.values()) or total >= MOST_WEIGHT:
-            raise InputError(f"style weights {_shown(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
+            raise InputError(f"style weights {_describe(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
         scale = max(total, 1.0) if total < ALL else total
-        parts = [(weight / scale, self._manner(who)) for who, weight in weights.items() if weight > 0]
+        parts = [(weight / scale, self._find_embedding(who)) for who, weight in weights.items() if weight > 0]
         if total < ALL:
             parts.append((1.0 - total, self._named(self._system, self._system.style)))
         return tuple(parts)
 
-    def _manner(self, who: object) -> StyleEmbedding:
+    def _find_embedding(self, who: object) -> StyleEmbedding:
         """One part of a mixture; files that were read lately are not read again."""
         if isinstance(who, str) and who in self._system.styles:
             return self._named(self._system, who)
@@ -237,10 +239,10 @@ class Styles:
             status = None  # what is wrong, the reader says better
         key = (str(path), status.st_mtime_ns, status.st_size) if status else ("", 0, 0)
         if status is None or key not in self._seen:
-            manner = self._example(self._system, Motion.load(path), repr(path.name))
+            embedding = self._example(self._system, Motion.load(path), repr(path.name))
             if status is None:
-                return manner
-            self._seen[key] = manner
+                return embedding
+            self._seen[key] = embedding
             while len(self._seen) > _KEPT:
                 self._seen.popitem(last=False)
         return self._seen[key]
@@ -269,17 +271,19 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
     if isinstance(style, Motion):
         return {style: 1.0}
     if isinstance(style, PathLike):
-        return {Path(_known(fspath(style), names)): 1.0}
+        return {Path(_check_example(fspath(style), names)): 1.0}
     if isinstance(style, Mapping) and style:
         found: dict[Any, float] = {}
         for who, weight in style.items():
             if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
-                raise InputError(f"weight {weight!r} of style {_shown(who)}", "a number")
+                raise InputError(f"weight {weight!r} of style {_describe(who)}", "a number")
             key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
             found[key] = found.get(key, 0.0) + float(weight)
         return found
     if not isinstance(style, str) or not style.strip():
-        raise InputError(f"style {_shown(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3")
+        raise InputError(
+            f"style {_describe(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
+        )
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
@@ -294,17 +298,17 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
 
 
 def _key(who: object, names: tuple[str, ...]) -> object:
-    return who if who in names else Path(_known(who, names))
+    return who if who in names else Path(_check_example(who, names))
 
 
-def _known(who: object, names: tuple[str, ...]) -> str:
+def _check_example(who: object, names: tuple[str, ...]) -> str:
     """The name of a file that may be an example.
 
     Raises:
         InputError: it is none, and nobody's name either.
     """
     if not isinstance(who, str):
-        raise InputError(f"style {_shown(who)}", "a name, a motion file or a Motion")
+        raise InputError(f"style {_describe(who)}", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
     known = " ".join(suffixes(reads_body))
@@ -326,5 +330,5 @@ def _is_file(text: str) -> bool:
         return False
 
 
-def _shown(style: object) -> str:
+def _describe(style: object) -> str:
     return "a motion" if isinstance(style, Motion) else repr(str(style)[:60])

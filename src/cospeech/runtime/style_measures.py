@@ -16,7 +16,17 @@ from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_ro
 from .flow_bundle import FlowSystem
 from .speech_frontend import System
 
-__all__ = ["StyleEmbedding", "StyleMixture", "encoded", "example", "latents_of", "named", "seen", "stretches", "weighted"]
+__all__ = [
+    "StyleEmbedding",
+    "StyleMixture",
+    "average_parts",
+    "embed_flow_speaker",
+    "encode_motion",
+    "example",
+    "latents_of",
+    "standardise_example",
+    "stretches",
+]
 
 SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
@@ -34,16 +44,16 @@ class StyleEmbedding:
 
     code: Array
     """(style,) of no width for a system that has no codes."""
-    centre: Array
+    speaker_mean: Array
     """(D,) mean pose."""
     beginnings: Array
     """(n, τ, D) stretches that a performance may begin with."""
-    spread: Array | None = None
+    style_gain: Array | None = None
     """(D,) deviation, for a flow that knows poses by their recording's own mean and deviation; of a network by windows: by what
-    its poses are multiplied (`WindowStatistics.gains`)."""
-    shown: tuple[Array, ...] = ()
+    its poses are multiplied (`WindowStatistics.style_gain`)."""
+    poses: tuple[Array, ...] = ()
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
-    made: Array | None = None
+    model_mean: Array | None = None
     """(D,) mean of what a network by windows makes in this style, which ``centre`` takes the place of."""
 
 
@@ -51,7 +61,7 @@ StyleMixture = tuple[tuple[float, StyleEmbedding], ...]
 """Manners with their shares, in sum 1."""
 
 
-def weighted(parts: Iterable[tuple[float, Array]]) -> Array:
+def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
     """The weighted mean in float32; a single part as it is, to the bit."""
     parts = list(parts)
     if len(parts) == 1:
@@ -59,12 +69,12 @@ def weighted(parts: Iterable[tuple[float, Array]]) -> Array:
     return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def named(system: FlowSystem, name: str) -> StyleEmbedding:
+def embed_flow_speaker(system: FlowSystem, name: str) -> StyleEmbedding:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
     each = len(s.histories) // len(system.styles)
     return StyleEmbedding(
-        s.styles[k], s.centres[k], s.histories[k * each : (k + 1) * each], s.spreads[k] if s.spreads.size else None
+        s.styles[k], s.speaker_mean[k], s.histories[k * each : (k + 1) * each], s.style_gain[k] if s.style_gain.size else None
     )
 
 
@@ -81,9 +91,9 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> St
     """
     sizes = system.engine.sizes
     least = max(SHORTEST, max(8, sizes.history + 2) / system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
-    shown = seen(system, motion, least, name)
+    shown = standardise_example(system, motion, least, name)
     centre, spread = np.concatenate(shown).mean(0), None
-    if system.statistics.spreads.size:
+    if system.statistics.style_gain.size:
         spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
         shown = tuple((poses - centre) / spread for poses in shown)
     shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
@@ -97,7 +107,7 @@ def example(system: FlowSystem, motion: Motion, name: str = "the example") -> St
     return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
 
 
-def seen(system: System, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
+def standardise_example(system: System, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
     """(T, D) standardised poses of an example, or of pieces of it.
 
     Args:
@@ -112,7 +122,7 @@ def seen(system: System, motion: Motion, least: float, name: str) -> tuple[Array
     if motion.duration < least:
         raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
     try:
-        return tuple(_seen(piece, system) for piece in _spread(motion, least))
+        return tuple(_standardise(piece, system) for piece in _spread(motion, least))
     except InputError as error:
         raise InputError(f"{name}: {error.problem}", error.hint) from None
 
@@ -132,12 +142,12 @@ def stretches(poses: Array, length: int) -> list[Array]:
     return [poses[start : start + length] for start in [*range(0, last, length // 2), last]]
 
 
-def _seen(motion: Motion, system: System) -> Array:
+def _standardise(motion: Motion, system: System) -> Array:
     """(T, D) standardised poses."""
-    return encoded(_placed(motion.resample(system.fps).retarget("humanoid")), system)
+    return encode_motion(_move_to_origin(motion.resample(system.fps).retarget("humanoid")), system)
 
 
-def encoded(body: Motion, system: System) -> Array:
+def encode_motion(body: Motion, system: System) -> Array:
     """(T, D) standardised poses of motion on our humanoid, at whatever rate."""
     pose: Pose = find_pose(system.pose)
     if pose.source == "points":
@@ -148,7 +158,7 @@ def encoded(body: Motion, system: System) -> Array:
     return ((pose.encode(source) - s.pose_mean) / s.pose_std).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def _placed(body: Motion) -> Motion:
+def _move_to_origin(body: Motion) -> Motion:
     """Our humanoid brought to where speakers stand, and turned to the front, if it is not there or nearly."""
     hips, root = np.asarray(body.rotations[:, 0], float), np.asarray(body.root, float).copy()
     ahead = quat_rotate(hips, np.array([0.0, 0.0, 1.0])).mean(0)
@@ -164,11 +174,11 @@ def _placed(body: Motion) -> Motion:
     return Motion(body.fps, rotations, root.astype(np.float32))
 
 
-def latents_of(system: FlowSystem, manner: StyleEmbedding, code: Array) -> list[Array]:
+def latents_of(system: FlowSystem, embedding: StyleEmbedding, code: Array) -> list[Array]:
     """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
     sizes, found = system.engine.sizes, []
-    after = sizes.heard - 1 - sizes.history
-    for poses in manner.shown:
+    after = sizes.speech_frames - 1 - sizes.history
+    for poses in embedding.poses:
         rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
         found.append(system.engine.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
     return found

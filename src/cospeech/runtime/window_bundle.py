@@ -26,24 +26,24 @@ from .manifest import (
 )
 from .window_engine import WindowEngine, WindowSizes, check_weights
 
-__all__ = ["KIND", "WindowStatistics", "WindowSystem", "half", "open_window", "unpacked", "write_window"]
+__all__ = ["KIND", "WindowStatistics", "WindowSystem", "halve_weights", "open_window", "unpack_weights", "write_window"]
 
 KIND = "window"
 """What a manifest's ``kind`` says of a bundle of this module."""
-_BY_SPEAKER = ("centres", "made", "gains")
+_BY_SPEAKER = ("speaker_mean", "model_mean", "style_gain")
 
 
 @dataclass(frozen=True)
 class WindowStatistics(Normalisation):
     """Normalisation, and what stands for each speaker."""
 
-    centres: Array
+    speaker_mean: Array
     """(S, D) standardised mean pose of each speaker."""
     codes: Array
     """(S, styles) what the network is given for each speaker; of no width where it has no styles."""
-    made: Array
+    model_mean: Array
     """(S, D) mean of the poses that the network makes in each speaker's style, which the speaker's own takes the place of."""
-    gains: Array
+    style_gain: Array
     """(S, D) by what they are multiplied, so that they deviate from their mean as the speaker's do; positive."""
 
 
@@ -55,7 +55,7 @@ class WindowSystem(System):
     statistics: WindowStatistics
 
 
-def half(weights: Mapping[str, Array]) -> dict[str, Array]:
+def halve_weights(weights: Mapping[str, Array]) -> dict[str, Array]:
     """Weights at half the size: float16 but for biases.
 
     Raises:
@@ -63,11 +63,11 @@ def half(weights: Mapping[str, Array]) -> dict[str, Array]:
     """
     with np.errstate(over="ignore"):
         small = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in weights.items()}
-    check_weights(unpacked(small))
+    check_weights(unpack_weights(small))
     return small
 
 
-def unpacked(weights: Mapping[str, Array]) -> dict[str, Array]:
+def unpack_weights(weights: Mapping[str, Array]) -> dict[str, Array]:
     """Those in float16 as float32; others as they are."""
     return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
 
@@ -89,7 +89,7 @@ def write_window(
     """Write a network as a bundle.
 
     Args:
-        weights: of the graphs, float32, or some float16 (`half`).
+        weights: of the graphs, float32, or some float16 (`halve_weights`).
         graphs: see `WindowEngine`.
         sizes: of the network.
         statistics: of the training data.
@@ -103,7 +103,7 @@ def write_window(
         InputError: these do not fit together.
     """
     _check_statistics(statistics, sizes, len(facts["styles"]))
-    WindowEngine(sizes, unpacked(weights), graphs, *pose_bounds(statistics))
+    WindowEngine(sizes, unpack_weights(weights), graphs, *pose_bounds(statistics))
     known = {**facts, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth}
     write_system(path, KIND, sizes, weights, graphs, statistics, known, card)
 
@@ -119,12 +119,12 @@ def open_window(bundle: Bundle) -> WindowSystem:
     known = read_facts(bundle, sizes.pose, sizes.audio)
     statistics = read_statistics(bundle, WindowStatistics)
     _check_statistics(statistics, sizes, len(known.styles))
-    engine = WindowEngine(sizes, unpacked(bundle.arrays(WEIGHTS)), bundle.graphs(), *pose_bounds(statistics))
+    engine = WindowEngine(sizes, unpack_weights(bundle.arrays(WEIGHTS)), bundle.graphs(), *pose_bounds(statistics))
     return WindowSystem(**vars(known), engine=engine, statistics=statistics)
 
 
 def _check_statistics(statistics: WindowStatistics, sizes: WindowSizes, speakers: int) -> None:
     shapes = {"codes": (speakers, sizes.styles)} | dict.fromkeys(_BY_SPEAKER, (speakers, sizes.pose))
     check_numbers(statistics, sizes.pose, sizes.audio, shapes)
-    if statistics.gains.min() <= 0:
+    if statistics.style_gain.min() <= 0:
         raise InputError("a gain of a style that is not positive", "is the bundle damaged?")

@@ -15,9 +15,7 @@ from .onnx_session import open_session, run_session
 
 __all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes", "check_weights"]
 
-LIMIT = (
-    1e3  # ours: standardised speech, weights of styles and nudges come nowhere near; keeps what is absurd out of the network
-)
+LIMIT = 1e3  # ours: standardised speech, weights of styles and mode noise come nowhere near; keeps what is absurd out of the network
 LARGEST = 1e6  # ours: no weight of a trained network comes near
 STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by Mix-StAGE's encoder leave one
 
@@ -33,7 +31,7 @@ class WindowSizes:
     styles: int
     """Numbers of a style: speakers' weights, or a code; 0: there is none."""
     modes: int
-    """Sub-generators whose logits can be nudged; 0: there are none."""
+    """Sub-generators whose logits can be shifted by noise; 0: there are none."""
     window: int
     """Frames of a window in training."""
     multiple: int
@@ -103,7 +101,7 @@ class WindowEngine:
     def _check_ends(self) -> None:
         """Inputs and outputs have the names, types and widths that are due."""
         s = self.sizes
-        wanted = {"rows": s.audio} | ({"style": s.styles} if s.styles else {}) | ({"nudge": s.modes} if s.modes else {})
+        wanted = {"rows": s.audio} | ({"style": s.styles} if s.styles else {}) | ({"mode_noise": s.modes} if s.modes else {})
         wanted |= self.optional
         ends = [(self._make.get_inputs(), 3, wanted), (self._make.get_outputs(), 3, {"poses": s.pose})]
         if self._style is not None:
@@ -120,13 +118,13 @@ class WindowEngine:
         """Whether it has a style encoder."""
         return self._style is not None
 
-    def make(self, rows: Array, style: Array, nudge: Array, *, more: Mapping[str, Array] | None = None) -> Array:
+    def make(self, rows: Array, style: Array, mode_noise: Array, *, more: Mapping[str, Array] | None = None) -> Array:
         """Poses of N takes of one speech.
 
         Args:
             rows: (F, A), F a multiple of ``sizes.multiple``.
             style: (N, F, styles).
-            nudge: (N, F, modes), added to the logits of the modes.
+            mode_noise: (N, F, modes), added to the logits of the modes.
             more: of ``optional``, (F, width); zeros where not given.
 
         Returns:
@@ -137,17 +135,17 @@ class WindowEngine:
         """
         s, takes, frames = self.sizes, len(style), len(rows)
         wanted = [(frames, s.audio), (takes, frames, s.styles), (takes, frames, s.modes)]
-        if [np.shape(x) for x in (rows, style, nudge)] != wanted or not takes or not frames or frames % s.multiple:
-            problem = f"speech {np.shape(rows)}, styles {np.shape(style)}, nudges {np.shape(nudge)}"
+        if [np.shape(x) for x in (rows, style, mode_noise)] != wanted or not takes or not frames or frames % s.multiple:
+            problem = f"speech {np.shape(rows)}, styles {np.shape(style)}, mode noise {np.shape(mode_noise)}"
             raise InputError(problem, f"(F, {s.audio}), (N, F, {s.styles}), (N, F, {s.modes}), F a multiple of {s.multiple}")
-        given = {"rows": _sane(rows)[None]}
-        given |= {"style": _sane(style)} if s.styles else {}
-        given |= {"nudge": _sane(nudge)} if s.modes else {}
-        given |= self._more(more or {}, frames)
-        (made,) = run_session(self._make, given)
+        feed = {"rows": _sane(rows)[None]}
+        feed |= {"style": _sane(style)} if s.styles else {}
+        feed |= {"mode_noise": _sane(mode_noise)} if s.modes else {}
+        feed |= self._more(more or {}, frames)
+        (made,) = run_session(self._make, feed)
         if made.shape != (takes if s.styles or s.modes else 1, frames, s.pose):
             raise InputError(f"a graph makes poses of shape {made.shape}", "is the bundle damaged?")
-        return np.array(np.broadcast_to(_bounded(made, self.low, self.high), (takes, frames, s.pose)))
+        return np.array(np.broadcast_to(_clip_poses(made, self.low, self.high), (takes, frames, s.pose)))
 
     def _more(self, more: Mapping[str, Array], frames: int) -> dict[str, Array]:
         """All of ``optional``, zeros for what is not given.
@@ -173,7 +171,7 @@ class WindowEngine:
         (style,) = run_session(self._style, {"poses": _sane(poses)[None]})
         if style.shape != (1, self.sizes.styles):
             raise InputError(f"a graph makes a style of shape {style.shape}", "is the bundle damaged?")
-        return _bounded(style[0], -LIMIT, LIMIT)
+        return _clip_poses(style[0], -LIMIT, LIMIT)
 
 
 def check_weights(weights: Mapping[str, Array]) -> None:
@@ -193,7 +191,7 @@ def _sane(values: Array) -> Array:
     return np.ascontiguousarray(np.clip(values, -LIMIT, LIMIT), np.float32)
 
 
-def _bounded(values: Array, low: Any, high: Any) -> Array:
+def _clip_poses(values: Array, low: Any, high: Any) -> Array:
     """What a hostile network makes too: infinities at the bounds, what is no number at 0."""
     bounded: Array = np.clip(np.nan_to_num(values, posinf=np.inf, neginf=-np.inf), low, high)
     return bounded

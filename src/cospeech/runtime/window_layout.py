@@ -63,19 +63,19 @@ class Sliding:
 
     Args:
         setting: how windows lie.
-        quiet: (1, A) row of silence, which is before the speech.
+        silence: (1, A) row of silence, which is before the speech.
         draw: n → (N, n, Z) the next noise; before the speech it stands still.
         make: (window, A) rows, the frame that the first of the new ones is, (N, window, Z) noise → (N, window, D) poses.
     """
 
     def __init__(
-        self, setting: WindowLayout, quiet: Array, draw: Callable[[int], Array], make: Callable[[Array, int, Array], Array]
+        self, setting: WindowLayout, silence: Array, draw: Callable[[int], Array], make: Callable[[Array, int, Array], Array]
     ) -> None:
         self.setting, self._draw, self._make = setting, draw, make
-        self._rows = np.repeat(quiet, setting.past, 0)
-        self._nudge = np.repeat(draw(1), setting.past + 1, 1)
+        self._rows = np.repeat(silence, setting.past, 0)
+        self._mode_noise = np.repeat(draw(1), setting.past + 1, 1)
         self._before: Array | None = None  # what the last window made of the frames ahead
-        self.made, self._heard = 0, 0
+        self.frames, self._heard = 0, 0
         """Frames that are made."""
 
     def push(self, rows: Array) -> list[Array]:
@@ -83,12 +83,12 @@ class Sliding:
         self._heard += len(rows)
         return self._slid(rows)
 
-    def finish(self, quiet: Array) -> list[Array]:
-        """The windows of the rest, of which as many frames as were heard; ``quiet`` (1, A) is after the speech."""
-        missing = self._heard - self.made
+    def finish(self, silence: Array) -> list[Array]:
+        """The windows of the rest, of which as many frames as were heard; ``silence`` (1, A) is after the speech."""
+        missing = self._heard - self.frames
         windows = -(-missing // self.setting.hop)
         until = self.setting.window + (windows - 1) * self.setting.hop if windows else 0
-        made = self._slid(np.repeat(quiet, max(0, until - len(self._rows)), 0))
+        made = self._slid(np.repeat(silence, max(0, until - len(self._rows)), 0))
         return [np.concatenate(made, 1)[:, :missing]] if made else []
 
     def _slid(self, rows: Array) -> list[Array]:
@@ -103,13 +103,13 @@ class Sliding:
     def _next(self) -> Array:
         """(N, hop, D) of the next window."""
         window, hop, fade, past = self.setting.window, self.setting.hop, self.setting.fade, self.setting.past
-        self._nudge = np.concatenate([self._nudge, self._draw(window - self._nudge.shape[1])], 1)
-        poses = self._make(self._rows[:window], self.made, self._nudge)
+        self._mode_noise = np.concatenate([self._mode_noise, self._draw(window - self._mode_noise.shape[1])], 1)
+        poses = self._make(self._rows[:window], self.frames, self._mode_noise)
         fresh = poses[:, past : past + hop]
         if self._before is not None and fade:
             share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]
             fresh = np.concatenate([self._before + share * (fresh[:, :fade] - self._before), fresh[:, fade:]], 1)
         self._before = poses[:, past + hop : past + hop + fade]
-        self._nudge = self._nudge[:, hop:]
-        self.made += hop
+        self._mode_noise = self._mode_noise[:, hop:]
+        self.frames += hop
         return fresh

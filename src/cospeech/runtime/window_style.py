@@ -9,11 +9,11 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from .style_measures import StyleEmbedding, StyleMixture, seen, stretches, weighted
+from .style_measures import StyleEmbedding, StyleMixture, average_parts, standardise_example, stretches
 from .window_bundle import WindowSystem
 from .window_engine import STYLE_FRAMES
 
-__all__ = ["example_window", "mixture", "named_window", "plays_mixtures", "shown_shares"]
+__all__ = ["embed_window_speaker", "example_window", "list_shares", "mixture", "plays_mixtures"]
 
 LEAST_SHOWN = 0.005  # ours: shares of a mixture below are not reported
 DIGITS = 3
@@ -25,10 +25,10 @@ def plays_mixtures(system: WindowSystem) -> bool:
     return bool(codes.shape[0] == codes.shape[1] and (codes == np.eye(len(codes))).all())
 
 
-def named_window(system: WindowSystem, name: str) -> StyleEmbedding:
+def embed_window_speaker(system: WindowSystem, name: str) -> StyleEmbedding:
     """One of a system's speakers."""
     s, k = system.statistics, system.styles.index(name)
-    return StyleEmbedding(s.codes[k], s.centres[k], _beginnings(system), s.gains[k], made=s.made[k])
+    return StyleEmbedding(s.codes[k], s.speaker_mean[k], _beginnings(system), s.style_gain[k], model_mean=s.model_mean[k])
 
 
 def example_window(system: WindowSystem, motion: Motion, name: str = "the example") -> StyleEmbedding:
@@ -49,7 +49,7 @@ def example_window(system: WindowSystem, motion: Motion, name: str = "the exampl
     s = system.statistics
     if not system.engine.recognises:
         raise InputError(f"this system cannot see a style in {name}", f"it has {', '.join(system.styles)}, and their mixtures")
-    shown = seen(system, motion, STYLE_FRAMES / system.fps, name)
+    shown = standardise_example(system, motion, STYLE_FRAMES / system.fps, name)
     frames = min(len(poses) for poses in shown)
     if frames < STYLE_FRAMES:
         hint = f"an example of style has {STYLE_FRAMES} of them at least, {STYLE_FRAMES / system.fps:.2f} s"
@@ -60,21 +60,21 @@ def example_window(system: WindowSystem, motion: Motion, name: str = "the exampl
     shares = np.full(len(s.codes), 1 / len(s.codes))
     if plays_mixtures(system):
         code = shares = _shares(code)
-        centre = code @ s.centres
-    gain, made = ((shares @ each).astype(np.float32) for each in (s.gains, s.made))
+        centre = code @ s.speaker_mean
+    gain, made = ((shares @ each).astype(np.float32) for each in (s.style_gain, s.model_mean))
     return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), _beginnings(system), gain, shown, made)
 
 
 def mixture(system: WindowSystem, blend: StyleMixture) -> dict[str, float] | None:
     """Speaker → weight, the heaviest first; None for a speaker by name, and for a system whose styles are no mixtures."""
-    by_name = len(blend) == 1 and not blend[0][1].shown
+    by_name = len(blend) == 1 and not blend[0][1].poses
     if by_name or not plays_mixtures(system):
         return None
-    shares = weighted((share, manner.code) for share, manner in blend)
-    return shown_shares(dict(zip(system.styles, shares.tolist(), strict=True)))
+    shares = average_parts((share, embedding.code) for share, embedding in blend)
+    return list_shares(dict(zip(system.styles, shares.tolist(), strict=True)))
 
 
-def shown_shares(shares: Mapping[str, float]) -> dict[str, float]:
+def list_shares(shares: Mapping[str, float]) -> dict[str, float]:
     """As reports have them: the heaviest first, rounded, without those next to nothing."""
     order = sorted(shares.items(), key=lambda part: (-part[1], part[0]))
     return {name: round(share, DIGITS) for name, share in order if share >= LEAST_SHOWN}

@@ -10,7 +10,7 @@ import numpy as np
 from ..corpora.store import Store
 from ..errors import InputError
 from ..motion.rotations import Array
-from .windows import Windows, mirrored_clip
+from .windows import Windows, is_mirror_image
 
 __all__ = [
     "POSE_FLOOR", "SPREAD_FLOOR", "BatchLoader", "ClipNormaliser", "Normaliser", "check_mirror", "clip_moments", "sizes",
@@ -109,12 +109,12 @@ class BatchLoader:
             columns = arrays["audio"]
             rows = self._reduce(columns.reshape(-1, columns.shape[-1]))
             arrays["audio"] = rows.reshape(*columns.shape[:2], -1)
-        fed = {name: self._fed(name, array) for name, array in arrays.items()}
+        fed = {name: self._convert(name, array) for name, array in arrays.items()}
         if self._moments is not None:
             fed["pose"] = self._moments(fed["pose"], arrays["clip"])
         return fed
 
-    def _fed(self, name: str, array: Array) -> Array:
+    def _convert(self, name: str, array: Array) -> Array:
         if name in self._standards:
             return self._standards[name](array)
         return array.astype(np.float32 if array.dtype.kind == "f" else np.int64, copy=False)
@@ -126,7 +126,7 @@ def check_mirror(store: Store, wanted: bool | None) -> None:
     Raises:
         InputError: it has none.
     """
-    if wanted and not any(mirrored_clip(clip.name) for clip in store.clips):
+    if wanted and not any(is_mirror_image(clip.name) for clip in store.clips):
         raise InputError(f"the store {str(store.folder)!r} has no mirrored clips", "prepare it with --mirror")
 
 

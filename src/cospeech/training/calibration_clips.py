@@ -49,7 +49,7 @@ def examples_of(
         poses = pose(arrays["pose"])
         if moments is not None:
             poses = (poses - moments.centre[number]) / moments.spread[number]
-        rows[clip.speaker].append(np.concatenate([poses, audio(heard), *_said(store, clip)], 1))
+        rows[clip.speaker].append(np.concatenate([poses, audio(heard), *_read_said_arrays(store, clip)], 1))
         for name, values in (("pose", poses), ("audio", audio(heard))):
             low, high = values.min(0), values.max(0)
             edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
@@ -58,7 +58,7 @@ def examples_of(
     taken = [found or every for found in rows.values()]
     width = len(edges["pose_low"])
     stretches = np.stack([_stretches(found) for found in taken])
-    ends = np.cumsum([width, len(edges["audio_low"]), *(x.shape[1] for x in _said(store, store.clips[0]))])
+    ends = np.cumsum([width, len(edges["audio_low"]), *(x.shape[1] for x in _read_said_arrays(store, store.clips[0]))])
     names = ("stretches", "speech", *(name for array, name in SAID.items() if array in store.arrays))
     own = dict(zip(names, np.split(stretches, ends[:-1], -1), strict=True))
     if moments is None:
@@ -71,7 +71,7 @@ def examples_of(
     return {name: np.ascontiguousarray(values, np.float32) for name, values in {**edges, **own}.items()}
 
 
-def _said(store: Store, clip: Entry) -> list[Array]:
+def _read_said_arrays(store: Store, clip: Entry) -> list[Array]:
     """(T, ·) of each of the `SAID` arrays that there are."""
     found = [store.arrays[array] for array in SAID if array in store.arrays]
     return [array[clip.offset : clip.offset + clip.frames].reshape(clip.frames, -1) for array in found]

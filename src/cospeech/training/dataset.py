@@ -33,7 +33,7 @@ from .batch_loader import (
 from .calibration_clips import examples_of
 from .checkpoint import load_run, network, read_tensors
 from .movement_modes import with_modes
-from .recipe import Data, Recipe, build, changed, read_recipe
+from .recipe import Data, Recipe, build, list_changes, read_recipe
 from .speaker_subset import of_speakers
 from .style_controls import control_quantiles, with_controls
 from .texts import with_text
@@ -111,7 +111,7 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         "sizes": sizes(store, standards.get("audio")) | _own_sizes(kind, config, store, data, standards), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
-    moments = clip_moments(store, standards["pose"]) if data.by_clip else None
+    moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
@@ -123,7 +123,7 @@ def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapp
         found["hands"] = hand_columns(store.names["pose"])
     if "text" in takes:
         found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
-    if "louder" in takes and getattr(config, "gain", 0.0) > 0 and data.audio is not None:
+    if "louder" in takes and getattr(config, "gain_augmentation", 0.0) > 0 and data.audio is not None:
         found["louder"] = (np.array(louder(data.audio)) / standards["audio"].std).tolist()
     return found
 
@@ -135,7 +135,7 @@ def _check_encoder(config: Any, store: Store) -> None:
         InputError: by that of another.
     """
     heard = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
-    if getattr(config, "ear", None) == "wav2vec" and heard and heard != {own := Path(config.encoder).name}:
+    if getattr(config, "speech_encoder", None) == "wav2vec" and heard and heard != {own := Path(config.encoder).name}:
         hint = f"prepare it with --wav2vec {config.encoder}, or set model.encoder"
         raise InputError(f"the store {str(store.folder)!r} was heard by {heard.pop()!r}, the recipe has {own!r}", hint)
 
@@ -174,7 +174,10 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
-        alike = facts["store"]["pose"] == store.pose and facts["recipe"]["data"].get("by_clip", False) == recipe.data.by_clip
+        alike = (
+            facts["store"]["pose"] == store.pose
+            and facts["recipe"]["data"].get("per_clip_normalisation", False) == recipe.data.per_clip_normalisation
+        )
         if not alike or not _alike(theirs, own, "pose"):
             raise InputError(
                 f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
@@ -197,9 +200,9 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         InputError: says what differs.
     """
     new = json.loads(json.dumps(new))
-    found = changed(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
+    found = list_changes(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
     for part in ("config", "sizes", "store"):
-        found += changed({part: old[part]}, {part: new[part]})
+        found += list_changes({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")

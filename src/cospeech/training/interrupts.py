@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-__all__ = ["Heed", "Stopped", "defer_signals"]
+__all__ = ["SignalWatch", "Stopped", "defer_signals"]
 
 
 class Stopped(BaseException):
-    """A signal has asked to stop, within `Heed.at_once`; as KeyboardInterrupt no `Exception`."""
+    """A signal has asked to stop, within `SignalWatch.raise_at_once`; as KeyboardInterrupt no `Exception`."""
 
 
-class Heed:
+class SignalWatch:
     """What was heard.
 
     Attributes:
@@ -23,11 +23,11 @@ class Heed:
     """
 
     def __init__(self) -> None:
-        self.heard: list[int] = []
+        self.numbers: list[int] = []
         self._at_once = False
 
     @contextmanager
-    def at_once(self, yes: bool = True) -> Iterator[None]:
+    def raise_at_once(self, yes: bool = True) -> Iterator[None]:
         """Within it a signal raises `Stopped` wherever the program is: for what is thrown away then.
 
         Args:
@@ -35,7 +35,7 @@ class Heed:
         """
         self._at_once = yes
         try:
-            if yes and self.heard:
+            if yes and self.numbers:
                 raise Stopped
             yield
         finally:
@@ -43,20 +43,20 @@ class Heed:
 
     def note(self, number: int) -> None:
         """A signal has come."""
-        self.heard.append(number)
+        self.numbers.append(number)
         if self._at_once:
             self._at_once = False
             raise Stopped
 
 
 @contextmanager
-def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
+def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[SignalWatch]:
     """What hears a signal that would end the program; a second one ends it at once.
 
     Args:
         tell: called when the first one comes.
     """
-    heed = Heed()
+    watch = SignalWatch()
     before: dict[int, Any] = {}
 
     def note(number: int, frame: object) -> None:
@@ -64,7 +64,7 @@ def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
         if tell is not None:
             with suppress(RuntimeError):  # it came while the same stream was being written to
                 tell()
-        heed.note(number)
+        watch.note(number)
 
     def put_back() -> None:
         for number, handler in before.items():
@@ -76,6 +76,6 @@ def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[Heed]:
             if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
                 before[number] = signal.signal(number, note)
     try:
-        yield heed
+        yield watch
     finally:
         put_back()

@@ -10,10 +10,10 @@ from ..models.nn.objective import Objective
 from .recipe import Optimiser
 from .schedule import SCHEDULES
 
-__all__ = ["ObjectiveOptimiser", "under"]
+__all__ = ["ObjectiveOptimiser", "with_prefix"]
 
 
-def under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """The tensors whose names begin so, by the rest of their names."""
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
 
@@ -67,7 +67,7 @@ class ObjectiveOptimiser:
     def restore(self, tensors: dict[str, Tensor]) -> None:
         """The moments of a checkpoint."""
         rows: dict[int, dict[str, Tensor]] = {}
-        for key, tensor in under(f"adam.{self.name}.", tensors).items():
+        for key, tensor in with_prefix(f"adam.{self.name}.", tensors).items():
             number, what = key.split(".")
             rows.setdefault(int(number), {})[what] = tensor
         self.adam.load_state_dict({"state": rows, "param_groups": self.adam.state_dict()["param_groups"]})

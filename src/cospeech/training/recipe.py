@@ -18,7 +18,7 @@ from ..errors import InputError, nearest
 from ..files import parse_toml, read_regular
 from ..limits import RECIPE_BYTES
 
-__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "changed", "load_recipe", "read_recipe", "shipped"]
+__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "list_changes", "list_recipes", "load_recipe", "read_recipe"]
 
 SHIPPED = Path(__file__).with_name("recipes")
 """Where the recipes lie that come with the program: ``NAME.toml``."""
@@ -47,7 +47,7 @@ class Data:
     """Name of a reduction of the audio columns (audio/features/reduce.py); None: all columns as they are."""
     mirror: bool | None = None
     """true: the store must have mirrored clips; false: they are left out; None: as the store has it."""
-    by_clip: bool = False
+    per_clip_normalisation: bool = False
     """Poses of every recording by its own mean and deviation: how somebody stands and how large they move is then not
     learnt but set, at run time by a speaker's or an example's own. Ours."""
     speakers: tuple[str, ...] = ()
@@ -264,7 +264,7 @@ def _override(sections: dict[str, Any], text: str) -> None:
     place[key] = value
 
 
-def shipped() -> list[str]:
+def list_recipes() -> list[str]:
     """Names of the recipes that come with the program."""
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
@@ -273,7 +273,7 @@ def _file(path: str) -> Path:
     """The file of a recipe; of a bare name, or of one in a folder ``recipes`` that is not there, the one that ships."""
     asked = Path(path)
     name = asked.name.removesuffix(".toml")
-    if asked.is_file() or name not in shipped() or asked.parent not in (Path(), Path("recipes")):
+    if asked.is_file() or name not in list_recipes() or asked.parent not in (Path(), Path("recipes")):
         return asked
     return SHIPPED / f"{name}.toml"
 
@@ -290,7 +290,7 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
     """
     file = _file(str(path))
     if not file.exists():
-        hint = f"a TOML file, or one that comes with the program: {', '.join(shipped())}"
+        hint = f"a TOML file, or one that comes with the program: {', '.join(list_recipes())}"
         raise InputError(f"cannot read {str(path)!r}: No such file or directory", hint)
     sections = parse_toml(read_regular(file, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
     for text in overrides:
@@ -305,12 +305,12 @@ def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+def list_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """What differs between two recipes as dicts, except what may: ``["train.lr: 0.001, now 0.002"]``."""
     first, second = _flat(old), _flat(new)
     pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*FREE}))
-    return [f"{key}: {_told(a)}, now {_told(b)}" for key, a, b in pairs if _told(a) != _told(b)]
+    return [f"{key}: {_describe(a)}, now {_describe(b)}" for key, a, b in pairs if _describe(a) != _describe(b)]
 
 
-def _told(value: Any) -> str:
+def _describe(value: Any) -> str:
     return "nothing" if value is None else repr([*value] if isinstance(value, tuple) else value)

@@ -27,8 +27,8 @@ from ..models.nn.objective import Batch, StepRandom
 from .batch_loader import BatchLoader
 from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .dataset import check_same, open_set
-from .interrupts import Heed, Stopped, defer_signals
-from .objective_optimiser import ObjectiveOptimiser, under
+from .interrupts import SignalWatch, Stopped, defer_signals
+from .objective_optimiser import ObjectiveOptimiser, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
 from .recipe import Recipe, Train
 from .run_log import Board, RunLog
@@ -74,8 +74,8 @@ class _Run:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
         self.model = build_model(work.facts, work.needs).to(team.device)
-        if hasattr(self.model, "told"):
-            self.model.told(work.statistics)
+        if hasattr(self.model, "set_statistics"):
+            self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
@@ -106,9 +106,9 @@ class _Run:
     def _put_back(self, saved: Saved) -> None:
         """Be as the run was when `state` was taken."""
         tensors, state = saved
-        self.model.load_state_dict(under("model.", tensors))
+        self.model.load_state_dict(with_prefix("model.", tensors))
         self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
-        self.average.restore(under("ema.", tensors))
+        self.average.restore(with_prefix("ema.", tensors))
         for part in self.parts:
             part.restore(tensors)
 
@@ -135,7 +135,7 @@ class _Run:
         batch = self.batch(self.feed, step)
         self.model.train()
         for part in self.parts:
-            if not part.objective.due(step):
+            if not part.objective.is_active_at(step):
                 continue
             with self.autocast():
                 terms = part.objective.loss(batch, step)
@@ -165,7 +165,7 @@ class _Run:
                 found[kind] |= figures
         return found
 
-    def _told(self) -> str:
+    def _describe_losses(self) -> str:
         losses = self.row()["loss"]
         return ", ".join(f"{part.name} {losses[part.name]:.4g}" for part in self.parts if part.name in losses)
 
@@ -243,14 +243,14 @@ class _Run:
         tensors, state = self.state()
         return {name: tensor.detach().to("cpu", copy=True) for name, tensor in tensors.items()}, deepcopy(state)
 
-    def loop(self, log: _Rows, heed: Heed, progress: Tell | None) -> bool:
+    def loop(self, log: _Rows, watch: SignalWatch, progress: Tell | None) -> bool:
         """All steps that are left; whether it was stopped before."""
         last, stopping, alone = self.settings.steps, False, self.team.size == 1
-        while self.done < last and not stopping and not (alone and heed.heard):
+        while self.done < last and not stopping and not (alone and watch.numbers):
             began, kept = perf_counter(), self._keep() if alone else None
             try:
-                with heed.at_once(kept is not None or (alone and self.saved == self.done)):
-                    stopping = self.step(bool(heed.heard))
+                with watch.raise_at_once(kept is not None or (alone and self.saved == self.done)):
+                    stopping = self.step(bool(watch.numbers))
                     end = stopping or self.done == last
                     log.step(self, end)
                     if self.held is not None and (self.done % self.settings.validate_every == 0 or self.done == last):
@@ -265,11 +265,11 @@ class _Run:
             if self.done % self.settings.save_every == 0 or end:
                 self.save()
             if progress is not None:
-                progress(self.done, last, self._told())
-        if alone and heed.heard and self.saved != self.done:
+                progress(self.done, last, self._describe_losses())
+        if alone and watch.numbers and self.saved != self.done:
             self.save()
         mean_values([self.done], self.team)  # nobody leaves before all is saved
-        return stopping or bool(alone and heed.heard and self.done < last)
+        return stopping or bool(alone and watch.numbers and self.done < last)
 
 
 class _Rows:
@@ -305,13 +305,13 @@ def _board(settings: Train, folder: Path, step: int) -> Board | None:
     return board
 
 
-def _logged(run: _Run, heed: Heed, progress: Tell | None) -> bool:
+def _run_loop(run: _Run, watch: SignalWatch, progress: Tell | None) -> bool:
     """The loop, with its log; whether it was stopped."""
     log = None
     if run.team.rank == 0:
         log = RunLog(run.folder / "log.jsonl", run.done, _board(run.settings, run.folder, run.done))
     try:
-        return run.loop(_Rows(log, run), heed, progress)
+        return run.loop(_Rows(log, run), watch, progress)
     finally:
         if log is not None:
             log.close()
@@ -347,20 +347,20 @@ def train(
     """
     began, folder, run = perf_counter(), Path(out), None
     tell = notice or (lambda text: None)
-    with defer_signals(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as heed:
+    with defer_signals(lambda: tell("stopping; what is done will be saved (once more: without saving)")) as watch:
         try:
             with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
-                with heed.at_once(team.size == 1):
+                with watch.raise_at_once(team.size == 1):
                     run = _Run(recipe, store if isinstance(store, Store) else Store(store), folder, team, resume)
-                stopping = _logged(run, heed, progress if team.rank == 0 else None)
+                stopping = _run_loop(run, watch, progress if team.rank == 0 else None)
         except Stopped:
             stopping = True
         if stopping:
             done = run.saved if run is not None else 0
             tell(f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save")
     if stopping or run is None:
-        if heed.heard:
-            signal.raise_signal(heed.heard[0])  # what it would have done
+        if watch.numbers:
+            signal.raise_signal(watch.numbers[0])  # what it would have done
         raise KeyboardInterrupt
     count = sum(p.numel() for p in run.model.parameters())
     return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)

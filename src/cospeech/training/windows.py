@@ -10,11 +10,11 @@ from ..corpora.store import Store, gather
 from ..errors import InputError
 from ..motion.rotations import Array
 
-__all__ = ["Windows", "mirrored_clip", "windows_at"]
+__all__ = ["Windows", "is_mirror_image", "windows_at"]
 
 
-def mirrored_clip(name: str) -> bool:
-    """Whether a clip is the mirror image of another; see `cospeech.corpora.augment.mirrored`."""
+def is_mirror_image(name: str) -> bool:
+    """Whether a clip is the mirror image of another; see `cospeech.corpora.augment.mirror_clip`."""
     return name.endswith("|mirror")
 
 
@@ -53,7 +53,7 @@ class Windows:
         needed = [name for name in self.arrays if name not in spare]
         numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, needed)
         names = [store.clips[k].name for k in numbers]
-        good = np.array([mirror or not mirrored_clip(name) for name in names])
+        good = np.array([mirror or not is_mirror_image(name) for name in names])
         if held_out:
             bases = list(dict.fromkeys(name.split("|")[0] for name in names))
             chosen = {*bases[:: max(2, round(1 / held_out))]}

@@ -64,7 +64,7 @@ class FrameFeatures(StreamingFeatures):
         """See `StreamingFeatures`."""
         self._stream = prosody.tap()
 
-    def _made(self, samples: Floats) -> Floats:
+    def _convert(self, samples: Floats) -> Floats:
         return _columns(self._stream.push(samples))
 
     def _rest(self) -> Floats:
@@ -97,7 +97,7 @@ class FrameFeatures(StreamingFeatures):
         out[:, _PITCH] = pitch
         return out
 
-    def _needed(self, frame: int) -> int:
+    def _find_oldest(self, frame: int) -> int:
         return min(self._edge_of(frame), self._end - 1)
 
 

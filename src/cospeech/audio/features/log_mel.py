@@ -85,7 +85,7 @@ class LogMelFeatures(StreamingFeatures):
     def __init__(self, fps: float) -> None:
         super().__init__(fps, np.zeros(0, np.float32))
 
-    def _made(self, samples: Floats) -> Floats:
+    def _convert(self, samples: Floats) -> Floats:
         return samples
 
     def _rest(self) -> Floats:
@@ -105,5 +105,5 @@ class LogMelFeatures(StreamingFeatures):
         rows = _log_mel(self._heard, wanted * HOP - self._first) if len(wanted) else np.zeros((0, _BANDS))
         return rows.astype(np.float32)
 
-    def _needed(self, frame: int) -> int:
+    def _find_oldest(self, frame: int) -> int:
         return min(int(log_mel_at(np.array(frame), self.fps)), self._last) * HOP

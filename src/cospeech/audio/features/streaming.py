@@ -57,7 +57,7 @@ class StreamingFeatures(ABC):
         Raises:
             InputError: the piece has another rate than those before, or the speech is over.
         """
-        self._keep(self._made(self._speech.push(chunk)))
+        self._keep(self._convert(self._speech.push(chunk)))
         until = self._given
         while self._certain(until):
             until += 1
@@ -74,7 +74,7 @@ class StreamingFeatures(ABC):
 
         total = count_frames(self.duration, self.fps) if frames is None else frames
         if not self._speech.finished:
-            self._keep(self._made(self._speech.finish()))
+            self._keep(self._convert(self._speech.finish()))
             self._keep(self._rest())
         return self._give(max(total, self._given))
 
@@ -93,13 +93,13 @@ class StreamingFeatures(ABC):
         rows = self._rows(np.arange(self._given, until))
         self._none = rows[:0] if self._none is None else self._none
         self._given = until
-        done = self._needed(until) - self._first
+        done = self._find_oldest(until) - self._first
         if done > 0:
             self._first, self._heard = self._first + done, self._heard[done:].copy()
         return rows
 
     @abstractmethod
-    def _made(self, samples: Floats) -> Floats:
+    def _convert(self, samples: Floats) -> Floats:
         """What is kept of samples at 16 kHz."""
 
     @abstractmethod
@@ -115,5 +115,5 @@ class StreamingFeatures(ABC):
         """(n, C) float32 rows of frames, of what is kept."""
 
     @abstractmethod
-    def _needed(self, frame: int) -> int:
+    def _find_oldest(self, frame: int) -> int:
         """Index of the first that the rows from this frame on need, and that is there."""

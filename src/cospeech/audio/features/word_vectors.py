@@ -219,9 +219,9 @@ class BinVectors:
         self._dictionary = at + _COUNTS.size
         sizes = (self._entries, self.words, labels, self._buckets)
         if min(sizes) < 0 or self.words + labels != self._entries or not 1 <= self.width <= WORD_VECTOR_WIDTH:
-            raise self._damaged(f"{self.words} words, {labels} labels, {self._buckets} buckets, {self.width} wide")
+            raise self._make_error(f"{self.words} words, {labels} labels, {self._buckets} buckets, {self.width} wide")
         if high > _LONGEST_GRAM:
-            raise self._damaged(f"n-grams of {high} characters")
+            raise self._make_error(f"n-grams of {high} characters")
         self._matrix_at = self._find_matrix(labels if model == _SUPERVISED else self.words)
         count = self._rows * self.width
         flat = np.frombuffer(self._data, "<f4", count, self._matrix_at + _MATRIX.size)
@@ -251,7 +251,7 @@ class BinVectors:
         for row in rows:
             total += self._matrix[row]
         if not np.isfinite(total).all():
-            raise self._damaged(f"the vector of {word[:40]!r} is not finite")
+            raise self._make_error(f"the vector of {word[:40]!r} is not finite")
         return total * np.float32(1 / max(1, len(rows)))
 
     def rows(self, word: str) -> list[int]:
@@ -262,12 +262,12 @@ class BinVectors:
         if text == _SENTENCE_END or not self._buckets:
             return found
         hashes = [_hash(gram) % self._buckets for gram in ngrams(text, *self._lengths)]
-        if (pruned := self._known.pruned) is not None:
+        if (pruned := self._word_index.pruned) is not None:
             hashes = [pruned[value] for value in hashes if value in pruned]
         return found + [self.words + value for value in hashes]
 
     def _row(self, text: bytes) -> int | None:
-        known, wanted = self._known, hash(text)
+        known, wanted = self._word_index, hash(text)
         first, last = (int(np.searchsorted(known.hashes, wanted, side)) for side in ("left", "right"))  # type: ignore[call-overload]
         for k in range(first, last):
             at = int(known.places[k])
@@ -276,21 +276,21 @@ class BinVectors:
         return None
 
     @cached_property
-    def _known(self) -> _Known:
+    def _word_index(self) -> _Known:
         """The dictionary, gone through: a word, 0, its count in 8 bytes, and 1 byte of what it is."""
         hashes, places, find, data = array("q"), array("q"), self._data.find, self._data
         at = self._dictionary
         for _ in range(self.words):
             end = find(b"\0", at)
             if end < 0 or end + 10 > self._matrix_at or data[end + 9]:
-                raise self._damaged("its dictionary does not have the words that it says")
+                raise self._make_error("its dictionary does not have the words that it says")
             hashes.append(hash(data[at:end]))
             places.append(at)
             at = end + 10
         at = self._skip(self._entries - self.words, at)
         pairs = np.frombuffer(self._data, "<i4", 2 * max(0, self._pruned), at).tolist()
         if at + 4 * len(pairs) != self._matrix_at or any(not 0 <= to < self._pruned for to in pairs[1::2]):
-            raise self._damaged("its dictionary and its matrix do not fit")
+            raise self._make_error("its dictionary and its matrix do not fit")
         pruned = None if self._pruned < 0 else dict(zip(pairs[::2], pairs[1::2], strict=True))
         keys = np.array(hashes, np.int64)
         order = np.argsort(keys, kind="stable")
@@ -301,7 +301,7 @@ class BinVectors:
         for _ in range(entries):
             end = self._data.find(b"\0", at)
             if end < 0:
-                raise self._damaged("its dictionary is cut off")
+                raise self._make_error("its dictionary is cut off")
             at = end + 10
         return at
 
@@ -324,7 +324,7 @@ class BinVectors:
             or not self._dense(after, outputs)
             or after + self._size_of(outputs) > len(self._data)
         ):
-            raise self._damaged(f"no matrices of {self._rows} and {outputs} × {self.width}")
+            raise self._make_error(f"no matrices of {self._rows} and {outputs} × {self.width}")
         return at
 
     def _size_of(self, rows: int) -> int:
@@ -336,10 +336,10 @@ class BinVectors:
 
     def _read(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
         if at + layout.size > len(self._data):
-            raise self._damaged("it is cut off")
+            raise self._make_error("it is cut off")
         return layout.unpack_from(self._data, at)
 
-    def _damaged(self, what: str) -> InputError:
+    def _make_error(self, what: str) -> InputError:
         return InputError(f"the word vectors {str(self._path)!r} are damaged: {what}", "was the download interrupted?")
 
 

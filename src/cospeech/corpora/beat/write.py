@@ -69,7 +69,7 @@ def _write_take(clip: Clip, motion: Motion, stem: Path) -> None:
     seconds = float(clip.speech.duration) if clip.speech is not None else motion.duration
     texts: dict[str, str] = {}
     if face is not None:
-        texts[".json"] = _face_text(_resampled(face, clip.face_fps or motion.fps))
+        texts[".json"] = _face_text(_resample_face(face, clip.face_fps or motion.fps))
     if clip.emotion is not None:
         texts[".csv"] = emotion_text(clip.emotion, seconds)
     if clip.semantics is not None:
@@ -86,7 +86,7 @@ def _write_take(clip: Clip, motion: Motion, stem: Path) -> None:
             place(stem.parent / (stem.name + suffix)).write_text(text, "utf-8", newline="\n")
 
 
-def _resampled(face: Array, fps: float) -> Array:
+def _resample_face(face: Array, fps: float) -> Array:
     """(T, 52) weights at 60 fps."""
     if fps == _FACE_FPS:
         return face

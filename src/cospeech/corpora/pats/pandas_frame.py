@@ -108,7 +108,7 @@ def read_frame(data: dict[str, Dataset], groups: dict[str, dict[str, object]], k
     kind = groups[key].get("pandas_type")
     try:
         if kind == "frame":
-            columns = _fixed(data, groups[key], key)
+            columns = _read_fixed_table(data, groups[key], key)
         elif kind == "frame_table":
             columns = _table(data[f"{key}/table"])
         else:
@@ -122,7 +122,7 @@ def read_frame(data: dict[str, Dataset], groups: dict[str, dict[str, object]], k
     return columns
 
 
-def _fixed(data: dict[str, Dataset], attributes: dict[str, object], key: str) -> dict[str, list[object]]:
+def _read_fixed_table(data: dict[str, Dataset], attributes: dict[str, object], key: str) -> dict[str, list[object]]:
     columns: dict[str, list[object]] = {}
     blocks = attributes["nblocks"]
     if not isinstance(blocks, int) or not 0 <= blocks <= 100:  # ours: three columns have three blocks at most

@@ -25,7 +25,7 @@ def write_frame(group: Any, words: Sequence[str], numbers: Mapping[str, Sequence
     rows["values_block_1"] = np.array([numbers[name] for name in names]).T.reshape(len(raw), len(names))
     table = group.create_dataset("table", data=rows, maxshape=(None,), chunks=(max(len(raw), 1),))
 
-    def listed(items: Sequence[str]) -> bytes:
+    def pickle_list(items: Sequence[str]) -> bytes:
         return b"(lp0\n" + b"".join(b"V%s\np%d\na" % (item.encode("ascii"), k) for k, item in enumerate(items, 1)) + b"."
 
     axes = b"(lp0\n(I1\n(lp1\n" + b"".join(b"V%s\np%d\na" % (n.encode(), k) for k, n in enumerate([text, *names], 2))
@@ -34,13 +34,13 @@ def write_frame(group: Any, words: Sequence[str], numbers: Mapping[str, Sequence
         "pandas_type": b"frame_table", "table_type": b"appendable_frame", "encoding": b"UTF-8", "errors": b"strict",
         "nan_rep": b"nan", "data_columns": b"(lp0\n.", "index_cols": b"(lp0\n(I0\nVindex\np1\ntp2\na.", "levels": 1,
         "info": b"(dp0\nI1\n(dp1\nVnames\np2\n(lp3\nNasVtype\np4\nVIndex\np5\nss.",
-        "values_cols": listed(["values_block_0", "values_block_1"]), "non_index_axes": axes + b"tp%d\na." % (len(names) + 3),
+        "values_cols": pickle_list(["values_block_0", "values_block_1"]), "non_index_axes": axes + b"tp%d\na." % (len(names) + 3),
     })  # fmt: skip
     _attributes(table, {
         "CLASS": b"TABLE", "VERSION": b"2.7", "TITLE": b" ", "index_kind": b"integer", "NROWS": len(raw),
         "FIELD_0_NAME": b"index", "FIELD_1_NAME": b"values_block_0", "FIELD_2_NAME": b"values_block_1",
-        "values_block_0_dtype": b"bytes%d" % (8 * width), "values_block_0_kind": listed([text]),
-        "values_block_1_dtype": b"int64", "values_block_1_kind": listed(names),
+        "values_block_0_dtype": b"bytes%d" % (8 * width), "values_block_0_kind": pickle_list([text]),
+        "values_block_1_dtype": b"int64", "values_block_1_kind": pickle_list(names),
     })  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS, LEFT, RIGHT, SOURCES
 from ..keypoints import joint_points
 
-__all__ = ["FPS", "from_points", "hold_arm", "mirror", "normalized", "points_of", "to_points"]
+__all__ = ["FPS", "from_points", "hold_arm", "mirror", "normalise_points", "points_of", "to_points"]
 
 FPS = 15.0  # frames per second of all poses
 _SHOULDER = 167.0  # pixels from the neck to the right shoulder in pose/normalize
@@ -54,7 +54,7 @@ def from_points(values: Array) -> Array:
     return np.concatenate([flat[..., 0], -flat[..., 1]], -1) + 0.0
 
 
-def normalized(flat: Array) -> Array:
+def normalise_points(flat: Array) -> Array:
     """(T, 104) of ``pose/data`` → ``pose/normalize``: scaled in each frame to a shoulder of 167 pixels; the neck stays.
 
     Raises:

@@ -1,13 +1,13 @@
 """PATS (Ahuja et al. 2020): intervals of 25 speakers, one HDF5 file each; 52 key points in 2-D at 15 fps, log-mel, words.
 
     cmu_intervals_df.csv                     an interval per row: split, speaker, id, times, video
-    cmu_intervals_df_transforms.csv          the same of transformed twins: speaker "oliver|mirror", interval "123|mirror"
+    cmu_intervals_df_transforms.csv          the same of transformed speakers: speaker "oliver|mirror", interval "123|mirror"
     missing_intervals.h5                     intervals: ids whose features are incomplete
     processed/<speaker>/<interval_id>.h5     pose/{data,normalize,confidence}, audio/…, text/…
     raw/<speaker>_cropped/<interval_id>.mp3  where the holder fetched the sound
 
 ``pose/data`` is (T, 104): x of all joints, then y, in pixels, y down, from the neck; joint 0, the neck, is where it is in the
-picture. `Points` are absolute, y up. HDF5 files are read in a process of their own (`vault`), tables of words without pandas.
+picture. `Points` are absolute, y up. HDF5 files are read in a process of their own (`reader`), tables of words without pandas.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from ...errors import InputError
 from ...motion.points import Points
 from ...motion.rotations import Array
 from ..clip import Clip, Dropped
-from ..hdf5_lmdb import Dataset, Vault
+from ..hdf5_lmdb import Dataset, Hdf5LmdbReader
 from ..reading import usable_folder
 from .pandas_frame import read_frame
 from .points import FPS, from_points, hold_arm, mirror, points_of, to_points
 from .statistics import CENTRES, load_statistics
-from .tables import TABLE, TWINS, Interval, read_table
+from .tables import TABLE, TRANSFORMS, Interval, read_table
 from .write import write
 
 __all__ = ["CENTRES", "FPS", "from_points", "hold_arm", "load_statistics", "mirror", "points_of", "read", "to_points", "write"]
@@ -49,12 +49,12 @@ _FEATURES: dict[str, tuple[int | None, float, float, float]] = {  # columns, lar
 _WANTED = ("pose", "audio", "text")
 
 
-def read(raw: str | PathLike[str], *, twins: bool = False) -> Iterator[Clip | Dropped]:
+def read(raw: str | PathLike[str], *, transforms: bool = False) -> Iterator[Clip | Dropped]:
     """The intervals of the table, in its order.
 
     Args:
         raw: the folder with ``cmu_intervals_df.csv`` (PATS' ``data``).
-        twins: also those of the table of transforms; a mirrored one without a file of its own is made from its original.
+        transforms: also those of the table of transforms; a mirrored one without a file of its own is made from its original.
 
     Raises:
         InputError: there is no PATS, or a table cannot be read.
@@ -63,9 +63,9 @@ def read(raw: str | PathLike[str], *, twins: bool = False) -> Iterator[Clip | Dr
     root = next((place for place in (root, root / "data", root / "pats" / "data") if (place / TABLE).is_file()), root)
     if not (root / TABLE).is_file():
         raise InputError(f"there is no PATS in {str(root)!r}", f"name the folder that holds {TABLE}")
-    tables = [root / TABLE, *([root / TWINS] if twins and (root / TWINS).is_file() else [])]
-    with Vault("hdf5") as vault:
-        missing = _missing(root, vault)
+    tables = [root / TABLE, *([root / TRANSFORMS] if transforms and (root / TRANSFORMS).is_file() else [])]
+    with Hdf5LmdbReader("hdf5") as reader:
+        missing = _missing(root, reader)
         for table in tables:
             for row in read_table(table):
                 if isinstance(row, Dropped):
@@ -74,17 +74,17 @@ def read(raw: str | PathLike[str], *, twins: bool = False) -> Iterator[Clip | Dr
                     yield Dropped(row.name, "listed in missing_intervals.h5")
                 else:
                     try:
-                        yield _clip(root, row, vault)
+                        yield _clip(root, row, reader)
                     except InputError as error:
                         yield Dropped(row.name, f"{row.speaker}/{row.name}: {error}")
 
 
-def _missing(root: Path, vault: Vault) -> set[str]:
+def _missing(root: Path, reader: Hdf5LmdbReader) -> set[str]:
     """Ids in missing_intervals.h5: text, whatever h5py calls it; none where there is no such file or no list in it."""
     path = root / "missing_intervals.h5"
     if not path.is_file():
         return set()
-    listed = vault.hdf5(path)[0].get("intervals")
+    listed = reader.hdf5(path)[0].get("intervals")
     if listed is None:
         return set()
     if not isinstance(listed.value, list):
@@ -94,7 +94,7 @@ def _missing(root: Path, vault: Vault) -> set[str]:
     return {value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in listed.value}
 
 
-def _clip(root: Path, row: Interval, vault: Vault) -> Clip:
+def _clip(root: Path, row: Interval, reader: Hdf5LmdbReader) -> Clip:
     folder = root / "processed"
     file, turned = folder / row.speaker / f"{row.name}.h5", False
     speaker, _, transform = row.speaker.partition("|")
@@ -105,7 +105,7 @@ def _clip(root: Path, row: Interval, vault: Vault) -> Clip:
                 f"there is no file for the transform {transform!r}", "make it with cospeech.corpora.pats.read.hold_arm"
             )
         file, turned = folder / speaker / f"{plain}.h5", True
-    data, groups = vault.hdf5(file, _WANTED)
+    data, groups = reader.hdf5(file, _WANTED)
     if "pose/data" not in data:
         raise InputError(f"{file.name!r} has no pose/data", "is it of another corpus?")
     flat = _feature(data["pose/data"].value, "pose/data", 104, _FARTHEST)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...motion.rotations import Array
-from ..hdf5_lmdb import Vault
+from ..hdf5_lmdb import Hdf5LmdbReader
 
 __all__ = ["CENTRES", "load_statistics"]
 
@@ -23,8 +23,8 @@ def load_statistics(path: str | PathLike[str]) -> dict[str, Array]:
     Raises:
         InputError: it cannot be read, or holds no such statistics.
     """
-    with Vault("hdf5") as vault:
-        data, _ = vault.hdf5(Path(path))
+    with Hdf5LmdbReader("hdf5") as reader:
+        data, _ = reader.hdf5(Path(path))
     found = {name: np.asarray(item.value) for name, item in data.items()}
     for name, array in found.items():
         last = name.rpartition("/")[2]

@@ -15,9 +15,9 @@ from ...files import atomic, open_regular
 from ...limits import CORPUS_TABLE_BYTES
 from ..clip import Dropped
 
-__all__ = ["TABLE", "TWINS", "Interval", "read_table", "write_table"]
+__all__ = ["TABLE", "TRANSFORMS", "Interval", "read_table", "write_table"]
 
-TABLE, TWINS = "cmu_intervals_df.csv", "cmu_intervals_df_transforms.csv"
+TABLE, TRANSFORMS = "cmu_intervals_df.csv", "cmu_intervals_df_transforms.csv"
 COLUMNS = ("dataset", "delta_time", "end_time", "interval_id", "speaker", "start_time", "video_fn", "video_link")
 SPLITS = {"train": "train", "dev": "validation", "test": "test"}
 _LONGEST = 3600.0  # seconds; ours: intervals last some ten seconds

@@ -23,8 +23,8 @@ from ..clip import SPLITS, Clip, Dropped
 from ..keypoints import resample_points
 from ..layout import on_rate
 from .pandas_frame_writer import write_frame
-from .points import FPS, from_points, mirror, normalized, points_of
-from .tables import TABLE, TWINS, Interval, write_table
+from .points import FPS, from_points, mirror, normalise_points, points_of
+from .tables import TABLE, TRANSFORMS, Interval, write_table
 
 __all__ = ["write"]
 
@@ -33,7 +33,7 @@ _QUIET = 10 ** (-40 / 20)  # ours: 40 dB below the loudest frame nobody speaks; 
 _FIRST_ID = 100_000  # ours: of intervals whose clip's name cannot be one
 
 
-def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, twins: bool = False) -> list[str]:
+def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, transforms: bool = False) -> list[str]:
     """Write clips as intervals of PATS under ``raw``; drops are passed over.
 
     Clips need key points or motion (brought to 15 fps, seen from the front). Speech becomes log-mel features and an MP3; the
@@ -42,7 +42,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, twins: b
     Args:
         clips: what to write.
         raw: a folder without such a table.
-        twins: also write each interval mirrored, as ``speaker|mirror``, listed in the table of transforms.
+        transforms: also write each interval mirrored, as ``speaker|mirror``, listed in the table of transforms.
 
     Returns:
         The ids of the intervals, in order.
@@ -57,7 +57,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, twins: b
     mirrored: list[Interval] = []
     try:
         root.mkdir(parents=True, exist_ok=True)
-        for number, (clip, name) in enumerate(_named(clips)):
+        for number, (clip, name) in enumerate(_assign_ids(clips)):
             points = _points(clip)
             split = clip.split or {9: "test", 8: "validation"}.get(number % 10, "train")
             if split not in SPLITS:
@@ -65,7 +65,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, twins: b
             video, link = (str(clip.extra.get(key, "")) for key in ("video_fn", "video_link"))
             rows.append(Interval(name, _folder(clip.speaker), split, points.duration, max(clip.start, 0.0), video, link))
             sides = [(rows[-1], points.values)]
-            if twins:
+            if transforms:
                 row = rows[-1]
                 mirrored.append(Interval(f"{name}|mirror", f"{row.speaker}|mirror", split, row.seconds, row.start, video, link))
                 sides.append((mirrored[-1], mirror(points.values)))
@@ -74,14 +74,14 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, twins: b
             if clip.speech is not None:
                 _write_sound(root / "raw" / f"{rows[-1].speaker}_cropped" / f"{name}.mp3", clip.speech, points.duration)
         _write_missing(root / "missing_intervals.h5")
-        write_table(root / TWINS, mirrored)
+        write_table(root / TRANSFORMS, mirrored)
         write_table(root / TABLE, rows)  # last: a folder without it is no PATS
     except OSError as error:
         raise InputError(f"cannot write {str(root)!r}: {describe_os_error(error)}") from None
     return [row.name for row in rows]
 
 
-def _named(clips: Iterable[Clip | Dropped]) -> Iterator[tuple[Clip, str]]:
+def _assign_ids(clips: Iterable[Clip | Dropped]) -> Iterator[tuple[Clip, str]]:
     """Each clip with an id: its name where it can be a file's, else a number."""
     used: set[str] = set()
     for number, clip in enumerate(clip for clip in clips if isinstance(clip, Clip)):
@@ -118,7 +118,7 @@ def _h5py() -> Any:
 def _write_interval(path: Path, clip: Clip, values: Array) -> None:
     flat = from_points(values)
     try:
-        small = normalized(flat)
+        small = normalise_points(flat)
     except InputError as error:
         raise InputError(f"{clip.name!r}: {error.problem}", error.hint) from None
     path.parent.mkdir(parents=True, exist_ok=True)

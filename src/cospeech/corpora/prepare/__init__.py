@@ -26,14 +26,14 @@ from ...motion.poses import find_pose
 from ...motion.skeletons.arkit import ARKIT
 from .. import CORPORA
 from ..attributes import Attributes, speaker_attributes
-from ..augment import faster, mirrored, shifted
+from ..augment import faster, mirror_clip, shift_pitch
 from ..clip import Clip, Dropped
 from ..store import Store
 from ..store_files import FORMAT
 from ..store_writer import write_store
-from .derive_speakers import Change, twin_maker
+from .derive_speakers import Change, plan_derivations
 from .filters import FILTERS
-from .pieces import Plan, audio_names, make_part, needed, read_part, split_of, wav2vec_names
+from .pieces import Plan, audio_names, make_part, read_part, select_extra, split_of, wav2vec_names
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -54,10 +54,10 @@ class PrepareReport:
     pose: str
     fps: float
     clips: int
-    """Read, without twins and augmented ones."""
+    """Read, without derived speakers and augmented ones."""
     augmented: int
     seconds: float
-    """Of motion in the store, twins and augmented clips included."""
+    """Of motion in the store, derived speakers and augmented clips included."""
     splits: dict[str, float]
     """Seconds per split."""
     speakers: dict[str, float]
@@ -66,8 +66,8 @@ class PrepareReport:
     """Reason → seconds that filters dropped for it."""
     dropped: tuple[dict[str, Any], ...]
     """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
-    twins: int
-    """Clips of twins; see `cospeech.corpora.derived_speakers`."""
+    derived_speakers: int
+    """Clips of derived speakers; see `cospeech.corpora.derived_speakers`."""
     attributes: dict[str, Attributes]
     """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
 
@@ -75,7 +75,7 @@ class PrepareReport:
         """One line."""
         whole = sum("start" not in row for row in self.dropped)
         parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
-        parts += [f"of twins: {self.twins}"] if self.twins else []
+        parts += [f"of derived speakers: {self.derived_speakers}"] if self.derived_speakers else []
         parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
         parts += [f"dropped: {whole}"] if whole else []
         parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
@@ -93,7 +93,7 @@ def prepare(
     mirror: bool = False,
     speeds: Sequence[float] = (),
     pitches: Sequence[float] = (),
-    twins: Sequence[str] = (),
+    derived_speakers: Sequence[str] = (),
     jobs: int = 1,
     backend: str = "loky",
     scheduler: str | None = None,
@@ -113,7 +113,7 @@ def prepare(
         mirror: add every training clip with left and right exchanged.
         speeds: add training clips so many times as fast, 0.5 … 2.
         pitches: add training clips with the voice so many semitones higher (−12 … 12).
-        twins: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.TWINS` makes one of every
+        derived_speakers: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.DERIVATIONS` makes one of every
             speaker,
             ``"cleo|leftarm"`` one of cleo. The corpus is read twice then.
         jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
@@ -149,12 +149,12 @@ def prepare(
     if (target / "index.json").exists() and not overwrite:
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
-    twins_for = twin_maker(twins, lambda: read(raw), mirror)
+    derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
     plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
-    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "twins": [*twins]}
+    settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
     dropped: list[dict[str, Any]] = []
     with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
-        tasks = _tasks(read(raw), twins_for, _changes(mirror, speeds, pitches), parts, dropped)
+        tasks = _tasks(read(raw), derivations_for, _changes(mirror, speeds, pitches), parts, dropped)
         with _workers(jobs, backend, scheduler) as (run, together):
             made = _make_parts(tasks, plan, run, together, progress)
         return _assemble(target, made, plan, dropped)
@@ -162,9 +162,9 @@ def prepare(
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:
     """The augmentations that were asked for."""
-    found: list[Change] = [mirrored] if mirror else []
+    found: list[Change] = [mirror_clip] if mirror else []
     found += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
-    return found + [lambda clip, p=pitch: shifted(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
+    return found + [lambda clip, p=pitch: shift_pitch(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
 
 
 class _NothingLeft(InputError):
@@ -215,7 +215,7 @@ def _begin_parts(target: Path, settings: dict[str, Any]) -> Path:
 
 
 class _Task(NamedTuple):
-    """A clip, the path of its part, and where it comes from: read, twin or augmented."""
+    """A clip, the path of its part, and where it comes from: read, derived speaker or augmented."""
 
     clip: Clip
     path: Path
@@ -224,12 +224,12 @@ class _Task(NamedTuple):
 
 def _tasks(
     items: Iterator[Clip | Dropped],
-    twins_for: Callable[[Clip], list[Change]],
+    derivations_for: Callable[[Clip], list[Change]],
     changes: list[Change],
     parts: Path,
     dropped: list[dict[str, Any]],
 ) -> Iterator[_Task]:
-    """Every clip, its twins, and what augmentation makes of the training clips among them; drops go into the list."""
+    """Every clip, its derived speakers, and what augmentation makes of the training clips among them; drops go into the list."""
     number, names = count(), set()
     for item in items:
         if isinstance(item, Dropped):
@@ -239,15 +239,15 @@ def _tasks(
             dropped.append({"name": item.name, "reason": "a clip of this name was read already"})
             continue
         names.add(item.name)
-        clip = replace(item, split=split_of(item), extra=needed(item))
-        twins = _changed(clip, twins_for(clip), "no twin", dropped)
-        for one, origin in ((clip, "read"), *((twin, "twin") for twin in twins)):
+        clip = replace(item, split=split_of(item), extra=select_extra(item))
+        derived_speakers = _apply_changes(clip, derivations_for(clip), "no derived speaker", dropped)
+        for one, origin in ((clip, "read"), *((derivation, "derived") for derivation in derived_speakers)):
             yield _Task(one, parts / f"{next(number):07d}.npz", origin)
-            for other in _changed(one, changes, "not augmented", dropped) if one.split == "train" else ():
+            for other in _apply_changes(one, changes, "not augmented", dropped) if one.split == "train" else ():
                 yield _Task(other, parts / f"{next(number):07d}.npz", "augmented")
 
 
-def _changed(clip: Clip, changes: list[Change], failed: str, dropped: list[dict[str, Any]]) -> Iterator[Clip]:
+def _apply_changes(clip: Clip, changes: list[Change], failed: str, dropped: list[dict[str, Any]]) -> Iterator[Clip]:
     """What each change makes of a clip; what fails goes into the list."""
     for change in changes:
         try:
@@ -355,7 +355,7 @@ def _assemble(
     origins = Counter(origin for *_, origin in made)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
-        reasons, tuple(dropped), origins["twin"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
+        reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:
         temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""Which twins each clip of a corpus is to have, and the mean poses that they need: a first pass over the corpus."""
+"""Which derived speakers each clip of a corpus is to have, and the mean poses that they need: a first pass over the corpus."""
 
 from __future__ import annotations
 
@@ -7,33 +7,35 @@ from functools import partial
 
 from ...errors import InputError, nearest
 from ..clip import Clip, Dropped
-from ..derived_speakers import TWINS, MeanPose, mean_poses, twin_of
+from ..derived_speakers import DERIVATIONS, MeanPose, derive_clip, mean_poses
 from .pieces import split_of
 
-__all__ = ["Change", "twin_maker"]
+__all__ = ["Change", "plan_derivations"]
 
 Change = Callable[[Clip], Clip]
 
 
-def twin_maker(
-    twins: Sequence[str], read: Callable[[], Iterator[Clip | Dropped]], mirror: bool
+def plan_derivations(
+    derived_speakers: Sequence[str], read: Callable[[], Iterator[Clip | Dropped]], mirror: bool
 ) -> Callable[[Clip], list[Change]]:
-    """From a clip to the makers of its twins.
+    """From a clip to the makers of its derived speakers.
 
     Args:
-        twins: names of `TWINS`, of every speaker, or ``"speaker|name"``; none, and nothing is read.
+        derived_speakers: names of `DERIVATIONS`, of every speaker, or ``"speaker|name"``; none, and nothing is read.
         read: begins to read the corpus.
-        mirror: whether training clips are mirrored as well: their speakers are called as twins would be.
+        mirror: whether training clips are mirrored as well: their speakers are called as derived speakers would be.
 
     Raises:
-        InputError: no such twin or speaker, or both kinds of mirror.
+        InputError: no such derived speaker or speaker, or both kinds of mirror.
     """
-    wanted = [(speaker, name) for speaker, _, name in (twin.rpartition("|") for twin in dict.fromkeys(twins))]
+    wanted = [
+        (speaker, name) for speaker, _, name in (derivation.rpartition("|") for derivation in dict.fromkeys(derived_speakers))
+    ]
     for _, name in wanted:
-        if name not in TWINS:
-            raise InputError(f"no twin is called {name!r}", nearest(name, TWINS))
+        if name not in DERIVATIONS:
+            raise InputError(f"no derived speaker is called {name!r}", nearest(name, DERIVATIONS))
     if mirror and any(name == "mirror" for _, name in wanted):
-        raise InputError("mirror as twin and as augmentation: the same speakers twice", "choose one of them")
+        raise InputError("mirror as derived speaker and as augmentation: the same speakers twice", "choose one of them")
     means = mean_poses((clip, split_of(clip) == "train") for clip in read() if isinstance(clip, Clip)) if wanted else {}
     for speaker, _ in wanted:
         if speaker and speaker not in means:
@@ -41,6 +43,6 @@ def twin_maker(
 
     def makers(clip: Clip) -> list[Change]:
         names = dict.fromkeys(name for speaker, name in wanted if speaker in ("", clip.speaker))
-        return [partial(twin_of, twin=name, mean=means.get(clip.speaker, MeanPose({}))) for name in names]
+        return [partial(derive_clip, derivation=name, mean=means.get(clip.speaker, MeanPose({}))) for name in names]
 
     return makers

@@ -45,7 +45,7 @@ def _near_mean(vectors: Array) -> Array:
     return np.abs(points - mean).mean((1, 2, 3)) < 0.02
 
 
-def _bent(vectors: Array) -> Array:
+def _is_bent(vectors: Array) -> Array:
     """The spine off the vertical by more than 30° at worst, or 20° in the mean."""
     angle = np.degrees(np.arccos(np.clip(-vectors[..., 1], -1, 1)))  # the first vector is spine to neck, y down
     return (angle.max(1) > 30) | (angle.mean(1) > 20)
@@ -70,7 +70,7 @@ FILTERS: dict[str, Filters] = {
         10,
         (
             Check("pose within .02 m of the mean pose", _near_mean),
-            Check("spine over 30° (mean over 20°) off the vertical", _bent),
+            Check("spine over 30° (mean over 20°) off the vertical", _is_bent),
             Check("both wrists still (variance < .0014 m²)", _still_wrists),
         ),
     ),

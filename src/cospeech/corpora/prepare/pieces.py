@@ -31,9 +31,9 @@ __all__ = [
     "audio_names",
     "encode",
     "make_part",
-    "needed",
     "read_part",
     "resample_points",
+    "select_extra",
     "split_of",
     "wav2vec_names",
 ]
@@ -84,7 +84,7 @@ def _encoder(name: str) -> Any:
     return load_cnn(name)
 
 
-def needed(clip: Clip) -> dict[str, object]:
+def select_extra(clip: Clip) -> dict[str, object]:
     """What of a clip's ``extra`` goes into a store: ready-made spectra, and words without sound."""
     names = ("words", *(name for name, _ in _READY.values()))
     return {name: clip.extra[name] for name in names if name in clip.extra}
@@ -117,7 +117,7 @@ def encode(clip: Clip, plan: Plan) -> dict[str, Array]:
     out: dict[str, Array] = {"pose": vectors[:frames]}
     face, rate = (clip.face, clip.face_fps) if clip.face is not None else _face(clip.motion)
     if face is not None and rate:
-        out["face"] = _sampled(face, rate, frames, plan.fps).astype(np.float32)
+        out["face"] = _sample_rows(face, rate, frames, plan.fps).astype(np.float32)
     audio = _audio(clip, frames, plan)
     if audio is not None:
         out["audio"] = audio
@@ -171,11 +171,11 @@ def resample_points(points: Points, fps: float) -> Points:
     """At another rate, linear between frames; the duration is kept to a frame."""
     count = max(1, int(np.ceil(len(points) * fps / points.fps - 1e-9))) if len(points) else 0
     flat = points.values.reshape(len(points), -1)
-    values = flat if fps == points.fps else _sampled(flat, points.fps, count, fps)
+    values = flat if fps == points.fps else _sample_rows(flat, points.fps, count, fps)
     return Points(fps, values.reshape(len(values), *points.values.shape[1:]), points.layout)
 
 
-def _sampled(values: Array, rate: float, frames: int, fps: float) -> Array:
+def _sample_rows(values: Array, rate: float, frames: int, fps: float) -> Array:
     """(frames, D): linear between rows of ``values`` at ``rate``; the last one stays."""
     at = np.minimum(np.arange(frames) * (rate / fps), len(values) - 1)
     low = at.astype(int)

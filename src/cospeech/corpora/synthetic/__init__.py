@@ -26,8 +26,8 @@ from ...rules import EMOTIONS, Gesture, RuleBasedModel, Style
 from .. import CORPORA
 from ..clip import Clip, Semantic
 from .acting import Actor, act
-from .speakers import Speaker, cast
-from .voices import Voice, installed_voices, pieces_of, reader_of, recordings, say
+from .speakers import Speaker, choose_speakers
+from .voices import Voice, find_voices, pieces_of, reader_of, recordings, say
 
 __all__ = ["LAYOUTS", "Layout", "SynthesisReport", "perform", "synthesise"]
 
@@ -134,10 +134,10 @@ def synthesise(
     if not 0 < hours <= 1000:
         raise InputError(f"{hours} hours", "more than 0, at most 1000")
     target, chosen = Path(raw), LAYOUTS[layout]
-    people = cast(chosen.speakers if speakers is None else speakers, seed)
+    people = choose_speakers(chosen.speakers if speakers is None else speakers, seed)
     take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
-    engines = installed_voices(seed) if tts else []
-    real = _up_to(pieces_of(_spoken(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
+    engines = find_voices(seed) if tts else []
+    real = _up_to(pieces_of(_find_recordings(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
     if not real and not engines:
         raise InputError("there is nothing to say", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
@@ -159,7 +159,7 @@ def synthesise(
     return SynthesisReport(layout, made.takes, made.seconds, styles, dict(made.emotions), len(made.speeches))
 
 
-def _spoken(speech: str | PathLike[str] | None, alone: bool) -> Iterator[Speech]:
+def _find_recordings(speech: str | PathLike[str] | None, alone: bool) -> Iterator[Speech]:
     """The recordings to perform; where there are none, and nothing else can speak, the one that comes with the program."""
     if speech is not None:
         yield from recordings(speech)

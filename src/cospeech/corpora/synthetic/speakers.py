@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...rules import STYLES, Style
 from ...rules.styles import mix_styles
 
-__all__ = ["MOST", "Speaker", "cast"]
+__all__ = ["MOST", "Speaker", "choose_speakers"]
 
 MOST = 100  # ours: mixtures beyond that are hard to tell apart
 _ORDER = ("lively", "calm", "lecturer", "southpaw", "orator", "reserved", "seated", "storyteller", "restless", "natural")
@@ -28,7 +28,7 @@ class Speaker(NamedTuple):
     style: Style
 
 
-def cast(count: int, seed: int) -> list[Speaker]:
+def choose_speakers(count: int, seed: int) -> list[Speaker]:
     """So many speakers: first the styles as they are, then mixtures of three; the same seed, the same cast.
 
     Raises:

@@ -19,7 +19,7 @@ from .. import folder
 from ..clip import Clip
 from .texts import SENTENCES
 
-__all__ = ["ENGINES", "Voice", "installed_voices", "pieces_of", "reader_of", "recordings", "say"]
+__all__ = ["ENGINES", "Voice", "find_voices", "pieces_of", "reader_of", "recordings", "say"]
 
 _RATE = 16_000  # Hz
 _PAUSE = 0.6  # seconds between two recordings or sentences; ours
@@ -56,7 +56,7 @@ class Voice:
         return ["espeak-ng", "-v", self.name, "-s", str(round(165 * self.speed)), "-p", str(self.pitch), "-w", str(path), text]
 
 
-def installed_voices(seed: int) -> list[Voice]:
+def find_voices(seed: int) -> list[Voice]:
     """Some twenty voices of the engines that are installed, in an order of the seed's; none where there is no engine."""
     rng = np.random.default_rng([seed, 9])
     found = []
@@ -85,7 +85,7 @@ def say(voice: Voice, seconds: float, seed: int) -> Speech:
             spoken = _speak(voice, text, place / f"{len(parts)}.wav")
             parts.append(replace(spoken, words=align(tokenise(text), spoken)))
             length += float(spoken.duration) + _PAUSE
-    return _joined(parts, f"{voice.engine} {voice.name}")
+    return _join(parts, f"{voice.engine} {voice.name}")
 
 
 def _speak(voice: Voice, text: str, path: Path) -> Speech:
@@ -154,11 +154,11 @@ def pieces_of(speeches: Iterable[Speech], seconds: float) -> Iterator[Speech]:
             held = sum(float(s.duration) + _PAUSE for s in waiting)
             alike = not waiting or _kind(waiting[0]) == _kind(part)
             if waiting and (not alike or held + float(part.duration) > seconds):
-                yield _joined(waiting, waiting[0].name)
+                yield _join(waiting, waiting[0].name)
                 waiting = []
             waiting.append(part)
     if waiting:
-        yield _joined(waiting, waiting[0].name)
+        yield _join(waiting, waiting[0].name)
 
 
 def _kind(speech: Speech) -> tuple[bool, str]:
@@ -183,7 +183,7 @@ def _cut(speech: Speech, seconds: float) -> Iterator[Speech]:
         yield Speech(samples, speech.rate, words, name=speech.name)
 
 
-def _joined(parts: list[Speech], name: str) -> Speech:
+def _join(parts: list[Speech], name: str) -> Speech:
     """One after the other, a pause between them, at 16 kHz, with even loudness."""
     samples: list[np.ndarray] = []
     words: list[Word] = []

@@ -4,7 +4,7 @@
     lmdb_train_cache/ …                           a window of 42 frames at 15 fps per entry
 
 Keys are ``0000000000``, ``0000000001``, …; values are payloads of the old ``pyarrow.serialize`` (`legacy_arrow`). The databases
-are read in a process of their own (`vault`). The authors put clip k of the collection into test where k % 10 is 9, into
+are read in a process of their own (`reader`). The authors put clip k of the collection into test where k % 10 is 9, into
 validation where it is 8, else into train; so parts of one talk are in all three. A speaker is a video: names are not known.
 """
 

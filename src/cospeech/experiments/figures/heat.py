@@ -94,7 +94,7 @@ class Frame:
         return np.stack([column, (self.high[1] - points[..., 1]) * self.scale], -1)
 
 
-def _placed(clips: Cell, figure: Figure) -> list[Array]:
+def _align_to_root(clips: Cell, figure: Figure) -> list[Array]:
     """(T, J, 2) each, from the root, in shoulders' breadths of their median."""
     whole = [np.asarray(clip, np.float64) for clip in clips]
     lines = np.concatenate([clip[:, figure.left[0]] - clip[:, figure.right[0]] for clip in whole])
@@ -134,7 +134,7 @@ def frame_of(cells: Sequence[Cell], figure: Figure) -> Frame:
     seen = []
     for clips in cells:
         _check(clips, figure)
-        points = np.concatenate(_placed(clips, figure))
+        points = np.concatenate(_align_to_root(clips, figure))
         arms = np.concatenate([_limb(points, figure.right), _limb(points, figure.left)], 1).reshape(-1, 2)
         head = points[:, figure.head].mean(0)
         still = np.concatenate([points.mean(0), [head - _HEAD, head + _HEAD]])
@@ -149,7 +149,7 @@ def frame_of(cells: Sequence[Cell], figure: Figure) -> Frame:
     return Frame(low, high, (round(_CELL * max(1.0, wide / tall)), round(_CELL * max(1.0, tall / wide))))
 
 
-def _blurred(image: Array, sigma: float) -> Array:
+def _blur_ink(image: Array, sigma: float) -> Array:
     """With a Gaussian, rows and columns; ink beyond the edge is lost."""
     reach = int(np.ceil(3 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2)
@@ -165,7 +165,7 @@ def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
 
     Summed over the area (a pixel has 1 / scale²) it is the mean square of the speed of the points of the arm.
     """
-    placed, found = _placed(clips, figure), []
+    placed, found = _align_to_root(clips, figure), []
     wide, tall = frame.size
     part = ((np.arange(_STEPS) + 0.5) / _STEPS)[:, None, None, None]
     for arm in (figure.right, figure.left):
@@ -177,11 +177,11 @@ def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
         inside = ((places >= 0) & (places < [wide, tall])).all(1)
         amount = np.broadcast_to(energy, (_STEPS, *energy.shape)).ravel()[inside]
         ink = np.bincount(places[inside] @ [1, wide], amount, wide * tall).reshape(tall, wide)
-        found.append(_blurred(ink, _BLUR * frame.scale))
+        found.append(_blur_ink(ink, _BLUR * frame.scale))
     return np.stack(found) * frame.scale**2
 
 
-def _inked(paper: Array, ink: Array) -> Array:
+def _mix_ink(paper: Array, ink: Array) -> Array:
     """(…, 3) paper under (…, 2) shares of red and blue ink, 0 … 1; where there is both, their colours mix."""
     cover = 1 - np.prod(1 - ink, -1, keepdims=True)
     colour = ink @ np.array([_RED, _BLUE], np.float64) / np.maximum(ink.sum(-1, keepdims=True), 1e-9)
@@ -192,7 +192,7 @@ def _person(clips: Cell, figure: Figure, frame: Frame) -> Image.Image:
     """The mean figure, faint: arms as they are on the mean, a chest as wide as the shoulders, a head."""
     image = Image.new("RGB", (frame.size[0] * _SCALE, frame.size[1] * _SCALE), _PAPER)
     pen, unit = ImageDraw.Draw(image), frame.scale * _SCALE
-    pose = frame.pixels(np.concatenate(_placed(clips, figure)).mean(0)) * _SCALE
+    pose = frame.pixels(np.concatenate(_align_to_root(clips, figure)).mean(0)) * _SCALE
     thick, hips = 0.075 * unit, pose[figure.root] + np.array([[-0.36, 1.5], [0.36, 1.5]]) * unit
     right, left = pose[list(figure.right)], pose[list(figure.left)]
     pen.polygon([(float(x), float(y)) for x, y in (right[0], left[0], hips[1], hips[0])], _BODY)
@@ -211,7 +211,7 @@ def _legend(sheet: Image.Image, left: int, top: int) -> None:
     pen, small = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     shares = np.linspace(0, 1, 90)[None, :, None] * np.ones((12, 1, 1))
     for name, weights in (("right arm moves", (1, 0)), ("left arm moves", (0, 1)), ("both", (1, 1))):
-        bar = _inked(np.full((12, 90, 3), 255.0), shares * np.array(weights)).round().astype(np.uint8)
+        bar = _mix_ink(np.full((12, 90, 3), 255.0), shares * np.array(weights)).round().astype(np.uint8)
         sheet.paste(Image.fromarray(bar), (left, top - 6))
         pen.rectangle([left, top - 6, left + 89, top + 5], None, _EDGE)
         pen.text((left + 98, top), name, _GREY, small, anchor="lm")
@@ -265,7 +265,7 @@ def draw_heat(
         for c, cell in enumerate(row):
             left = side + c * (wide + _GAP)
             ink = np.minimum(np.moveaxis(inks[r, c], 0, -1) / full, 1) ** _GAMMA
-            picture = _inked(np.asarray(_person(cell, figure, frame), np.float64), ink)
+            picture = _mix_ink(np.asarray(_person(cell, figure, frame), np.float64), ink)
             sheet.paste(Image.fromarray(picture.round().astype(np.uint8)), (left, top))
             pen.rounded_rectangle([left, top, left + wide - 1, top + tall - 1], 5, None, _EDGE)
     _legend(sheet, side, sheet.height - _LEGEND // 2)

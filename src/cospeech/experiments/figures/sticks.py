@@ -66,7 +66,7 @@ class Sticks:
         return next((k for k, name in reversed([*enumerate(self.names)]) if "head" in name.lower()), None)
 
 
-def _seen(positions: Array) -> Array:
+def _project(positions: Array) -> Array:
     """(…, 3) metres → to the right, up, and towards the camera."""
     x, y, z = np.moveaxis(positions, -1, 0)
     right, deep = x * np.cos(_TURN) - z * np.sin(_TURN), x * np.sin(_TURN) + z * np.cos(_TURN)
@@ -74,7 +74,7 @@ def _seen(positions: Array) -> Array:
     return np.stack([right, up, near], -1)
 
 
-def _mixed(colour: tuple[int, int, int], share: float) -> tuple[int, int, int]:
+def _mix_colour(colour: tuple[int, int, int], share: float) -> tuple[int, int, int]:
     """A colour, thinned with paper."""
     return tuple(round(c * share + p * (1 - share)) for c, p in zip(colour, _PAPER, strict=True))  # type: ignore[return-value]
 
@@ -104,7 +104,7 @@ def _figure(sticks: Sticks, seen: Array, frame: int, trail: int, window: _Window
         path = seen[max(0, frame - trail) : frame + 1, hand]
         for k in range(len(path) - 1):
             share = 0.10 + 0.40 * (k + 1) / len(path)
-            pen.line([window(path[k]), window(path[k + 1])], _mixed(sticks.colour(hand), share), max(1, round(line * 0.7)))
+            pen.line([window(path[k]), window(path[k + 1])], _mix_colour(sticks.colour(hand), share), max(1, round(line * 0.7)))
     bones = [(k, parent) for k, parent in enumerate(sticks.parents) if parent >= 0]
     for k, parent in sorted(bones, key=lambda bone: pose[list(bone), 2].mean()):
         near = pose[[k, parent], 2].mean() - pose[:, 2].mean()
@@ -118,7 +118,7 @@ def _figure(sticks: Sticks, seen: Array, frame: int, trail: int, window: _Window
         pen.ellipse([x - r, y - r, x + r, y + r], sticks.colour(hand))
     if sticks.head is not None:
         (x, y), r = window(pose[sticks.head]), _HEAD * window.scale
-        pen.ellipse([x - r, y - r, x + r, y + r], _mixed(_MIDDLE, 0.12), _MIDDLE, max(2, round(line * 0.8)))
+        pen.ellipse([x - r, y - r, x + r, y + r], _mix_colour(_MIDDLE, 0.12), _MIDDLE, max(2, round(line * 0.8)))
     return image.resize((window.size[0] // _SCALE, window.size[1] // _SCALE), Image.Resampling.BOX)
 
 
@@ -160,7 +160,7 @@ def draw_sticks(
     plan = StripLayout(width - side, height, cells, 2 if words else 0)
     wide, high = plan.cell
     pictures = np.full((cells, high, wide, 3), 255, np.uint8)
-    seen = [_seen(row.positions) for row in rows]
+    seen = [_project(row.positions) for row in rows]
     window = _Window([poses[frames] for poses in seen], (wide, high // len(rows)))
     for n, row in enumerate(rows):
         top = n * (high // len(rows))
@@ -176,5 +176,5 @@ def draw_sticks(
         pen.multiline_text((14, middle), row.label, _INK, font, anchor="lm", spacing=3)
         if n:
             edge = plan.margin + n * (high // len(rows))
-            pen.line([(14, edge), (width - 14, edge)], _mixed(_GREY, 0.35), 1)
+            pen.line([(14, edge), (width - 14, edge)], _mix_colour(_GREY, 0.35), 1)
     return np.asarray(sheet)

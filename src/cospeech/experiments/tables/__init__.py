@@ -2,6 +2,6 @@
 
 from .making import TABLES, draw_table, make_table, write_table
 from .report import to_text
-from .stages import Runs
+from .runs import Runs
 
 __all__ = ["TABLES", "Runs", "draw_table", "make_table", "to_text", "write_table"]

@@ -68,9 +68,12 @@ _TABLE_1 = TableSplit(
 # table 2 ------------------------------------------------------------------------------------------------------------------
 
 _STEPS = (
-    ("model.faced=1.0", "model.face=0.0"),  # the recorded face is encoded, in training and when it plays: nothing makes one
+    (
+        "model.face_teacher_forcing=1.0",
+        "model.face=0.0",
+    ),  # the recorded face is encoded, in training and when it plays: nothing makes one
     ("model.attention=false",),
-    ("model.styled=false",),
+    ("model.style_injection=false",),
     ("model.rhythm=0.0",),
 )
 """What each row of table 2 lacks of the next, and of all that follow it; section 4.4."""
@@ -112,7 +115,7 @@ _WEIGHTED = {
 _BEST = (500, 1000, 1)
 
 
-def _weighted(weights: tuple[int, int, int], figures: Mapping[str, float]) -> TableSystem:
+def _vary_weights(weights: tuple[int, int, int], figures: Mapping[str, float]) -> TableSystem:
     """λ of reconstruction, face and rhythm; the best are the recipe's own."""
     changes = [f"model.{key}={value}" for key, value in zip(("reconstruction", "face", "rhythm"), weights, strict=True)]
     return TableSystem(str(weights), RECIPES[CHAIN], figures, () if weights == _BEST else tuple(changes), lacks=LABELS)
@@ -120,7 +123,7 @@ def _weighted(weights: tuple[int, int, int], figures: Mapping[str, float]) -> Ta
 
 _TABLE_4 = TableSplit(
     "beat",
-    tuple(_weighted(weights, figures) for weights, figures in _WEIGHTED.items()),
+    tuple(_vary_weights(weights, figures) for weights, figures in _WEIGHTED.items()),
     tuple(Claim(m, str(_BEST), str(w), m != FGD, "table 4") for m in (FGD, SRGR) for w in _WEIGHTED if w != _BEST),
     "Weights of the reconstruction, of the face and of the rhythm. " + OWN,
 )

@@ -16,22 +16,22 @@ from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
 from .controls import faults_of
 from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
-from .figures import draw_poses, shown_of
-from .scores import judge, kept
-from .stages import PlayableRun, Runs
+from .figures import choose_excerpt, draw_poses
+from .runs import PlayableRun, Runs
+from .scores import cache_result, score_columns
 
-__all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "made_by"]
+__all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "generate_clips"]
 
 COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 """Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
 
 
-def made_by(player: PlayableRun, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+def generate_clips(player: PlayableRun, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
     """Poses of every clip, and faces where the system makes them and was given none, in the units of the store.
 
     A network of speech alone hears each clip as a whole, in its speaker's style.
     """
-    from ..playing import play, play_given
+    from ..playing import play, play_inputs
 
     if not hasattr(player.net, "play"):
         found = []
@@ -39,24 +39,24 @@ def made_by(player: PlayableRun, place: CogWindows, lacks: Sequence[str]) -> tup
             made = play(player.net, player.audio(place.audio_of(k)[None]), player.style(entry.speaker))
             found.append(player.unpose(made)[0])
         return found, None
-    windows = play_given(player.net, place.arrays(player), lacks)
+    windows = play_inputs(player.net, place.arrays(player), lacks)
     own = "face" in windows and "face" in lacks and "face" in place.store.arrays  # else the recorded one is handed back
-    faces = place.joined(windows["face"], "face") if own else None
-    return place.joined(player.unpose(windows["pose"]), "pose"), faces
+    faces = place.join_windows(windows["face"], "face") if own else None
+    return place.join_windows(player.unpose(windows["pose"]), "pose"), faces
 
 
 class Chains:
     """Tables 1, 2 and 4."""
 
-    def __init__(self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None) -> None:
-        self.design, self.part, self.stages = design, part, stages
-        self.place = CogWindows(stages.folder, raw)
+    def __init__(self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self.design, self.part, self.runs = design, part, runs
+        self.place = CogWindows(runs.folder, raw)
         self.columns = tuple(name for name in design.columns if name not in COSTS)
 
     @cached_property
     def tools(self) -> Tools:
         """The feature network, trained where it is not there."""
-        return Tools(features=self.stages.features())
+        return Tools(features=self.runs.features())
 
     @property
     def features(self) -> str:
@@ -69,26 +69,26 @@ class Chains:
         """How many, of how many clips."""
         return f"{len(self.place)} test windows of 34 frames, 4 of them given, joined to {len(self.place.entries)} clips"
 
-    def _kept(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = ("cog", self.stages.mark, self.columns, self.features, self.place.raw is not None)
-        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+    def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = ("cog", self.runs.fingerprint, self.columns, self.features, self.place.raw is not None)
+        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, seed: int) -> PlayableRun:
         assert row.recipe is not None
-        return self.stages.player(row.recipe, seed, row.overrides)
+        return self.runs.player(row.recipe, seed, row.overrides)
 
-    def _made(self, player: PlayableRun, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+    def _generate(self, player: PlayableRun, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
         from ..playing import threads
 
-        with threads(self.stages.threads):
-            return made_by(player, self.place, lacks)
+        with threads(self.runs.threads):
+            return generate_clips(player, self.place, lacks)
 
     def _cells(self, player: PlayableRun, lacks: Sequence[str]) -> Cells:
         def work() -> Cells:
-            samples = self.place.samples(*self._made(player, lacks))
-            return judge(self.columns, samples, samples, self.place, self.tools)
+            samples = self.place.samples(*self._generate(player, lacks))
+            return score_columns(self.columns, samples, samples, self.place, self.tools)
 
-        found: Cells = self._kept([player.print, *sorted(lacks)], work)
+        found: Cells = self._cache([player.fingerprint, *sorted(lacks)], work)
         return found
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
@@ -104,9 +104,11 @@ class Chains:
 
         def work() -> dict[str, Cells]:
             rows = self.place.controls()
-            return {name: judge(self.columns, samples, samples, self.place, self.tools) for name, samples in rows.items()}
+            return {
+                name: score_columns(self.columns, samples, samples, self.place, self.tools) for name, samples in rows.items()
+            }
 
-        found: dict[str, Cells] = self._kept(["controls"], work)
+        found: dict[str, Cells] = self._cache(["controls"], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
@@ -115,11 +117,11 @@ class Chains:
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
         """Poses above speech, as figure 3."""
-        entry, frames = shown_of(self.place.entries, self.place.store.fps, GIVEN, 0)
+        entry, frames = choose_excerpt(self.place.entries, self.place.store.fps, GIVEN, 0)
         k, made = self.place.entries.index(entry), {}
         for row in self.part.rows:
             if table["rows"][row.name].get("cells"):
-                poses, _ = self._made(self._player(row, table["seeds"][0]), row.lacks)
+                poses, _ = self._generate(self._player(row, table["seeds"][0]), row.lacks)
                 made[_plain(row.name)] = poses[k][GIVEN : GIVEN + frames]
         return draw_poses(made, self.place, entry, GIVEN)
 

@@ -18,7 +18,7 @@ from os import PathLike
 import numpy as np
 
 from ...corpora.clip import Clip
-from ...corpora.samples import sample_of, stored_clips
+from ...corpora.samples import load_stored_clips, sample_of
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...metrics import Sample
@@ -27,9 +27,9 @@ from ...motion.motion import Motion
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from ...training.texts import with_text
-from .controls import spread
-from .excerpts import restricted
-from .stages import PlayableRun
+from .controls import order_apart
+from .excerpts import restrict_joints
+from .runs import PlayableRun
 
 __all__ = ["FRAMES", "GIVEN", "CogWindows"]
 
@@ -103,7 +103,7 @@ class CogWindows:
         entry = self.entries[k]
         return np.asarray(self.store.arrays["audio"][entry.offset : entry.offset + self.frames[k]])
 
-    def joined(self, made: Array, array: str) -> list[Array]:
+    def join_windows(self, made: Array, array: str) -> list[Array]:
         """Windows (N, 34, D) in the units of the store as clips (T, D), whose first four frames are the store's ``array``."""
         found = []
         for k, entry in enumerate(self.entries):
@@ -117,7 +117,7 @@ class CogWindows:
     @cached_property
     def recordings(self) -> list[Clip]:
         """The clips, cut to the frames that are scored."""
-        named = {clip.name: clip for clip in stored_clips(self.store.folder, split="test", raw=self.raw)}
+        named = {clip.name: clip for clip in load_stored_clips(self.store.folder, split="test", raw=self.raw)}
         found = []
         for k, entry in enumerate(self.entries):
             clip, frames = named[entry.name], int(self.frames[k])
@@ -141,7 +141,7 @@ class CogWindows:
         # arms of another skeleton have to be retargeted, which is for metrics that hear alone
         sample = sample_of(clip, condition=condition, seed_frames=GIVEN, track=clip.speech is not None)
         joints = getattr(self.pose, "joints", None)
-        return sample if joints is None else restricted(sample, joints)
+        return sample if joints is None else restrict_joints(sample, joints)
 
     @cached_property
     def truth(self) -> list[Sample]:
@@ -150,6 +150,6 @@ class CogWindows:
 
     def controls(self) -> Mapping[str, list[Sample]]:
         """The control rows, by name; "another clip" is one from far away."""
-        order = spread(len(self.recordings))
+        order = order_apart(len(self.recordings))
         rows, back = control_rows([self.recordings[k] for k in order]), np.argsort(order)
         return {name: [self._sample(clips[k], str(n)) for n, k in enumerate(back)] for name, clips in rows.items()}

@@ -13,10 +13,10 @@ from ...metrics.controls import control_rows, faults_of_order
 from ...motion.rotations import Array
 from .designs import Cells
 
-__all__ = ["far_rows", "faults_of", "spread"]
+__all__ = ["far_rows", "faults_of", "order_apart"]
 
 
-def spread(count: int) -> Array:
+def order_apart(count: int) -> Array:
     """(count,) an order in which neighbours are about half of all apart."""
     step = next(s for s in range(count // 2 or 1, count + 1) if gcd(s, count) == 1)
     return np.arange(count) * step % count
@@ -24,7 +24,7 @@ def spread(count: int) -> Array:
 
 def far_rows(clips: Sequence[Clip]) -> dict[str, list[Clip]]:
     """All control rows, by name, as the clips are ordered. "Another clip" is one from far away: half of all lie between."""
-    order = spread(len(clips))
+    order = order_apart(len(clips))
     rows, back = control_rows([clips[k] for k in order]), np.argsort(order)
     return {name: [made[k] for k in back] for name, made in rows.items()}
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...corpora.store import Store
 
 if TYPE_CHECKING:
-    from .stages import Runs
+    from .runs import Runs
 
 __all__ = ["Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
 
@@ -40,7 +40,7 @@ class TableSystem:
     published: Mapping[str, float] = field(default_factory=dict)
     overrides: tuple[str, ...] = ()
     runs: tuple[tuple[str, ...], ...] = ((),)
-    judged: tuple[str, ...] = ()
+    scored_speakers: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
 
 

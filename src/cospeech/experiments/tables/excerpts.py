@@ -17,7 +17,7 @@ from os import PathLike
 import numpy as np
 
 from ...corpora.clip import Clip
-from ...corpora.samples import sample_of, stored_clips
+from ...corpora.samples import load_stored_clips, sample_of
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...metrics import Sample
@@ -26,7 +26,7 @@ from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from .controls import far_rows
 
-__all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol", "restricted"]
+__all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol", "restrict_joints"]
 
 BEFORE, AFTER = 12, 20
 """Frames that every window has before and after what is made: as many as the longest history (stylised flow, TED) and
@@ -57,7 +57,7 @@ PROTOCOLS: dict[str, Protocol] = {
 }
 
 
-def restricted(sample: Sample, joints: tuple[str, ...]) -> Sample:
+def restrict_joints(sample: Sample, joints: tuple[str, ...]) -> Sample:
     """Without the joints that a representation does not move (legs, fingers), which would always be right."""
     keep = [0, *(sample.names.index(name) for name in joints if sample.names.index(name))]
     positions, rotations = sample.positions, sample.rotations
@@ -117,7 +117,7 @@ class Excerpts:
 
     @cached_property
     def _recordings(self) -> dict[str, Clip]:
-        return {clip.name: clip for clip in stored_clips(self.store.folder, split="test", raw=self.raw)}
+        return {clip.name: clip for clip in load_stored_clips(self.store.folder, split="test", raw=self.raw)}
 
     def _clip(self, k: int, vectors: Array) -> Clip:
         """Window ``k`` with these poses, ``given + made`` of them."""
@@ -135,7 +135,7 @@ class Excerpts:
         hears = clip.speech is not None and int(condition) % self.protocol.apart == 0
         sample = sample_of(clip, condition=condition, seed_frames=self.protocol.given, track=hears)
         joints = getattr(self.pose, "joints", None)
-        sample = sample if joints is None else restricted(sample, joints)
+        sample = sample if joints is None else restrict_joints(sample, joints)
         return replace(sample, name=name or clip.name)
 
     def samples(self, made: Array, which: Array | None = None, take: int = 1) -> list[Sample]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...audio.speech import Word
-from ...corpora.samples import stored_clips
+from ...corpora.samples import load_stored_clips
 from ...corpora.store import Entry, Store
 from ...errors import InputError
 from ...export.render.strip import Sound
@@ -22,11 +22,11 @@ from ...motion.skeletons.ted import JOINTS, PARENTS
 from ..figures.scatter import Panel, draw_map
 from ..figures.sticks import Sticks, draw_sticks
 from .excerpts import Excerpts
+from .runs import PlayableRun
 from .scores import controls_of_latents, latents
-from .stages import PlayableRun
 from .tsne import tsne
 
-__all__ = ["draw_latents", "draw_poses", "shown_of", "write_picture"]
+__all__ = ["choose_excerpt", "draw_latents", "draw_poses", "write_picture"]
 
 Pictures = NDArray[np.uint8]
 
@@ -47,7 +47,7 @@ class Place(Protocol):
         ...
 
 
-def shown_of(entries: Sequence[Entry], fps: float, before: int, after: int) -> tuple[Entry, int]:
+def choose_excerpt(entries: Sequence[Entry], fps: float, before: int, after: int) -> tuple[Entry, int]:
     """The longest of some clips, and how many frames of it are shown, from the frame ``before`` on."""
     entry = max(entries, key=lambda clip: clip.frames)
     return entry, min(round(SECONDS * fps), entry.frames - before - after)
@@ -73,7 +73,9 @@ def _sound(excerpts: Place, entry: Entry, first: int, frames: int) -> Sound:
         low, high = energy.min(), max(energy.max(), energy.min() + 1e-9)
         level = _BARE + (1 - _BARE) * ((energy - low) / (high - low)) ** 3  # decibels, or nearly
         return Sound(1 / fps, level, 0.6 * level)
-    speech = next(c.speech for c in stored_clips(excerpts.store.folder, split="test", raw=excerpts.raw) if c.name == entry.name)
+    speech = next(
+        c.speech for c in load_stored_clips(excerpts.store.folder, split="test", raw=excerpts.raw) if c.name == entry.name
+    )
     assert speech is not None
     start = speech.start + (first - entry.offset) / fps
     part = speech.window(start, start + frames / fps)
@@ -82,7 +84,7 @@ def _sound(excerpts: Place, entry: Entry, first: int, frames: int) -> Sound:
     return Sound(size / part.rate, np.abs(blocks).max(1), np.sqrt(np.square(blocks).mean(1)))
 
 
-def _kept_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int:
+def _find_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int:
     """Place in ``keep`` of the nearest joint above that is kept; −1: none."""
     above = int(parents[joint])
     while above >= 0 and above not in keep:
@@ -100,7 +102,7 @@ def _sticks(excerpts: Place, label: str, vectors: Array) -> Sticks:
     skeleton = body.skeleton
     shown = getattr(excerpts.pose, "joints", skeleton.names)
     keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in shown]
-    parents = [_kept_parent(k, skeleton.parents, keep) for k in keep]
+    parents = [_find_parent(k, skeleton.parents, keep) for k in keep]
     positions = body.positions()[:, keep]
     return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
 

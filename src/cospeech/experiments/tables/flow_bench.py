@@ -14,9 +14,9 @@ from ...metrics import Tools
 from .controls import faults_of
 from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .excerpts import AFTER, BEFORE, Excerpts
-from .figures import draw_latents, draw_poses, shown_of
-from .scores import controls_of_latents, judge, judge_latents, kept, latents, score
-from .stages import PlayableRun, Runs
+from .figures import choose_excerpt, draw_latents, draw_poses
+from .runs import PlayableRun, Runs
+from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
 
 __all__ = ["Latents", "Performances"]
 
@@ -33,9 +33,9 @@ def _facts(player: PlayableRun) -> str:
 class _Flows:
     """What both have in common."""
 
-    def __init__(self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None) -> None:
-        self.design, self.stages = design, stages
-        self.columns, self.excerpts = tuple(design.columns), Excerpts(stages.folder, raw)
+    def __init__(self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self.design, self.runs = design, runs
+        self.columns, self.excerpts = tuple(design.columns), Excerpts(runs.folder, raw)
 
     @property
     def windows(self) -> str:
@@ -43,14 +43,21 @@ class _Flows:
         count, total = len(self.excerpts), self.excerpts.total
         return f"{count}{f' of {total}' if total > count else ''} test windows of {self.excerpts.protocol.made} frames"
 
-    def _kept(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (self.design.name, self.stages.mark, self.excerpts.protocol, self.columns, name, self.excerpts.raw is not None)
-        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+    def _cache(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = (
+            self.design.name,
+            self.runs.fingerprint,
+            self.excerpts.protocol,
+            self.columns,
+            name,
+            self.excerpts.raw is not None,
+        )
+        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _players(self, table: Mapping[str, Any]) -> dict[str, PlayableRun]:
         """Of each row the run with the first seed."""
         rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
-        return {name: self.stages.player(recipe, table["seeds"][0]) for name, recipe in rows.items()}
+        return {name: self.runs.player(recipe, table["seeds"][0]) for name, recipe in rows.items()}
 
 
 class Performances(_Flows):
@@ -59,7 +66,7 @@ class Performances(_Flows):
     @cached_property
     def tools(self) -> Tools:
         """The feature network, trained where it is not there."""
-        return Tools(features=self.stages.features())
+        return Tools(features=self.runs.features())
 
     @property
     def features(self) -> str:
@@ -70,21 +77,23 @@ class Performances(_Flows):
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """One performance of every window, and several of some."""
         assert row.recipe is not None
-        player, stages = self.stages.player(row.recipe, seed), self.stages
+        player, runs = self.runs.player(row.recipe, seed), self.runs
 
         def work() -> Cells:
-            return score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=stages.threads)
+            return score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=runs.threads)
 
-        return self._kept(self.features, [player.print, seed], work), _facts(player)
+        return self._cache(self.features, [player.fingerprint, seed], work), _facts(player)
 
     def controls(self) -> dict[str, Cells]:
         """As in all tables."""
 
         def work() -> dict[str, Cells]:
             rows = self.excerpts.controls()
-            return {name: judge(self.columns, samples, samples, self.excerpts, self.tools) for name, samples in rows.items()}
+            return {
+                name: score_columns(self.columns, samples, samples, self.excerpts, self.tools) for name, samples in rows.items()
+            }
 
-        found: dict[str, Cells] = self._kept(self.features, ["controls"], work)
+        found: dict[str, Cells] = self._cache(self.features, ["controls"], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
@@ -97,7 +106,7 @@ class Performances(_Flows):
 
         store, made = self.excerpts.store, {}
         clips = [clip for clip in store.clips if clip.split == "test" and "audio" in clip.has]
-        entry, frames = shown_of(clips, store.fps, BEFORE, AFTER)
+        entry, frames = choose_excerpt(clips, store.fps, BEFORE, AFTER)
         first = entry.offset + BEFORE
         for label, player in self._players(table).items():
             before, after = player.context
@@ -115,21 +124,21 @@ class Latents(_Flows):
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Clusters of windows that do not overlap."""
         assert row.recipe is not None
-        player = self.stages.player(row.recipe, seed)
+        player = self.runs.player(row.recipe, seed)
 
         def work() -> Cells:
-            return judge_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents")
+            return score_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents")
 
-        return self._kept("latents", [player.print], work), _facts(player)
+        return self._cache("latents", [player.fingerprint], work), _facts(player)
 
     def controls(self) -> dict[str, Cells]:
         """Mean poses themselves, and numbers that know nothing."""
 
         def work() -> dict[str, Cells]:
             points = controls_of_latents(self.excerpts)
-            return {name: judge_latents(self.columns, p, self.excerpts, name) for name, p in points.items()}
+            return {name: score_latents(self.columns, p, self.excerpts, name) for name, p in points.items()}
 
-        found: dict[str, Cells] = self._kept("latents", ["controls"], work)
+        found: dict[str, Cells] = self._cache("latents", ["controls"], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:

@@ -19,7 +19,7 @@ from ...errors import InputError
 from ...motion.rotations import Array
 from ..figures.scatter import Panel, draw_map
 from .heatmaps import FRAMES, windows_of
-from .stages import PlayableRun
+from .runs import PlayableRun
 from .tsne import tsne
 
 __all__ = ["GestureSpace", "draw_gesture_space", "gesture_space"]

@@ -14,7 +14,7 @@ from ...motion.points import Points
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from ..figures.heat import FIGURES, draw_heat
-from .stages import PlayableRun
+from .runs import PlayableRun
 
 __all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "window_points", "windows_of"]
 
@@ -54,7 +54,7 @@ def window_points(store: Store, rows: Array) -> tuple[list[Array], str]:
     return found, layout
 
 
-def _recorded(store: Store, speaker: str, seed: int, split: str | None) -> tuple[list[Array], str]:
+def _load_recordings(store: Store, speaker: str, seed: int, split: str | None) -> tuple[list[Array], str]:
     """A speaker's recordings as `window_points` gives them."""
     starts = windows_of(store, speaker, max(1, round(SECONDS * store.fps / FRAMES)), seed, split)
     return window_points(store, gather(store.arrays["pose"], starts, FRAMES))
@@ -74,7 +74,7 @@ def draw_recordings(store: Store, speakers: Sequence[str] = (), *, rows: int = 2
         InputError: a speaker of whom there is nothing.
     """
     columns = list(speakers or store.speakers)
-    grid = [[_recorded(store, name, seed + row, None) for name in columns] for row in range(rows)]
+    grid = [[_load_recordings(store, name, seed + row, None) for name in columns] for row in range(rows)]
     cells, labels = [[points for points, _ in row] for row in grid], ["a minute", *["another"] * (rows - 1)]
     return draw_heat(cells, FIGURES[grid[0][0][1]], store.fps, columns=columns, rows=labels, title=title)
 
@@ -105,7 +105,7 @@ def draw_heatmaps(
 
     columns = list(styles or player.speakers)
     known, most = [player.style(name) for name in columns], max(1, round(SECONDS * store.fps / FRAMES))
-    recorded = [_recorded(store, name, seed, "test") for name in columns]
+    recorded = [_load_recordings(store, name, seed, "test") for name in columns]
     cells, rows, layout = [[points for points, _ in recorded]], ["recordings"], recorded[0][1]
     for voice in voices or columns:
         audio = player.audio(gather(store.arrays["audio"], windows_of(store, voice, most, seed), FRAMES))

@@ -18,7 +18,7 @@ from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
 from .report import summary, to_markdown, verdicts
-from .stages import Runs, make_folder
+from .runs import Runs, make_folder
 
 __all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
 
@@ -52,23 +52,23 @@ def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
 
 
 def _row(
-    row: TableSystem, bench: Bench, design: PaperTable, stages: Runs, seeds: Sequence[int], tell: Tell, step: str
+    row: TableSystem, bench: Bench, design: PaperTable, runs: Runs, seeds: Sequence[int], tell: Tell, step: str
 ) -> dict[str, Any]:
     """A row of the table: scores of all seeds, or the published figures alone."""
     told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
     if row.recipe is None:
         return told
-    if not (Path(stages.recipes) / f"{row.recipe}.toml").is_file():
+    if not (Path(runs.recipes) / f"{row.recipe}.toml").is_file():
         return told | {"missing": f"no recipe {row.recipe}.toml"}
-    runs, facts = [], ""
+    scores, facts = [], ""
     for seed in seeds:
         tell(f"{step}: {row.name}, seed {seed}")
         cells, facts = bench.row(row, seed)
-        runs.append(cells)
-    return told | {"cells": {metric: summary(runs, metric) for metric in design.columns}, "facts": facts}
+        scores.append(cells)
+    return told | {"cells": {metric: summary(scores, metric) for metric in design.columns}, "facts": facts}
 
 
-def _chosen(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
+def _choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     """Names of the rows that are made: those that hold one of the texts, or all.
 
     Raises:
@@ -80,17 +80,15 @@ def _chosen(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     return {row.name for row in rows if not only or any(text in row.name for text in only)}
 
 
-def _head(stages: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
+def _head(runs: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
     """Of what and with what the table was made, in a line."""
-    store = stages.store
+    store = runs.store
     scale = (
-        "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)"
-        if stages.small
-        else "the recipes' own scale"
+        "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)" if runs.small else "the recipes' own scale"
     )
-    more = f"; changed: {' '.join(stages.overrides)}" if stages.overrides else ""
+    more = f"; changed: {' '.join(runs.overrides)}" if runs.overrides else ""
     more += f"; only the rows of {', '.join(only)}, the others are the paper's figures alone" if only else ""
-    what = f"{stages.about}, " if stages.about else ""
+    what = f"{runs.about}, " if runs.about else ""
     hours = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps / 3600
     features = f"; features: {bench.features}" if bench.features else ""
     return (
@@ -101,7 +99,7 @@ def _head(stages: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str])
 
 def make_table(
     name: str,
-    stages: Runs,
+    runs: Runs,
     *,
     raw: str | PathLike[str] | None = None,
     seeds: Sequence[int] = (0, 1, 2),
@@ -112,7 +110,7 @@ def make_table(
 
     Args:
         name: of the table.
-        stages: the store, where runs lie, and at what scale.
+        runs: the store, where runs lie, and at what scale.
         raw: the corpus of the store, for metrics that hear.
         seeds: one run of every row with each.
         only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
@@ -121,31 +119,31 @@ def make_table(
     Raises:
         InputError: no such table, a store that does not fit, a recipe that is not there, or a run that cannot be gone on with.
     """
-    design, part = part_of(name, stages.store)
+    design, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
-    chosen = _chosen(part.rows, only)
-    bench = design.bench(design, part, stages, raw)
+    chosen = _choose_rows(part.rows, only)
+    bench = design.bench(design, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
     steps = count(1)
     rows = {
-        row.name: _row(row, bench, design, stages, seeds, tell, f"row {next(steps)} of {len(chosen)}")
+        row.name: _row(row, bench, design, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}")
         if row.name in chosen
         else {"recipe": row.recipe, "published": dict(row.published)}
         for row in part.rows
     }
     return {
-        "table": name, "title": f"{name}: {design.title} ({stages.store.corpus})", "columns": dict(design.columns),
-        "head": _head(stages, bench, seeds, only), "corpus": stages.store.corpus, "pose": stages.store.pose,
-        "small": stages.small, "seeds": list(seeds), "note": part.note, "rows": rows,
+        "table": name, "title": f"{name}: {design.title} ({runs.store.corpus})", "columns": dict(design.columns),
+        "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
+        "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
         "controls": {row: {metric: summary([cells], metric) for metric in design.columns} for row, cells in controls.items()},
         "faults": bench.faults(controls), "verdicts": verdicts(design, part, rows),
     }  # fmt: skip
 
 
 def draw_table(
-    table: Mapping[str, Any], stages: Runs, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
+    table: Mapping[str, Any], runs: Runs, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
 ) -> None:
     """The figure of a table that was made, as PNG: of each row the run with the first seed.
 
@@ -154,8 +152,8 @@ def draw_table(
     """
     if Path(path).suffix.lower() != ".png":
         raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
-    design, part = part_of(table["table"], stages.store)
-    write_picture(design.bench(design, part, stages, raw).picture(table), path)
+    design, part = part_of(table["table"], runs.store)
+    write_picture(design.bench(design, part, runs, raw).picture(table), path)
 
 
 def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:

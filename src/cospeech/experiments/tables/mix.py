@@ -146,96 +146,98 @@ TABLE_6 = {S2G: (0.189, 0.366), 1: (0.266, 0.379), 4: (0.277, 0.366), 8: (0.280,
 
 
 def _of(
-    system: str, label: str, speakers: tuple[str, ...], published: Mapping[str, float], judged: tuple[str, ...] = ()
+    system: str, label: str, speakers: tuple[str, ...], published: Mapping[str, float], scored_speakers: tuple[str, ...] = ()
 ) -> TableSystem:
     """A system trained on these speakers: a network for each, or one for all."""
     single = system in SINGLE
     runs = tuple((name,) for name in speakers) if single else (speakers,)
-    return TableSystem(f"{system}, {label}", (SINGLE | MULTI)[system], published, runs=runs, judged=judged)
+    return TableSystem(f"{system}, {label}", (SINGLE | MULTI)[system], published, runs=runs, scored_speakers=scored_speakers)
 
 
 def _size(count: int) -> str:
     return f"{count} speakers"
 
 
-def _kept_1(cast: SpeakerSet) -> TableSplit:
+def _make_table_1(speaker_set: SpeakerSet) -> TableSplit:
     rows = [
-        _of(system, _size(count), cast.eight[:count], figures) for count in SIZES for system, figures in MEAN_1[count].items()
+        _of(system, _size(count), speaker_set.eight[:count], figures)
+        for count in SIZES
+        for system, figures in MEAN_1[count].items()
     ]
-    rows.append(TableSystem(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(cast.eight,)))
+    rows.append(TableSystem(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(speaker_set.eight,)))
     orders = [(MIX_STAGE, STAGE, F1), (STAGE, MUNIT, F1), (MIX_STAGE, S2G, PCK), (MIX_STAGE, S2G, F1), (CMIX, S2G, F1)]
     claims = tuple(Claim(m, f"{a}, {_size(8)}", f"{b}, {_size(8)}", True, "table 1") for a, b, m in orders)
-    return TableSplit("pats", tuple(rows), claims, speakers=cast.eight)
+    return TableSplit("pats", tuple(rows), claims, speakers=speaker_set.eight)
 
 
-def _moved_2(cast: SpeakerSet) -> TableSplit:
-    sets = [(_size(count), cast.eight[:count]) for count in SIZES] + [(a.name, a.pair) for a in cast.attributes]
+def _make_table_2(speaker_set: SpeakerSet) -> TableSplit:
+    sets = [(_size(count), speaker_set.eight[:count]) for count in SIZES] + [(a.name, a.pair) for a in speaker_set.attributes]
     rows = [_of(system, label, speakers, {IS: IS_2[system][k]}) for k, (label, speakers) in enumerate(sets) for system in MULTI]
     grows = [(f"{MIX_STAGE}, {_size(more)}", f"{MIX_STAGE}, {_size(few)}") for few, more in pairwise(SIZES)]
     beats = [(f"{a}, {_size(8)}", f"{b}, {_size(8)}") for a, b in ((MIX_STAGE, STAGE), (STAGE, MUNIT))]
     claims = tuple(Claim(IS, better, worse, True, "table 2") for better, worse in [*grows, *beats])
-    return TableSplit("pats", tuple(rows), claims, speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), claims, speakers=speaker_set.everybody)
 
 
-def _measured_3(cast: SpeakerSet) -> TableSplit:
+def _make_table_3(speaker_set: SpeakerSet) -> TableSplit:
     rows, columns = [], (None, "rate", "orientation", "right_share")
     claims = []
-    for attribute, column in zip(cast.attributes, columns, strict=True):
+    for attribute, column in zip(speaker_set.attributes, columns, strict=True):
         names = []
         for style, pole in zip(attribute.pair, attribute.poles, strict=True):
             names.append(f"{MIX_STAGE}, {attribute.name}: {pole} ({style})")
-            rows.append(TableSystem(names[-1], MULTI[MIX_STAGE], runs=(attribute.pair,), judged=(style,)))
+            rows.append(TableSystem(names[-1], MULTI[MIX_STAGE], runs=(attribute.pair,), scored_speakers=(style,)))
         if column is not None:
             claims.append(Claim(column, names[1], names[0], True, "supplement, table 3"))
-    return TableSplit("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), tuple(claims), speakers=speaker_set.everybody)
 
 
-def _kept_4(cast: SpeakerSet) -> TableSplit:
+def _make_table_4(speaker_set: SpeakerSet) -> TableSplit:
     rows, claims = [], []
-    for attribute, mean in zip(cast.attributes, MEAN_4, strict=True):
+    for attribute, mean in zip(speaker_set.attributes, MEAN_4, strict=True):
         for system, figures in mean.items():
             rows.append(_of(system, f"{attribute.name}, mean", attribute.pair, figures))
         for name, pole in zip(attribute.pair, attribute.poles, strict=True):
             for system in mean:
                 label = f"{attribute.name}: {pole} ({name})"
-                rows.append(_of(system, label, attribute.pair, EACH_4[name][system] if cast.own else {}, (name,)))
+                rows.append(_of(system, label, attribute.pair, EACH_4[name][system] if speaker_set.own else {}, (name,)))
         label = f"{attribute.name}, mean"
         claims += [
             Claim(m, f"{MIX_STAGE}, {label}", f"{other}, {label}", True, "supplement, table 4")
             for other, m in ((S2G, PCK), (S2G, F1), (MUNIT, F1))
         ]
-    return TableSplit("pats", tuple(rows), tuple(claims), speakers=cast.everybody)
+    return TableSplit("pats", tuple(rows), tuple(claims), speakers=speaker_set.everybody)
 
 
-def _kept_5(cast: SpeakerSet) -> TableSplit:
+def _make_table_5(speaker_set: SpeakerSet) -> TableSplit:
     rows, claims = [], []
     for count in SIZES:
-        speakers = cast.eight[:count]
+        speakers = speaker_set.eight[:count]
         rows += [_of(system, f"{_size(count)}, mean", speakers, figures) for system, figures in MEAN_1[count].items()]
         for name in speakers:
             for system in MEAN_1[count]:
-                figures = EACH_5[count][name][system] if cast.own else {}
+                figures = EACH_5[count][name][system] if speaker_set.own else {}
                 rows.append(_of(system, f"{_size(count)}: {name}", speakers, figures, (name,)))
-    for name in cast.eight:
+    for name in speaker_set.eight:
         label = f"{_size(8)}: {name}"
         claims.append(Claim(F1, f"{MIX_STAGE}, {label}", f"{S2G}, {label}", True, "supplement, table 5"))
-    return TableSplit("pats", tuple(rows), tuple(claims), "Means as in table 1.", cast.eight)
+    return TableSplit("pats", tuple(rows), tuple(claims), "Means as in table 1.", speaker_set.eight)
 
 
-def _kept_6(cast: SpeakerSet) -> TableSplit:
+def _make_table_6(speaker_set: SpeakerSet) -> TableSplit:
     def of(key: str | int) -> dict[str, float]:
         f1, pck = TABLE_6[key]  # type: ignore[index]
         return {F1: f1, PCK: pck}
 
-    runs = tuple((name,) for name in cast.ablated)
+    runs = tuple((name,) for name in speaker_set.ablated)
     rows = [TableSystem(S2G, SINGLE[S2G], of(S2G), runs=runs)]
     for modes in MODES:
         change = () if modes == 8 else (f"model.modes={modes}",)  # 8 is the recipe's own, of table 1
         rows.append(TableSystem(_modes(modes), SINGLE[CMIX], of(modes), change, runs))
     claims = [Claim(F1, _modes(1), S2G, True, "table 6"), Claim(F1, _modes(8), _modes(1), True, "table 6")]
     claims.append(Claim(F1, _modes(8), _modes(12), True, "section 6.1", alike=True))
-    note = f"Means over networks of {', '.join(cast.ablated)}; the paper's over 25 speakers."
-    return TableSplit("pats", tuple(rows), tuple(claims), note, cast.eight)
+    note = f"Means over networks of {', '.join(speaker_set.ablated)}; the paper's over 25 speakers."
+    return TableSplit("pats", tuple(rows), tuple(claims), note, speaker_set.eight)
 
 
 def _modes(count: int) -> str:
@@ -249,8 +251,8 @@ KEPT = {PCK: "PCK ↑", F1: "F1 ↑", "pck_2d": "PCK, plain mean ↑", "mode_f1"
 
 def _designs() -> Iterator[PaperTable]:
     title = f"{PAPER}: "
-    parts = {k: tuple(make(cast) for cast in (THEIRS, OURS)) for k, make in enumerate(
-        (_kept_1, _moved_2, _measured_3, _kept_4, _kept_5, _kept_6), 1
+    parts = {k: tuple(make(speaker_set) for speaker_set in (THEIRS, OURS)) for k, make in enumerate(
+        (_make_table_1, _make_table_2, _make_table_3, _make_table_4, _make_table_5, _make_table_6), 1
     )}  # fmt: skip
     yield PaperTable("mix-1", f"{title}table 1, style preservation", KEPT, parts[1], StylePreservation, STYLES)
     moved = {

@@ -19,10 +19,10 @@ from ...motion.rotations import Array
 from .controls import far_rows, faults_of
 from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .mix_figures import draw_styles
-from .mix_scores import NAMED, mean_cells, named_cells, score_cells
+from .mix_scores import NAMED, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
-from .scores import cell, kept
-from .stages import CLASSIFIER, PlayableRun, Runs, of_speakers
+from .runs import CLASSIFIER, PlayableRun, Runs, of_speakers
+from .scores import cache_result, cell
 
 __all__ = ["Measured", "StylePreservation", "StyleTransfer"]
 
@@ -45,10 +45,10 @@ class _Windowed:
     columns: tuple[str, ...]
 
     def __init__(
-        self, design: PaperTable, part: TableSplit, stages: Runs, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
+        self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
     ) -> None:
-        self.design, self.part, self.stages, self.draw = design, part, stages, draw
-        self.columns, self.place = tuple(design.columns), MixWindows(stages.folder, raw)
+        self.design, self.part, self.runs, self.draw = design, part, runs, draw
+        self.columns, self.place = tuple(design.columns), MixWindows(runs.folder, raw)
 
     features = ""
 
@@ -57,13 +57,13 @@ class _Windowed:
         """How many, of how many frames."""
         return f"{len(self.place)} test windows of 64 frames, one after another"
 
-    def _kept(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (type(self).__name__, self.stages.mark, self.columns, self.place.raw is not None, self.features)
-        return kept(Path(self.stages.runs) / "scores", [*own, *key], work)
+    def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        own = (type(self).__name__, self.runs.fingerprint, self.columns, self.place.raw is not None, self.features)
+        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, speakers: tuple[str, ...], seed: int) -> PlayableRun:
         assert row.recipe is not None
-        return self.stages.player(row.recipe, seed, (*row.overrides, *of_speakers(speakers)))
+        return self.runs.player(row.recipe, seed, (*row.overrides, *of_speakers(speakers)))
 
     def _facts(self, player: PlayableRun, runs: int) -> str:
         train = player.facts["recipe"]["train"]
@@ -77,7 +77,7 @@ class _Windowed:
         """What a system makes of windows in a speaker's style."""
         from ..playing import play, threads
 
-        with threads(self.stages.threads):
+        with threads(self.runs.threads):
             made = play(player.net, player.audio(self.place.rows("audio", which)), player.style(style))
         return TransferOutput(which, player.unpose(made), [style] * len(which))
 
@@ -101,27 +101,27 @@ class StylePreservation(_Windowed):
     @cached_property
     def tools(self) -> Tools:
         """The centres of F1, of the store."""
-        key = ["centres", self.stages.mark]
-        found = kept(Path(self.stages.runs) / "scores", key, lambda: self.place.centres().tolist())
+        key = ["centres", self.runs.fingerprint]
+        found = cache_result(Path(self.runs.runs) / "scores", key, lambda: self.place.centres().tolist())
         return Tools(centres=np.asarray(found))
 
     def _score(self, player: PlayableRun, speaker: str) -> Cells:
         which = self.place.of([speaker])
         samples = self.place.samples(self.play(player, which, speaker).poses, which)
-        return self._judged(samples, which)
+        return self._score_samples(samples, which)
 
-    def _judged(self, samples: Sequence[Any], which: Array) -> Cells:
+    def _score_samples(self, samples: Sequence[Any], which: Array) -> Cells:
         truth = self.place.samples(self.place.rows("pose", which), which)
         return {metric: cell(metric, samples, truth, self.tools) for metric in self.columns}
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """The mean over the speakers that are judged."""
-        judged = row.judged or tuple(name for run in row.runs for name in run)
+        judged = row.scored_speakers or tuple(name for run in row.runs for name in run)
         parts, runs = [], [run for run in row.runs if {*run} & {*judged}]
         for run in runs:
             player = self._player(row, run, seed)
             for name in (name for name in run if name in judged):
-                parts.append(self._kept([player.print, name], partial(self._score, player, name)))
+                parts.append(self._cache([player.fingerprint, name], partial(self._score, player, name)))
         return mean_cells(parts), self._facts(player, len(runs))
 
     def controls(self) -> dict[str, Cells]:
@@ -130,12 +130,12 @@ class StylePreservation(_Windowed):
         def work(speaker: str) -> dict[str, Cells]:
             which = self.place.of([speaker])
             found = {}
-            for name, clips in far_rows(self.place.recorded(which)).items():
+            for name, clips in far_rows(self.place.load_recordings(which)).items():
                 vectors = np.stack([self.place.pose.encode(clip.points) for clip in clips])
-                found[name] = self._judged(self.place.samples(vectors, which), which)
+                found[name] = self._score_samples(self.place.samples(vectors, which), which)
             return found
 
-        each = [self._kept(["controls", name], partial(work, name)) for name in self.part.speakers]
+        each = [self._cache(["controls", name], partial(work, name)) for name in self.part.speakers]
         return {name: mean_cells([cells[name] for cells in each]) for name in CONTROLS}
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
@@ -148,13 +148,13 @@ class StyleTransfer(_Windowed):
 
     @cached_property
     def classifier(self) -> PlayableRun:
-        """Of all speakers of the store, twins among them; trained where it is not there."""
-        return self.stages.player(f"{CLASSIFIER}_pats")
+        """Of all speakers of the store, derived speakers among them; trained where it is not there."""
+        return self.runs.player(f"{CLASSIFIER}_pats")
 
     @property
     def features(self) -> str:  # type: ignore[override]
         """Name of the classifier."""
-        return f"speaker-classifier {self.classifier.print} of {len(self.classifier.speakers)} speakers"
+        return f"speaker-classifier {self.classifier.fingerprint} of {len(self.classifier.speakers)} speakers"
 
     def classes(self, poses: Array) -> Array:
         """(n, 64, D) in the units of the store → (n, speakers of the store) probabilities."""
@@ -162,7 +162,7 @@ class StyleTransfer(_Windowed):
 
         return recognise(self.classifier.net, self.classifier.pose(poses))
 
-    def moved(self, player: PlayableRun, speakers: Sequence[str]) -> TransferOutput:
+    def transfer(self, player: PlayableRun, speakers: Sequence[str]) -> TransferOutput:
         """All windows of these speakers in the styles of all others of them."""
         parts = []
         for style in speakers:
@@ -171,16 +171,16 @@ class StyleTransfer(_Windowed):
         which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
         return TransferOutput(which, poses, [name for part in parts for name in part.styles])
 
-    def judged(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
+    def score(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
         """All but what is heard."""
         classes, names = self.classes(made.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]
         own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
         groups = [(int(clip), style) for clip, style in zip(self.place.clips[made.which], made.styles, strict=True)]
         target = np.array([[*speakers].index(style) for style in made.styles])
-        return score_cells(classes, own, self.classifier.print) | named_cells(own, target, groups)
+        return score_cells(classes, own, self.classifier.fingerprint) | score_target_style(own, target, groups)
 
-    def _heard(self, clips: Sequence[Clip]) -> dict[str, Any]:
+    def _score_sound(self, clips: Sequence[Clip]) -> dict[str, Any]:
         if self.place.raw is None:
             return {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
         return cell("beat_align", [self.place.in_metres(clip) for clip in clips], (), Tools())
@@ -192,9 +192,9 @@ class StyleTransfer(_Windowed):
         if self.place.raw is None:
             return []
         made = []
-        for clip in self.place.heard(speakers):
+        for clip in self.place.load_test_clips(speakers):
             style = speakers[([*speakers].index(clip.speaker) + 1) % len(speakers)]
-            with threads(self.stages.threads):
+            with threads(self.runs.threads):
                 poses = play(player.net, player.audio(self.place.audio_of(clip.name)[None]), player.style(style))
             points = self.place.clip(player.unpose(poses)[0], clip.name, style).points
             made.append(replace(clip, points=points))
@@ -206,38 +206,38 @@ class StyleTransfer(_Windowed):
         player = self._player(row, speakers, seed)
 
         def work() -> Cells:
-            cells = self.judged(self.moved(player, speakers), speakers)
-            return cells | {"beat_align": self._heard(self._speaking(player, speakers))}
+            cells = self.score(self.transfer(player, speakers), speakers)
+            return cells | {"beat_align": self._score_sound(self._speaking(player, speakers))}
 
-        return self._kept([player.print], work), self._facts(player, 1)
+        return self._cache([player.fingerprint], work), self._facts(player, 1)
 
-    def _recorded(self, speakers: Sequence[str]) -> dict[str, Cells]:
+    def _score_recordings(self, speakers: Sequence[str]) -> dict[str, Cells]:
         """Control rows of a set of speakers: everyone in their own style, and beside their own speech."""
         found: dict[str, list[TransferOutput]] = {name: [] for name in CONTROLS}
         heard: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
         for speaker in speakers:
             which = self.place.of([speaker])
-            for name, clips in control_rows(self.place.recorded(which)).items():
+            for name, clips in control_rows(self.place.load_recordings(which)).items():
                 poses = np.stack([self.place.pose.encode(clip.points) for clip in clips])
                 found[name].append(TransferOutput(which, poses, [speaker] * len(which)))
             if self.place.raw is not None:
-                for name, clips in control_rows(self.place.heard([speaker])).items():
+                for name, clips in control_rows(self.place.load_test_clips([speaker])).items():
                     heard[name] += clips
         rows = {}
         for name, parts in found.items():
             which, poses = np.concatenate([p.which for p in parts]), np.concatenate([p.poses for p in parts])
             made = TransferOutput(which, poses, [style for p in parts for style in p.styles])
-            rows[name] = self.judged(made, speakers) | {"beat_align": self._heard(heard[name])}
+            rows[name] = self.score(made, speakers) | {"beat_align": self._score_sound(heard[name])}
         return rows
 
     def controls(self) -> dict[str, Cells]:
         """Of the largest set all, of the others the recordings alone."""
         sets = list(dict.fromkeys(row.runs[0] for row in self.part.rows))
         largest = max(sets, key=len)
-        rows: dict[str, Cells] = self._kept(["controls", largest], lambda: self._recorded(largest))
+        rows: dict[str, Cells] = self._cache(["controls", largest], lambda: self._score_recordings(largest))
         for speakers in sets:
             if speakers != largest:
-                truth = self._kept(["controls", speakers], partial(self._recorded, speakers))[CONTROLS[0]]
+                truth = self._cache(["controls", speakers], partial(self._score_recordings, speakers))[CONTROLS[0]]
                 rows[f"{CONTROLS[0]}, {' and '.join(speakers)}"] = truth
         return rows
 
@@ -253,7 +253,7 @@ class Measured(_Windowed):
     def _label(self, row: TableSystem) -> str:
         return " and ".join(row.runs[0])
 
-    def _measured(self, poses: Array) -> Cells:
+    def _measure(self, poses: Array) -> Cells:
         """Of windows (n, 64, D) in the units of the store."""
         bodies = [body_of(self.place.body(window)) for window in poses]
         found = attributes_of([body for body, _ in bodies], bodies[0][1], self.place.store.fps)
@@ -261,23 +261,23 @@ class Measured(_Windowed):
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """The other speakers' speech in the style of the one who is judged."""
-        (speakers,), (style,) = row.runs, row.judged
+        (speakers,), (style,) = row.runs, row.scored_speakers
         player = self._player(row, speakers, seed)
 
         def work() -> Cells:
             which = self.place.of([name for name in speakers if name != style])
-            return self._measured(self.play(player, which, style).poses)
+            return self._measure(self.play(player, which, style).poses)
 
-        return self._kept([player.print, style], work), self._facts(player, 1)
+        return self._cache([player.fingerprint, style], work), self._facts(player, 1)
 
     def controls(self) -> dict[str, Cells]:
         """The recordings of each."""
-        styles = dict.fromkeys(row.judged[0] for row in self.part.rows)
+        styles = dict.fromkeys(row.scored_speakers[0] for row in self.part.rows)
 
         def work(name: str) -> Cells:
-            return self._measured(self.place.rows("pose", self.place.of([name])))
+            return self._measure(self.place.rows("pose", self.place.of([name])))
 
-        return {f"recordings of {name}": self._kept(["controls", name], partial(work, name)) for name in styles}
+        return {f"recordings of {name}": self._cache(["controls", name], partial(work, name)) for name in styles}
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
         """None: nothing here is better or worse."""

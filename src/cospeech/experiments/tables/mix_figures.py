@@ -14,7 +14,7 @@ from .designs import Pictures
 from .gesture_space import draw_gesture_space
 from .heatmaps import draw_heatmaps
 from .mix_windows import FRAMES, MixWindows
-from .stages import PlayableRun
+from .runs import PlayableRun
 
 __all__ = ["draw_heat_of_pairs", "draw_space", "draw_styles"]
 

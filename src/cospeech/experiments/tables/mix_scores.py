@@ -13,7 +13,7 @@ from ...motion.rotations import Array
 from .designs import Cells
 from .scores import cell
 
-__all__ = ["NAMED", "mean_cells", "named_cells", "score_cells"]
+__all__ = ["NAMED", "mean_cells", "score_cells", "score_target_style"]
 
 NAMED = ("score_of_set", "named", "named_windows")
 """Columns that are no metric of `cospeech.metrics.METRICS`."""
@@ -54,7 +54,7 @@ def score_cells(classes: Array, own: Array, name: str) -> Cells:
     return found | {"score_of_set": _cell(score_of_classes(own, EPS))}
 
 
-def named_cells(own: Array, target: Array, groups: Sequence[Hashable]) -> Cells:
+def score_target_style(own: Array, target: Array, groups: Sequence[Hashable]) -> Cells:
     """Shares of windows, and of clips by the mean over their windows, in which the style is the likeliest of all.
 
     Args:

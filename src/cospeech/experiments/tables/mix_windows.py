@@ -13,7 +13,7 @@ from os import PathLike
 import numpy as np
 
 from ...corpora.clip import Clip
-from ...corpora.samples import METRES, SHOULDER, sample_of, stored_clips
+from ...corpora.samples import METRES, SHOULDER, load_stored_clips, sample_of
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...metrics import Sample, Track
@@ -87,13 +87,13 @@ class MixWindows:
         clips = [self.clip(poses, str(k), self.speaker(k)) for k, poses in zip(which, vectors, strict=True)]
         return [sample_of(clip, track=False) for clip in clips]
 
-    def recorded(self, which: Array) -> list[Clip]:
+    def load_recordings(self, which: Array) -> list[Clip]:
         """The recordings of windows."""
         rows = zip(which, self.rows("pose", which), strict=True)
         return [self.clip(poses, str(k), self.speaker(k)) for k, poses in rows]
 
     def centres(self) -> Array:
-        """(8, 240) centres of F1: of the training clips of all speakers, twins (``"dan|mirror"``) left out."""
+        """(8, 240) centres of F1: of the training clips of all speakers, derived speakers (``"dan|mirror"``) left out."""
         clips = [c for c in self.store.clips if c.split == "train" and "|" not in c.speaker]
         found = []
         for entry in clips:
@@ -106,9 +106,9 @@ class MixWindows:
 
     @cached_property
     def _sounding(self) -> dict[str, Clip]:
-        return {clip.name: clip for clip in stored_clips(self.store.folder, split="test", raw=self.raw)}
+        return {clip.name: clip for clip in load_stored_clips(self.store.folder, split="test", raw=self.raw)}
 
-    def heard(self, speakers: Sequence[str]) -> list[Clip]:
+    def load_test_clips(self, speakers: Sequence[str]) -> list[Clip]:
         """The test clips of these speakers that have speech."""
         named = (clip for clip in self._sounding.values() if clip.speaker in speakers)
         return [clip for clip in named if clip.speech is not None]

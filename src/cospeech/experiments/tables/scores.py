@@ -16,16 +16,26 @@ from ...metrics import FeatureNet, Sample, Tools, load_metric
 from ...motion.rotations import Array
 from .designs import Cells
 from .excerpts import Excerpts
-from .stages import PlayableRun, make_folder
+from .runs import PlayableRun, make_folder
 from .tsne import tsne
 
-__all__ = ["Judged", "cell", "controls_of_latents", "judge", "judge_latents", "kept", "latents", "made_by", "score"]
+__all__ = [
+    "Recordings",
+    "cache_result",
+    "cell",
+    "controls_of_latents",
+    "generate_windows",
+    "latents",
+    "score",
+    "score_columns",
+    "score_latents",
+]
 
 SCORING = 1  # counts up when scores are worked out in another way, so that kept ones are not used
 TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
 
 
-def kept(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
+def cache_result(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
     """What ``work`` gives, as JSON: from ``folder`` where it was worked out before with the same key."""
     name = blake2b(json.dumps([SCORING, *map(str, key)]).encode(), digest_size=10).hexdigest()
     path = folder / f"{name}.json"
@@ -48,7 +58,7 @@ def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tool
     return {"value": score.value, "interval": score.interval, "note": score.note}
 
 
-class Judged(Protocol):
+class Recordings(Protocol):
     """Windows or clips that were recorded, and what is known of them."""
 
     @property
@@ -67,7 +77,9 @@ class Judged(Protocol):
         ...
 
 
-def judge(columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Judged, tools: Tools) -> Cells:
+def score_columns(
+    columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sample], excerpts: Recordings, tools: Tools
+) -> Cells:
     """Scores of motion.
 
     Args:
@@ -92,7 +104,7 @@ def judge(columns: Sequence[str], samples: Sequence[Sample], takes: Sequence[Sam
     return cells
 
 
-def made_by(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
+def generate_windows(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
     """(N, made, D) what a system makes of the windows, in the units of the store, from latents drawn with ``seed``."""
     from ..playing import perform
 
@@ -110,14 +122,14 @@ def score(
     from ..playing import threads as limited
 
     with limited(threads):
-        samples = excerpts.samples(made_by(player, excerpts, seed=seed * TAKES))
+        samples = excerpts.samples(generate_windows(player, excerpts, seed=seed * TAKES))
         takes: list[Sample] = []
         if "multimodality" in columns:
             some = np.unique(np.linspace(0, len(excerpts) - 1, min(SPEECHES, len(excerpts))).round().astype(int))
             for take in range(TAKES):
-                made = made_by(player, excerpts, seed=seed * TAKES + take, which=some)
+                made = generate_windows(player, excerpts, seed=seed * TAKES + take, which=some)
                 takes += excerpts.samples(made, some, take + 1)
-        return judge(columns, samples, takes, excerpts, tools)
+        return score_columns(columns, samples, takes, excerpts, tools)
 
 
 # latents ------------------------------------------------------------------------------------------------------------------
@@ -141,7 +153,7 @@ def controls_of_latents(excerpts: Excerpts) -> Mapping[str, Array]:
     return {"mean pose, no model": (poses - mean) / np.maximum(std, 1e-3), "white noise": noise}
 
 
-def judge_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, name: str) -> Cells:
+def score_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, name: str) -> Cells:
     """Scores of clusters: with speakers as labels, and as published, on a picture by t-SNE with labels of k-means.
 
     Args:

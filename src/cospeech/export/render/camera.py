@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...motion.rotations import Array
 from ...motion.skeleton import Skeleton
 
-__all__ = ["CAMERAS", "Camera", "View", "view_named"]
+__all__ = ["CAMERAS", "Camera", "View", "find_view"]
 
 _NEAR = np.float32(0.05)  # metres; ours: no part of a framed character comes nearer to the lens
 
@@ -123,7 +123,7 @@ CAMERAS: dict[str, View] = {
 """Name → way of looking. Boxes are ours: what a standing speaker of 1.72 m uses while gesturing."""
 
 
-def view_named(name: str) -> View:
+def find_view(name: str) -> View:
     """Look up a view.
 
     Raises:

@@ -17,9 +17,9 @@ from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
 from .framing import FramedPose, Framing, PoseStage
-from .worker import Artist, Helper, Look, Pictures, pack
+from .worker import FrameRenderer, Helper, Look, Pictures, pack
 
-__all__ = ["BACKDROP", "Film", "cores"]
+__all__ = ["BACKDROP", "FrameStream", "cores"]
 
 BACKDROP = (206, 212, 220)  # sRGB: a light grey-blue; ours, by eye
 _BATCH = 6  # pictures per order to a helper; ours: enough to hide the hand-over, few enough to share the work evenly
@@ -28,7 +28,7 @@ _MOST_HELPERS = 8  # ours: beyond that the video encoder is what is waited for
 _SIDES = (16, 4096)  # pixels; ours
 
 
-class Film:
+class FrameStream:
     """Draws motion of our humanoid.
 
     A context manager: leaving it ends all helper processes, also after an error or Ctrl-C.
@@ -55,7 +55,7 @@ class Film:
         self._taken = self._drawn = 0
         self._rows: list[Array] = []
         self._orders: deque[Future[Pictures]] = deque()
-        self._artist: Artist | None = None
+        self._renderer: FrameRenderer | None = None
         self._helpers: queue.SimpleQueue[Helper] = queue.SimpleQueue()
         self._all_helpers: list[Helper] = []
         self._threads: ThreadPoolExecutor | None = None
@@ -93,10 +93,10 @@ class Film:
                 yield self._orders.popleft().result()
 
     def _draw_here(self) -> Iterator[Pictures]:
-        self._artist = self._artist or Artist(self.look)
+        self._renderer = self._renderer or FrameRenderer(self.look)
         rows, self._rows = self._rows, []
         for row in rows:
-            yield self._artist.draw(row[None])
+            yield self._renderer.draw(row[None])
 
     def _hire(self) -> None:
         count = min(cores(), _MOST_HELPERS)
@@ -112,7 +112,7 @@ class Film:
         finally:
             self._helpers.put(helper)
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> FrameStream:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:

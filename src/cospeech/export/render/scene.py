@@ -16,7 +16,7 @@ from ...motion.rotations import Array
 from ..mannequin import Character, skin_with_normals
 from . import light, raster
 from .camera import Camera
-from .shadow import floor_shadow, openness, reached
+from .shadow import floor_shadow, measure_light, openness
 
 __all__ = ["Scene"]
 
@@ -73,7 +73,7 @@ class Scene:
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
-        lit = reached(vertices, normals, self._triangles, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
+        lit = measure_light(vertices, normals, self._triangles, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
         screen = camera.project(vertices)
         front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
         seen = raster.see(screen, self._triangles[front], camera.width, camera.height)

@@ -11,7 +11,7 @@ from ...motion.rotations import Array
 from .camera import Camera
 from .raster import SAMPLES, Floats, Ints, front_facing, see
 
-__all__ = ["floor_shadow", "openness", "reached"]
+__all__ = ["floor_shadow", "measure_light", "openness"]
 
 _CELL = 0.016  # metres per pixel of the picture that a light "takes"; ours
 _LIFT = 0.006  # metres along the normal, and again towards the light, by which a point is held off its own surface; ours
@@ -27,7 +27,7 @@ _LOW = 0.22  # metres of height over which a body part stops darkening the floor
 _DENSE = 0.62  # share of the light that the floor loses at most; ours
 
 
-def reached(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats, blur: float) -> Floats:
+def measure_light(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats, blur: float) -> Floats:
     """How much of a light far away in the direction ``towards`` reaches each vertex: (V,) 0 … 1.
 
     Only what stands in the way counts, not the angle at which light arrives.
@@ -76,7 +76,7 @@ def openness(vertices: Floats, normals: Floats, triangles: Ints) -> Floats:
     total, most = np.zeros(len(vertices), np.float32), np.full(len(vertices), 1e-6, np.float32)
     for towards in np.stack([around * np.cos(angle), height, around * np.sin(angle)], 1).astype(np.float32):
         weight = np.maximum(normals @ towards, 0)
-        total += weight * reached(vertices, normals, triangles, towards, 0.0)
+        total += weight * measure_light(vertices, normals, triangles, towards, 0.0)
         most += weight
     return _DARKEST + (1 - _DARKEST) * total / most
 

@@ -74,7 +74,7 @@ class StripLayout:
         room = self.width - 2 * self.margin - (self.cells - 1) * self.gap
         return max(16, room // self.cells), max(16, round(self.height - 10.2 * self.unit - self.below - self.margin))
 
-    def left(self, cell: int) -> int:
+    def edge_of(self, cell: int) -> int:
         """Left edge of a picture."""
         return self.margin + cell * (self.cell[0] + self.gap)
 
@@ -110,8 +110,8 @@ def draw_strip(
     pen = ImageDraw.Draw(sheet)
     small, tiny = ImageFont.load_default(1.35 * layout.unit), ImageFont.load_default(1.15 * layout.unit)
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
-        sheet.paste(Image.fromarray(picture), (layout.left(k), layout.margin))
-        middle = layout.left(k) + layout.cell[0] / 2
+        sheet.paste(Image.fromarray(picture), (layout.edge_of(k), layout.margin))
+        middle = layout.edge_of(k) + layout.cell[0] / 2
         text = _clock(time, 2 if duration < 600 else 0)
         pen.text((middle, layout.margin + layout.cell[1] + 1.3 * layout.unit), text, _INK, small, anchor="mm")
     _axis(pen, layout, duration, tiny)
@@ -139,7 +139,7 @@ def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound:
     pen.line([(left, bottom), (right, bottom)], _GREY, line)
     start = _SCALE * (layout.margin + layout.cell[1] + 2.3 * layout.unit)
     for k, time in enumerate(times):
-        cell, there = _SCALE * (layout.left(k) + layout.cell[0] / 2), _SCALE * layout.x(time, duration)
+        cell, there = _SCALE * (layout.edge_of(k) + layout.cell[0] / 2), _SCALE * layout.x(time, duration)
         pen.line([(cell, start), (there, top - 0.2 * layout.unit * _SCALE), (there, bottom)], _MARK, line, joint="curve")
         dot = 0.32 * layout.unit * _SCALE
         pen.ellipse([there - dot, bottom - dot, there + dot, bottom + dot], _MARK)

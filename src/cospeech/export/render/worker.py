@@ -29,7 +29,7 @@ from ...motion.skeletons.arkit import ARKIT
 from .camera import View
 from .framing import FramedPose
 
-__all__ = ["Artist", "Helper", "Look", "pack"]
+__all__ = ["FrameRenderer", "Helper", "Look", "pack"]
 
 Pictures = NDArray[np.uint8]
 _WIDTHS = (4 * len(humanoid()), 3 * len(humanoid()), len(ARKIT), 6)  # of a row: rotations, positions, face, box
@@ -58,7 +58,7 @@ def pack(pose: FramedPose, box: Array) -> Array:
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
-class Artist:
+class FrameRenderer:
     """Draws our mannequin, in this process."""
 
     def __init__(self, look: Look) -> None:
@@ -97,7 +97,7 @@ class Helper:
         )
 
     def draw(self, rows: Array) -> Pictures:
-        """As `Artist.draw`.
+        """As `FrameRenderer.draw`.
 
         Raises:
             InternalError: the process died.
@@ -137,13 +137,13 @@ def _fill(pipe: IO[bytes] | None, array: NDArray[Any]) -> bool:
 
 
 def _serve(look: Look) -> None:
-    artist = Artist(look)
+    renderer = FrameRenderer(look)
     head = np.zeros(1, "<u4")
     while _fill(sys.stdin.buffer, head):
         rows = np.empty((int(head[0]), _ENDS[-1]), "<f4")
         if not _fill(sys.stdin.buffer, rows):
             return
-        sys.stdout.buffer.write(artist.draw(rows).data)
+        sys.stdout.buffer.write(renderer.draw(rows).data)
         sys.stdout.buffer.flush()
 
 

@@ -1,4 +1,4 @@
-"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator that wants it fooled."""
+"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator."""
 
 from __future__ import annotations
 
@@ -8,29 +8,33 @@ from typing import NamedTuple
 from torch import Tensor
 from torch.nn import functional as F
 
-__all__ = ["JUDGINGS", "Judging"]
+__all__ = ["ADVERSARIAL_LOSSES", "AdversarialLoss"]
 
 Loss = Callable[[Tensor], Tensor]
 
 
-class Judging(NamedTuple):
+class AdversarialLoss(NamedTuple):
     """Three losses of scores of any shape: their means.
 
     Args:
         true: of D, for poses of people.
         false: of D, for poses that were made.
-        fooled: of the generator, for poses that were made.
+        generator_loss: of the generator, for poses that were made.
     """
 
     true: Loss
     false: Loss
-    fooled: Loss
+    generator_loss: Loss
 
 
-JUDGINGS: dict[str, Judging] = {
-    "logarithm": Judging(lambda s: F.softplus(-s).mean(), lambda s: F.softplus(s).mean(), lambda s: -F.softplus(s).mean()),
-    "distance": Judging(lambda s: (s - 1).abs().mean(), lambda s: s.abs().mean(), lambda s: (s - 1).abs().mean()),
-    "squares": Judging(lambda s: (s - 1).square().mean(), lambda s: s.square().mean(), lambda s: (s - 1).square().mean()),
+ADVERSARIAL_LOSSES: dict[str, AdversarialLoss] = {
+    "logarithm": AdversarialLoss(
+        lambda s: F.softplus(-s).mean(), lambda s: F.softplus(s).mean(), lambda s: -F.softplus(s).mean()
+    ),
+    "distance": AdversarialLoss(lambda s: (s - 1).abs().mean(), lambda s: s.abs().mean(), lambda s: (s - 1).abs().mean()),
+    "squares": AdversarialLoss(
+        lambda s: (s - 1).square().mean(), lambda s: s.square().mean(), lambda s: (s - 1).square().mean()
+    ),
 }
 """``logarithm``: log D and log(1 − D), D the sigmoid of a score (Goodfellow et al. 2014; Mix-StAGE, equation 7); ``distance``:
 L1 to 1 and 0 (Mix-StAGE, authors' code); ``squares``: the squared distance (Mao et al. 2017; Speech2Gesture)."""

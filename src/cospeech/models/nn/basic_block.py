@@ -24,9 +24,9 @@ class BasicBlock(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, kernel: int, *, short: bool = False) -> None:
         super().__init__()
-        self.first = _convolved(inputs, outputs, kernel)
-        self.second = _convolved(outputs, outputs, kernel)
-        self.shortcut = nn.Identity() if short else _convolved(inputs, outputs, kernel)
+        self.first = _make_convolution(inputs, outputs, kernel)
+        self.second = _make_convolution(outputs, outputs, kernel)
+        self.shortcut = nn.Identity() if short else _make_convolution(inputs, outputs, kernel)
         self.bend = nn.LeakyReLU(SLOPE)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -35,7 +35,7 @@ class BasicBlock(nn.Module):
         return y
 
 
-def _convolved(inputs: int, outputs: int, kernel: int) -> nn.Sequential:
+def _make_convolution(inputs: int, outputs: int, kernel: int) -> nn.Sequential:
     return nn.Sequential(nn.Conv1d(inputs, outputs, kernel, padding=kernel // 2), BatchNorm1d(outputs))
 
 

@@ -72,7 +72,9 @@ class ManyInputs(Windowed):
         embedded: Tensor = self.embedding(text)
         return embedded
 
-    def given(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None) -> ModalityInputs:
+    def collect_inputs(
+        self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None
+    ) -> ModalityInputs:
         """The arrays of a batch as inputs.
 
         Args:
@@ -101,12 +103,12 @@ class ManyInputs(Windowed):
             weights_of(speaker, self.speakers), torch.cat([pose * begun, begun], -1),
         )  # fmt: skip
 
-    def trained_on(self, batch: Batch, unseeded: float) -> ModalityInputs:
+    def collect_training_inputs(self, batch: Batch, seed_dropout: float) -> ModalityInputs:
         """A batch as inputs, in training a share of it without poses to begin with."""
-        if not (unseeded and self.training):
-            return self.given(batch.arrays)
-        known = batch.chance.uniform(len(batch)) >= unseeded
-        return self.given(batch.arrays, known=known.to(batch["audio"]))
+        if not (seed_dropout and self.training):
+            return self.collect_inputs(batch.arrays)
+        known = batch.chance.uniform(len(batch)) >= seed_dropout
+        return self.collect_inputs(batch.arrays, known=known.to(batch["audio"]))
 
     @torch.no_grad()
     def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
@@ -122,15 +124,15 @@ class ManyInputs(Windowed):
         """
         audio = arrays["audio"]
         quiet = audio.new_zeros(*audio.shape[:2], self.modes) if noise is None else noise
-        return {"pose": self(self.given(arrays, lacks), quiet)}
+        return {"pose": self(self.collect_inputs(arrays, lacks), quiet)}
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A + W), (B, T, S + 8), (B, T, modes) of noise → (B, T, D)."""
         heard, words = audio.split([self.audio - self.embedding.width, self.embedding.width], -1)
         speaker, emotion = style.split([self.speakers, EMOTIONS], -1)
         nothing = heard.new_zeros(*heard.shape[:2], FACE + self.pose + 1)
         face, seed = nothing.split([FACE, self.pose + 1], -1)
-        made: Tensor = self(ModalityInputs(heard, words, face, emotion, speaker, seed), nudge)
+        made: Tensor = self(ModalityInputs(heard, words, face, emotion, speaker, seed), mode_noise)
         return made
 
     @torch.no_grad()

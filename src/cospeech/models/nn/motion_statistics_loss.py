@@ -7,12 +7,12 @@ from torch import Tensor
 
 from .pose_discriminator import FASTER
 
-__all__ = ["manner"]
+__all__ = ["motion_statistics"]
 
 _TINY = 1e-6  # ours: a variance whose root has a slope
 
 
-def manner(pose: Tensor) -> Tensor:
+def motion_statistics(pose: Tensor) -> Tensor:
     """(B, D, T) → (B, 4 D): mean; deviations of pose, velocity and acceleration in the measure of the discriminator."""
     moved = FASTER * pose.diff(dim=-1)
     deviations = [(x.var(-1, correction=0) + _TINY).sqrt() for x in (pose, moved, FASTER * moved.diff(dim=-1))]

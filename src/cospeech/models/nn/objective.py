@@ -83,7 +83,7 @@ class Objective(NamedTuple):
     start: int = 0
     stop: int | None = None
 
-    def due(self, step: int) -> bool:
+    def is_active_at(self, step: int) -> bool:
         """Whether a step optimises it."""
         return self.start <= step and (self.stop is None or step < self.stop) and (step - self.start) % self.every == 0
 

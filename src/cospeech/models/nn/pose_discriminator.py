@@ -17,12 +17,12 @@ from ...errors import InputError
 from .patch import PATCH_FRAMES, velocity
 from .unet1d import SLOPE
 
-__all__ = ["FASTER", "PoseJudge"]
+__all__ = ["FASTER", "PoseDiscriminator"]
 
 FASTER = 3.0  # ours: by what differences are multiplied, so that they count beside standardised poses at 12 to 15 per second
 
 
-class PoseJudge(nn.Module):
+class PoseDiscriminator(nn.Module):
     """(B, D, T) poses, (B, A, T) speech, (B,) speakers → (B, T / 4 − 4) scores, for T ≥ 20; kernels and strides as published.
 
     Args:

@@ -10,7 +10,7 @@ from .temporal import Memory
 __all__ = ["BothWays", "BothWaysGru", "Forwards"]
 
 
-def _summed(made: Tensor) -> Tensor:
+def _sum_directions(made: Tensor) -> Tensor:
     """(B, T, 2 · hidden) of both directions → (B, hidden, T)."""
     ahead, back = made.chunk(2, -1)
     return (ahead + back).mT
@@ -31,7 +31,7 @@ class BothWays(nn.Module):
         self.lstm = nn.LSTM(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
 
     def forward(self, x: Tensor, memory: Memory) -> Tensor:
-        return _summed(self.lstm(x.mT)[0])
+        return _sum_directions(self.lstm(x.mT)[0])
 
 
 class BothWaysGru(nn.Module):
@@ -42,7 +42,7 @@ class BothWaysGru(nn.Module):
         self.gru = nn.GRU(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1), bidirectional=True)
 
     def forward(self, x: Tensor) -> Tensor:
-        return _summed(self.gru(x.mT)[0])
+        return _sum_directions(self.gru(x.mT)[0])
 
 
 class Forwards(nn.Module):

@@ -153,7 +153,7 @@ def load_cnn(name: str) -> Wav2VecCnn:
     Raises:
         InputError: it cannot be loaded, or transformers is missing.
     """
-    return Wav2VecCnn(_pretrained(name).feature_extractor)
+    return Wav2VecCnn(_load_wav2vec(name).feature_extractor)
 
 
 def load_transformer(name: str) -> Wav2VecTransformer:
@@ -165,10 +165,10 @@ def load_transformer(name: str) -> Wav2VecTransformer:
     Raises:
         InputError: it cannot be loaded, or transformers is missing.
     """
-    return Wav2VecTransformer(_pretrained(name))
+    return Wav2VecTransformer(_load_wav2vec(name))
 
 
-def _pretrained(name: str) -> Any:
+def _load_wav2vec(name: str) -> Any:
     """transformers' ``Wav2Vec2Model`` with all of its weights."""
     try:
         from transformers import AutoConfig, Wav2Vec2Model

@@ -11,12 +11,12 @@ from ...errors import InputError
 from .speech_encoder import load_transformer
 from .temporal import CausalConv, Conv, ConvStack, Memory
 
-__all__ = ["EARS", "EarConfig", "OwnEar", "Wav2VecEar"]
+__all__ = ["SPEECH_ENCODERS", "OwnSpeechEncoder", "SpeechEncoderConfig", "Wav2VecSpeechEncoder"]
 
 _KERNEL = 3  # ours
 
 
-class OwnEar(nn.Module):
+class OwnSpeechEncoder(nn.Module):
     """Ours, small: mel powers and prosody, four temporal convolutions. (B, A, T) → (B, latent, T).
 
     Args:
@@ -37,7 +37,7 @@ class OwnEar(nn.Module):
         return out
 
 
-class Wav2VecEar(nn.Module):
+class Wav2VecSpeechEncoder(nn.Module):
     """The paper's: of wav2vec 2.0 the transformer, then a linear layer. (B, 512, T) → (B, latent, T).
 
     The store keeps what comes before it, the features of the CNN, which is frozen.
@@ -63,8 +63,8 @@ class Wav2VecEar(nn.Module):
         return out
 
 
-class EarConfig(Protocol):
-    """What ears are told of a network's settings."""
+class SpeechEncoderConfig(Protocol):
+    """What a speech encoder needs of a network's settings."""
 
     @property
     def latent(self) -> int: ...
@@ -72,18 +72,21 @@ class EarConfig(Protocol):
     def encoder(self) -> str: ...
 
 
-def _own(config: EarConfig, audio: int, conv: Conv) -> OwnEar:
-    return OwnEar(audio, config.latent, conv)
+def _own(config: SpeechEncoderConfig, audio: int, conv: Conv) -> OwnSpeechEncoder:
+    return OwnSpeechEncoder(audio, config.latent, conv)
 
 
-def _wav2vec(config: EarConfig, audio: int, conv: Conv) -> Wav2VecEar:
+def _wav2vec(config: SpeechEncoderConfig, audio: int, conv: Conv) -> Wav2VecSpeechEncoder:
     if conv is CausalConv:
         raise InputError(
-            "wav2vec 2.0 hears all of a speech before it says anything", "a network that streams has the ear 'own'"
+            "wav2vec 2.0 hears all of a speech before it says anything", "a network that streams has the speech encoder 'own'"
         )
-    return Wav2VecEar(config.encoder, config.latent)
+    return Wav2VecSpeechEncoder(config.encoder, config.latent)
 
 
-EARS: dict[str, Callable[[EarConfig, int, Conv], OwnEar | Wav2VecEar]] = {"own": _own, "wav2vec": _wav2vec}
+SPEECH_ENCODERS: dict[str, Callable[[SpeechEncoderConfig, int, Conv], OwnSpeechEncoder | Wav2VecSpeechEncoder]] = {
+    "own": _own,
+    "wav2vec": _wav2vec,
+}
 """Name → (settings, numbers of a frame of audio, what makes convolutions) → a module with ``array``, that which it hears, and
 ``inputs``, its numbers per frame."""

@@ -51,9 +51,9 @@ class SpeakerStyle(nn.Module):
 
     def identity(self, seen: StyleReading, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
         """Equation 6: CCE of what was seen in recorded poses and is seen in generated ones (B, D, T)."""
-        return {"id": F.cross_entropy(seen.logits, speaker) + F.cross_entropy(self.judge(made), speaker)}
+        return {"id": F.cross_entropy(seen.logits, speaker) + F.cross_entropy(self.recognise(made), speaker)}
 
-    def judge(self, made: Tensor) -> Tensor:
+    def recognise(self, made: Tensor) -> Tensor:
         """(B, S) logits of Eˢₚ for generated poses."""
         if not self.freezes:
             logits: Tensor = self.encoder(made)

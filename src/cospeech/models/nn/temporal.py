@@ -28,7 +28,7 @@ class Memory:
 
     def __init__(self, states: Iterable[Tensor] = ()) -> None:
         self._before = iter(tuple(states))
-        self.left: list[Tensor] = []
+        self.new_states: list[Tensor] = []
         """The states after this piece."""
 
     def take(self, blank: Callable[[], Tensor]) -> Tensor:
@@ -38,7 +38,7 @@ class Memory:
 
     def keep(self, state: Tensor) -> None:
         """The state that this layer leaves."""
-        self.left.append(state)
+        self.new_states.append(state)
 
     def behind(self, x: Tensor, frames: int) -> Tensor:
         """(B, C, T) → (B, C, frames + T): what came before it, then it."""

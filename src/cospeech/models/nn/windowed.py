@@ -30,14 +30,14 @@ class Windowed(nn.Module):
     styles: int
     """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
     modes: int
-    """Sub-generators whose logits can be nudged; 0: none."""
+    """Sub-generators whose logits can be shifted by noise; 0: none."""
     literal: bool = False
     """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 
-    def make(self, audio: Tensor, style: Tensor, nudge: Tensor) -> Tensor:
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.
 
-        ``nudge`` is added to the logits of the modes.
+        ``mode_noise`` is added to the logits of the modes.
         """
         raise NotImplementedError
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..motion import Motion
 from ..rotations import Array, continuous_euler, euler_to_quat, quat_to_euler
-from ..skeleton import Skeleton, named_skeleton
+from ..skeleton import Skeleton, find_skeleton
 from .joints import build_motion, pick, size
 
 __all__ = ["EULER", "JOINTS", "Euler", "to_angles", "to_rotations"]
@@ -63,7 +63,7 @@ class Euler:
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
         """On BEAT's skeleton where none is given; joints that the vectors lack keep the T-pose."""
         angles = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 3)
-        return build_motion(fps, skeleton or named_skeleton(self.skeleton), self.joints, to_rotations(angles))
+        return build_motion(fps, skeleton or find_skeleton(self.skeleton), self.joints, to_rotations(angles))
 
 
 EULER = Euler()

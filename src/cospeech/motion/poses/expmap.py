@@ -15,7 +15,7 @@ import numpy as np
 
 from ..motion import Motion
 from ..rotations import Array, axis_angle_to_quat, quat_conjugate, quat_continuous, quat_multiply, quat_rotate, rotvec_to_quat
-from ..skeleton import Skeleton, named_skeleton
+from ..skeleton import Skeleton, find_skeleton
 from ..skeletons.trinity import FULL_BODY, UPPER_BODY
 from .joints import build_motion, pick, size
 
@@ -123,7 +123,7 @@ class ExpMap:
             start: where the walking point begins: metres to the left and to the front, radians (`walk`'s first row).
         """
         vectors = size(vectors, self.dimensions, self.name)
-        skeleton = skeleton or named_skeleton(self.skeleton)
+        skeleton = skeleton or find_skeleton(self.skeleton)
         count = 3 * len(self.joints)
         rotations = to_rotations(vectors[:, :count].reshape(len(vectors), -1, 3))
         if not self.hips:

@@ -69,7 +69,7 @@ def _encode_hands(motion: Motion) -> Array:
 
 
 @lru_cache(1)
-def _places() -> tuple[Array, Array]:
+def _gesture_space() -> tuple[Array, Array]:
     """Joints of the rotation vectors; joints of both hands, left first."""
     index = humanoid().index
     return np.array([index[name] for name in JOINTS]), np.concatenate(arms.finger_joints())
@@ -113,7 +113,7 @@ class Humanoid:
         """
         vectors, body = humanoid_vectors(vectors, self.dimensions, self.name, skeleton), humanoid()
         frames = len(vectors)
-        turned, fingers = _places()
+        turned, fingers = _gesture_space()
         rotations = np.zeros((frames, len(body), 4), np.float32)
         rotations[..., 3] = 1.0
         turns = rotvec_to_quat(vectors[:, _TURNS].reshape(frames, len(JOINTS), 3))

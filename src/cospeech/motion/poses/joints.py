@@ -31,7 +31,7 @@ def hand_columns(names: Sequence[str]) -> list[int]:
     return found
 
 
-def _places(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
+def _gesture_space(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
     missing = [name for name in joints if name not in skeleton.index]
     if missing:
         more = "" if len(missing) == 1 else f" and {len(missing) - 1} more"
@@ -41,7 +41,7 @@ def _places(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
 
 def pick(motion: Motion, joints: Sequence[str]) -> Array:
     """(T, K, 4) rotations of the named joints, in their order, without sign flips, the first with w ≥ 0, in float64."""
-    rotations = np.asarray(motion.rotations[:, _places(motion.skeleton, joints)], float)
+    rotations = np.asarray(motion.rotations[:, _gesture_space(motion.skeleton, joints)], float)
     if len(rotations):
         rotations[:1] *= np.where(rotations[:1, :, 3:] < 0, -1.0, 1.0)
     return quat_continuous(quat_normalize(rotations))
@@ -55,7 +55,7 @@ def build_motion(fps: float, skeleton: Skeleton, joints: Sequence[str], rotation
         root: (T, 3) metres; the T-pose's place where not given.
     """
     all_joints = np.broadcast_to(skeleton.rest, (len(rotations), len(skeleton), 4)).copy()
-    all_joints[:, _places(skeleton, joints)] = rotations
+    all_joints[:, _gesture_space(skeleton, joints)] = rotations
     place = np.broadcast_to(skeleton.offsets[0], (len(rotations), 3)).copy() if root is None else root
     return Motion(fps, quat_continuous(quat_normalize(all_joints)), place, skeleton=skeleton)
 

@@ -209,11 +209,11 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
     s = humanoid()
     back = quat_conjugate(torso)[:, None]
 
-    def mirrored(directions: Array) -> Array:
+    def mirror_directions(directions: Array) -> Array:
         own = quat_rotate(back, directions)
         return own * np.stack([np.ones(3), _MIRROR_V])
 
-    along, upper, fore = (mirrored(d) for d in (aims.shoulders, aims.upper, aims.fore))
+    along, upper, fore = (mirror_directions(d) for d in (aims.shoulders, aims.upper, aims.fore))
     clavicle = s.offsets[s.index["leftUpperArm"]]
     start = s.offsets[s.index["leftShoulder"]] - aims.neck
     # the shoulder lies on the ray from the neck's point, as far from the clavicle's joint as that is long

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ..motion import Motion
 from ..rotations import Array, matrix_to_quat, quat_to_rot6d, rot6d_to_matrix
-from ..skeleton import Skeleton, named_skeleton
+from ..skeleton import Skeleton, find_skeleton
 from .euler import JOINTS
 from .joints import build_motion, pick, size
 
@@ -46,9 +46,9 @@ class Rot6D:
         """On its own skeleton where none is given; joints that the vectors lack keep the T-pose."""
         columns = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 6)
         rotations = matrix_to_quat(rot6d_to_matrix(columns))
-        return build_motion(fps, skeleton or named_skeleton(self.skeleton), self.joints, rotations)
+        return build_motion(fps, skeleton or find_skeleton(self.skeleton), self.joints, rotations)
 
 
 ROT6D = Rot6D()
-SMPLX = Rot6D(named_skeleton("smplx").names, "rot6d-smplx", skeleton="smplx", fps=30.0)
-HUMANOID = Rot6D(named_skeleton("humanoid").names, "rot6d-humanoid", skeleton="humanoid", fps=30.0)
+SMPLX = Rot6D(find_skeleton("smplx").names, "rot6d-smplx", skeleton="smplx", fps=30.0)
+HUMANOID = Rot6D(find_skeleton("humanoid").names, "rot6d-humanoid", skeleton="humanoid", fps=30.0)

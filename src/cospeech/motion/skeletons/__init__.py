@@ -13,4 +13,4 @@ SKELETONS: dict[str, str] = {
 }
 """Name → module with ``JOINTS`` (name, parent, offset in metres), ``ENDS`` and ``NAMES`` (our joint's name → theirs).
 
-`cospeech.motion.skeleton.named_skeleton` builds one; command line, docs and tests iterate over this."""
+`cospeech.motion.skeleton.find_skeleton` builds one; command line, docs and tests iterate over this."""

@@ -19,7 +19,7 @@ from ...runtime.chain_bundle import ChainStatistics, write_chain
 from ...runtime.chain_engine import ChainEngine
 from ...runtime.manifest import pose_bounds
 from ...runtime.mode_noise import SECONDS
-from ...runtime.window_bundle import half, unpacked
+from ...runtime.window_bundle import halve_weights, unpack_weights
 from .chain_graph import LoweredChain, lower_chain
 from .window import calibration, relative_error, statistics_of
 
@@ -62,19 +62,21 @@ def bundle_chain(
         if model.teacher is None:
             raise InputError(f"a run of {facts['model']!r} without a teacher", "train it with [needs] teacher = …")
         whole = model.teacher
-    if getattr(getattr(whole, "ear", None), "array", "audio") != "audio":
-        raise InputError(f"a run of {facts['model']!r} that hears with {whole.config.ear}", "bundles play without PyTorch")
-    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "styled")):
+    if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
+        raise InputError(
+            f"a run of {facts['model']!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch"
+        )
+    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
         raise InputError(
             f"a run of {facts['model']!r} without attention or style", "those are rows of a table; train a whole one"
         )
     if "pose_spread" in examples or not {"speech", "texts"} <= set(examples):
-        raise InputError(f"a run of {facts['model']!r} by_clip, or of another version", "train it anew")
+        raise InputError(f"a run of {facts['model']!r} per_clip_normalisation, or of another version", "train it anew")
     measured = _statistics(model, whole, statistics, examples, SECONDS * options["fps"])
     low = lower_chain(model)
     weights = low.weights
     if small:
-        weights = half(weights)
+        weights = halve_weights(weights)
         facts = facts | {"rounding": _rounding(low, weights, measured, examples)}
         card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"
     write_chain(path, weights, low.graphs, low.sizes, measured, facts=facts, card=card, **options)
@@ -84,12 +86,14 @@ def _statistics(
     model: Any, whole: Any, statistics: dict[str, Tensor], examples: dict[str, Tensor], persistence: float
 ) -> ChainStatistics:
     """What the runtime has to know, with what stands for each speaker and for words."""
-    own: dict[str, Tensor] = {"centres": examples["pose_centre"], "words": _words(whole)}
-    own["made"], own["gains"], stray = _calibrated(whole, whole, examples, persistence, whole.window)
-    own["live_made"], own["live_gains"], live_stray = own["made"], own["gains"], stray
+    own: dict[str, Tensor] = {"speaker_mean": examples["pose_centre"], "words": _words(whole)}
+    own["model_mean"], own["style_gain"], stray = _calibrate_network(whole, whole, examples, persistence, whole.window)
+    own["live_model_mean"], own["live_style_gain"], live_stray = own["model_mean"], own["style_gain"], stray
     if model is not whole:
-        own["live_made"], own["live_gains"], live_stray = _calibrated(model, whole, examples, persistence, None)
-    own["strays"] = torch.tensor([stray, live_stray])
+        own["live_model_mean"], own["live_style_gain"], live_stray = _calibrate_network(
+            model, whole, examples, persistence, None
+        )
+    own["noise_gain"] = torch.tensor([stray, live_stray])
     return statistics_of(ChainStatistics, {**statistics, **examples, **own})
 
 
@@ -106,7 +110,7 @@ def _words(whole: Any) -> Tensor:
 
 
 @torch.no_grad()
-def _calibrated(
+def _calibrate_network(
     model: Any, whole: Any, examples: dict[str, Tensor], persistence: float, window: int | None
 ) -> tuple[Tensor, Tensor, float]:
     """(S, D) mean of what a network makes in each style of everybody's speech, in everybody's moods; (S, D) the speakers'
@@ -144,7 +148,7 @@ def _cut(x: Tensor, frames: int) -> Tensor:
 def _rounding(low: LoweredChain, small: dict[str, Array], measured: ChainStatistics, examples: dict[str, Tensor]) -> float:
     """How much weights of half the size move poses of each speaker's speech: √mean square, in that of the poses."""
     s, bounds = low.sizes, pose_bounds(measured)
-    engines = [ChainEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpacked(small))]
+    engines = [ChainEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpack_weights(small))]
     played = []
     for who, speech in enumerate(examples["speech"].numpy()[:, 0]):
         rows = np.pad(speech[:PROBE], ((0, 0), (0, s.words)))

@@ -1,10 +1,10 @@
 """Networks of many inputs as graphs that play without PyTorch: Chain of Generation, CaMN, multi-context; nothing trained.
 
-    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), nudge (N, T, Z), left out where Z is 0;
+    make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), mode_noise (N, T, Z), left out where Z is 0;
               and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
               seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
-    live      the same of one frame, rows (1, A + W), style (N, S + 8), nudge (N, Z), and states → poses (N, D), states after
+    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), and states → poses (N, D), states after
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
 What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.
@@ -36,7 +36,7 @@ from ...models.speech_classifier import SpeechClassifier
 from ...motion.rotations import Array
 from ...runtime.chain_engine import ChainSizes
 from .recurrent_graph import RecurrentGraph, Wave
-from .window_graph import folded
+from .window_graph import fold_norm
 
 __all__ = ["LoweredChain", "lower_chain"]
 
@@ -75,8 +75,8 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
     if isinstance(whole, ChainOfGeneration):
         reach = whole.classifier.reach
         b = RecurrentGraph(weights, "classify")
-        b.as_rows(_classified(b, b.rows("rows", whole.ear.inputs, many=False), whole.classifier), "logits")
-        graphs["classify"] = b.made({"rows": (1, "T", whole.ear.inputs)}, {"logits": (1, "T", whole.styles)})
+        b.as_rows(_classify(b, b.rows("rows", whole.speech_encoder.inputs, many=False), whole.classifier), "logits")
+        graphs["classify"] = b.serialise({"rows": (1, "T", whole.speech_encoder.inputs)}, {"logits": (1, "T", whole.styles)})
     words = (whole.word if isinstance(whole, Chain) else whole.embedding).width
     sizes = ChainSizes(
         pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTIONS, noise=whole.modes,
@@ -91,7 +91,7 @@ def _optional(net: Any) -> dict[str, int]:
     if not isinstance(net, Chain):
         return {}
     c = net.config
-    return {"faces": FACE * (c.faced > 0), "seeds": c.seeds * (c.unseeded < 1)}
+    return {"faces": FACE * (c.face_teacher_forcing > 0), "seeds": c.seeds * (c.seed_dropout < 1)}
 
 
 def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
@@ -99,7 +99,7 @@ def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
     b, frames = RecurrentGraph(weights, name), name == "make"
     own = ("T",) if frames else ()
     shapes: dict[str, tuple[Any, ...]] = {"rows": (1, *own, net.audio), "style": ("N", *own, net.styles)}
-    shapes |= {"nudge": ("N", *own, net.modes)} if net.modes else {}
+    shapes |= {"mode_noise": ("N", *own, net.modes)} if net.modes else {}
     able = _optional(net) if frames else {}
     alike = {"face": (1, "T", FACE + 1)} if able.get("faces") else {}
     alike |= {"seed": (1, "T", net.pose + 1)} if able.get("seeds") else {}
@@ -108,7 +108,7 @@ def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
     shapes |= alike
     inputs = Inputs(*given, *([] if net.modes else [Wave("", 0, True)]), **more)
     b.as_rows(_poses(net, b, inputs), "poses", frames=frames)
-    return b.made(shapes, {"poses": ("N", *own, net.pose)})
+    return b.serialise(shapes, {"poses": ("N", *own, net.pose)})
 
 
 # networks -----------------------------------------------------------------------------------------------------------
@@ -122,27 +122,27 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 @_poses.register
 def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
-    ear: Any = net.ear
-    speech, words = b.parts(given.rows, ear.inputs, net.word.width)
-    heard = _convs(b, speech, ear.convs)
+    speech_encoder: Any = net.speech_encoder
+    speech, words = b.parts(given.rows, speech_encoder.inputs, net.word.width)
+    heard = _convs(b, speech, speech_encoder.convs)
     skipped = (net.pose + 1) * (net.config.seeds > 0) - given.seed.channels
     return _cascade(b, net.cascade, heard, words, given, skipped)
 
 
 def _cascade(b: RecurrentGraph, net: Cascade, heard: Wave, words: Wave, given: Inputs, skipped: int) -> Wave:
     """`cospeech.models.nn.cascade.Cascade`; of its extra inputs the first, seeds, may be ``skipped``: zeros."""
-    features = _convs(b, _seen(b, _convs(b, heard, net.face), given.face), net.face_features)
+    features = _convs(b, _override_face(b, _convs(b, heard, net.face), given.face), net.face_features)
     style = _hyper(b, given.style, net.style)
-    x = _attended(b, b.joined(heard, _read(b, words, net.text), features), net.body_attention)
-    x = _styled(b, x, style, net.body_style)
-    state = _recurrent(b, b.joined(given.seed, given.noise, x), net.body.recurrent, skipped)
+    x = _attend(b, b.concatenate(heard, _read(b, words, net.text), features), net.body_attention)
+    x = _apply_style(b, x, style, net.body_style)
+    state = _recurrent(b, b.concatenate(given.seed, given.noise, x), net.body.recurrent, skipped)
     body = _framewise(b, state, net.body.mlp)
-    x = _styled(b, _attended(b, b.joined(x, state), net.hand_attention), style, net.hand_style)
-    state = _recurrent(b, b.joined(given.seed, given.noise, x), net.hands.recurrent, skipped)
-    return b.picked(b.joined(body, _framewise(b, state, net.hands.mlp)), net.order.tolist())
+    x = _apply_style(b, _attend(b, b.concatenate(x, state), net.hand_attention), style, net.hand_style)
+    state = _recurrent(b, b.concatenate(given.seed, given.noise, x), net.hands.recurrent, skipped)
+    return b.select_channels(b.concatenate(body, _framewise(b, state, net.hands.mlp)), net.order.tolist())
 
 
-def _seen(b: RecurrentGraph, own: Wave, given: Wave) -> Wave:
+def _override_face(b: RecurrentGraph, own: Wave, given: Wave) -> Wave:
     """The face that TFFDec sees: FaceDec's own, as far as no other is given."""
     if not given.channels:
         return own
@@ -156,20 +156,20 @@ def _(net: Camn, b: RecurrentGraph, given: Inputs) -> Wave:
     speech, words = b.parts(given.rows, net.audio - net.embedding.width, net.embedding.width)
     who, how = b.parts(given.style, net.speakers, EMOTIONS)
     speaker, emotion, text = _speaker(b, who, net.speaker), _emotion(b, how, net.emotion), _read(b, words, net.text)
-    heard = _framewise(b, b.joined(_framewise(b, speech, net.speech), emotion, speaker, text), net.speech_fusion)
+    heard = _framewise(b, b.concatenate(_framewise(b, speech, net.speech), emotion, speaker, text), net.speech_fusion)
     face = _framewise(b, _no_face(b, speech), net.face)
-    face = _framewise(b, b.joined(face, heard, emotion, speaker, text), net.face_fusion)
-    x = b.joined(speaker, emotion, text, heard, face)
+    face = _framewise(b, b.concatenate(face, heard, emotion, speaker, text), net.face_fusion)
+    x = b.concatenate(speaker, emotion, text, heard, face)
     body = _framewise(b, _recurrent(b, x, net.body, net.pose + 1), net.body_out)
-    hands = _framewise(b, _recurrent(b, b.joined(x, body), net.hands, net.pose + 1), net.hands_out)
-    return b.picked(b.joined(body, hands), net.order.tolist())
+    hands = _framewise(b, _recurrent(b, b.concatenate(x, body), net.hands, net.pose + 1), net.hands_out)
+    return b.select_channels(b.concatenate(body, hands), net.order.tolist())
 
 
 @_poses.register
 def _(net: MultiContext, b: RecurrentGraph, given: Inputs) -> Wave:
     speech, words = b.parts(given.rows, net.audio - net.embedding.width, net.embedding.width)
     who, how = b.parts(given.style, net.speakers, EMOTIONS)
-    known = _framewise(b, _mixed(b, who, net.speaker.embedding), net.speaker.encoder)
+    known = _framewise(b, _mix_rows(b, who, net.speaker.embedding), net.speaker.encoder)
     spread = b.each("Exp", b.number("Mul", _linear(b, known, net.speaker.variance), 0.5))
     person = b.both("Add", _linear(b, known, net.speaker.mean), b.both("Mul", spread, given.noise))
     parts = [_framewise(b, speech, net.speech), _read(b, words, net.text), person]
@@ -180,13 +180,13 @@ def _(net: MultiContext, b: RecurrentGraph, given: Inputs) -> Wave:
     weights["weight_ih_l0"], weights["weight_ih_l0_reverse"] = (
         weights[name][:, net.pose + 1 :] for name in ("weight_ih_l0", "weight_ih_l0_reverse")
     )
-    return _framewise(b, b.gru(b.joined(*parts), weights, ways=2, layers=gru.num_layers), net.out)
+    return _framewise(b, b.gru(b.concatenate(*parts), weights, ways=2, layers=gru.num_layers), net.out)
 
 
-def _classified(b: RecurrentGraph, x: Wave, net: SpeechClassifier) -> Wave:
+def _classify(b: RecurrentGraph, x: Wave, net: SpeechClassifier) -> Wave:
     for conv in net.convs:
         x = b.each("LeakyRelu", _conv(b, x, conv), alpha=SLOPE)
-    return b.joined(*(_linear(b, x, head) for head in net.heads))
+    return b.concatenate(*(_linear(b, x, head) for head in net.heads))
 
 
 # parts --------------------------------------------------------------------------------------------------------------
@@ -230,11 +230,11 @@ def _read(b: RecurrentGraph, x: Wave, net: TextTcn) -> Wave:
     return _conv(b, x, net.out)
 
 
-def _attended(b: RecurrentGraph, x: Wave, net: nn.Module) -> Wave:
+def _attend(b: RecurrentGraph, x: Wave, net: nn.Module) -> Wave:
     """`ChannelAttention` or `PastAttention`."""
     assert isinstance(net, ChannelAttention | PastAttention)
     if isinstance(net, ChannelAttention):
-        pools = b.pooled(x, "ReduceMean"), b.pooled(x, "ReduceMax")
+        pools = b.pool(x, "ReduceMean"), b.pool(x, "ReduceMax")
     else:
         seen = b.behind(x, net.frames - 1)
         pools = b.sliding(seen, "AveragePool", net.frames), b.sliding(seen, "MaxPool", net.frames)
@@ -248,7 +248,7 @@ def _hyper(b: RecurrentGraph, weights: Wave, net: HyperNetwork) -> Wave:
     return _convs(b, b.conv(weights, both[:, :, None], None), net.convs)
 
 
-def _styled(b: RecurrentGraph, x: Wave, style: Wave, net: nn.Module) -> Wave:
+def _apply_style(b: RecurrentGraph, x: Wave, style: Wave, net: nn.Module) -> Wave:
     assert isinstance(net, GestureAdaLN)
     scaled = b.both("Mul", x, b.number("Add", _conv(b, style, net.scale), 1.0))
     return b.both("Add", scaled, _conv(b, style, net.shift))
@@ -263,17 +263,17 @@ def _recurrent(b: RecurrentGraph, x: Wave, net: nn.Module, skipped: int) -> Wave
     return b.lstm(x, weights, ways=1 if live else 2, layers=net.lstm.num_layers, stateful=live)
 
 
-def _mixed(b: RecurrentGraph, weights: Wave, embedding: Any) -> Wave:
+def _mix_rows(b: RecurrentGraph, weights: Wave, embedding: Any) -> Wave:
     """Weights of rows of an embedding → their mixture."""
     return b.conv(weights, _array(embedding.weight).T[:, :, None], None)
 
 
 def _speaker(b: RecurrentGraph, weights: Wave, net: SpeakerEncoder) -> Wave:
-    return b.each("LeakyRelu", _linear(b, _mixed(b, weights, net.embedding), net.linear), alpha=HEARD_SLOPE)
+    return b.each("LeakyRelu", _linear(b, _mix_rows(b, weights, net.embedding), net.linear), alpha=HEARD_SLOPE)
 
 
 def _emotion(b: RecurrentGraph, weights: Wave, net: EmotionEncoder) -> Wave:
-    return _framewise(b, _linear(b, _mixed(b, weights, net.embedding), net.linear), net.tail)
+    return _framewise(b, _linear(b, _mix_rows(b, weights, net.embedding), net.linear), net.tail)
 
 
 def _no_face(b: RecurrentGraph, like: Wave) -> Wave:
@@ -296,7 +296,7 @@ def _framewise(b: RecurrentGraph, x: Wave, layers: Any) -> Wave:
         elif isinstance(layer, nn.LeakyReLU):
             x = b.each("LeakyRelu", x, alpha=float(layer.negative_slope))
         elif isinstance(layer, nn.Conv1d | SameConv):
-            x = _conv(b, x, layer, *(folded(layer, after) if isinstance(after, BatchNorm1d) else ()))
+            x = _conv(b, x, layer, *(fold_norm(layer, after) if isinstance(after, BatchNorm1d) else ()))
         elif not isinstance(layer, BatchNorm1d):
             raise NotImplementedError(type(layer).__name__)
     return x

@@ -18,7 +18,7 @@ from ...runtime.flow_weights import FlowSizes
 __all__ = ["bundle_flow"]
 
 WARM = 24  # frames; ours: after which a network has left the poses that it was begun with
-PULLS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
+FEEDBACK_GAINS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
 LEAST = 0.2  # ours: a number that a network hardly moves is not magnified without end
 
 
@@ -47,8 +47,8 @@ def bundle_flow(
     """
     if "pose_spread" in examples and "speech" not in examples:
         raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
-    measured, pull = _statistics(model, statistics, examples)
-    sizes = FlowSizes(**model.runtime_sizes(), int8=small, pull=pull)
+    measured, feedback_gain = _statistics(model, statistics, examples)
+    sizes = FlowSizes(**model.runtime_sizes(), int8=small, feedback_gain=feedback_gain)
     write_flow(path, model.export(), sizes, measured, facts=facts | {"controls": _controls(model)}, **options)
 
 
@@ -62,25 +62,25 @@ def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[
         raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
     codes = model.style(stretches.flatten(0, 1)) if hasattr(model, "style") else None
     codes = torch.zeros(speakers * count, 0) if codes is None else codes
-    pull, made = 1.0, {}
+    feedback_gain, made = 1.0, {}
     if "pose_spread" in examples:
-        pull, made["made_mean"], made["made_std"] = _calibrate(model, examples, codes)
-        made["spreads"] = examples["pose_spread"]
+        feedback_gain, made["model_mean"], made["model_std"] = _calibrate(model, examples, codes)
+        made["style_gain"] = examples["pose_spread"]
     known = {
         **{name: statistics[name] for name in ("pose_mean", "pose_std", "audio_mean", "audio_std")},
         **{name: examples[name] for name in ("pose_low", "pose_high", "audio_low", "audio_high")},
         "histories": _calmest(stretches.flatten(0, 1), history), "styles": codes.view(speakers, count, -1).mean(1),
-        "centres": examples["pose_centre"], "controls": _quantiles(model, statistics), **made,
+        "speaker_mean": examples["pose_centre"], "controls": _quantiles(model, statistics), **made,
     }  # fmt: skip
-    return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), pull
+    return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), feedback_gain
 
 
 @torch.no_grad()
 def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``by_clip``.
+    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``per_clip_normalisation``.
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
-    too long. ``pull`` is the one of `PULLS` with which its means over some seconds wander, for the size of its movement, as
+    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of its movement, as
     much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
     number by number.
 
@@ -88,12 +88,12 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
         pull, (D,) mean, (D,) deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for pull in PULLS if model.config.residual else PULLS[:1]:
-        made = _left_alone(model, examples, codes, pull)
+    for feedback_gain in FEEDBACK_GAINS if model.config.residual else FEEDBACK_GAINS[:1]:
+        made = _generate_freely(model, examples, codes, feedback_gain)
         made = made[:, min(WARM, made.shape[1] // 2) :]
-        found.append((abs((_wandering(made) / wanted).log().item()), pull, made))
-    _, pull, made = min(found, key=lambda one: one[0])
-    return pull, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
+        found.append((abs((_wandering(made) / wanted).log().item()), feedback_gain, made))
+    _, feedback_gain, made = min(found, key=lambda one: one[0])
+    return feedback_gain, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
 
 
 def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
@@ -109,17 +109,17 @@ def _wandering(poses: torch.Tensor) -> torch.Tensor:
     return poses.mean(1).std(0).mean() / poses.std((0, 1)).mean()
 
 
-def _left_alone(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, pull: float) -> torch.Tensor:
+def _generate_freely(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, feedback_gain: float) -> torch.Tensor:
     """(N, F, D) poses with random latents."""
     stretches, audio = (examples[name].flatten(0, 1) for name in ("stretches", "speech"))
     if _controls(model):
         audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
     tau, poses, states = model.config.history, stretches[:, : model.config.history], None
-    heard, style = frame_windows(audio, model.heard), [codes] if codes.shape[1] else []
+    heard, style = frame_windows(audio, model.speech_frames), [codes] if codes.shape[1] else []
     z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), heard.shape[1])
     for t in range(heard.shape[1]):
         made, states = model.step(z[:, t], poses[:, -tau:], heard[:, t], states, *style)
-        made = pull * made.clamp(examples["pose_low"], examples["pose_high"])
+        made = feedback_gain * made.clamp(examples["pose_low"], examples["pose_high"])
         poses = torch.cat([poses, made[:, None]], 1)
     return poses[:, tau:]
 

@@ -16,7 +16,7 @@ from ...models.nn.objective import StepRandom
 from ...motion.rotations import Array
 from ...runtime.manifest import Normalisation, pose_bounds
 from ...runtime.mode_noise import SECONDS
-from ...runtime.window_bundle import WindowStatistics, half, unpacked, write_window
+from ...runtime.window_bundle import WindowStatistics, halve_weights, unpack_weights, write_window
 from ...runtime.window_engine import WindowEngine
 from .window_graph import Lowered, lower
 
@@ -54,14 +54,16 @@ def bundle_window(
         InputError: it was trained on poses by their recording's own mean and deviation, or is from before runs kept speech.
     """
     if "pose_spread" in examples:
-        raise InputError(f"a run of {facts['model']!r} on poses by_clip", "networks by windows play poses of the whole data")
+        raise InputError(
+            f"a run of {facts['model']!r} on poses per_clip_normalisation", "networks by windows play poses of the whole data"
+        )
     if "speech" not in examples:
         raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
     measured = _statistics(model, statistics, examples, SECONDS * options["fps"])
     low = lower(model)
     weights = low.weights
     if small:
-        weights = half(weights)
+        weights = halve_weights(weights)
         facts = facts | {"rounding": _rounding(low, weights, measured, examples)}
         card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"
     write_window(path, weights, low.graphs, low.sizes, measured, facts=facts, card=card, **options)
@@ -73,8 +75,10 @@ def _statistics(
     """What the runtime has to know, with what stands for each speaker."""
     codes = model.speaker_styles(examples["stretches"])
     centres = examples["pose_centre"]
-    made, gains = (centres, torch.ones_like(centres)) if model.literal else _calibrated(model, codes, examples, persistence)
-    own = {"centres": centres, "codes": codes, "made": made, "gains": gains}
+    made, gains = (
+        (centres, torch.ones_like(centres)) if model.literal else _calibrate_network(model, codes, examples, persistence)
+    )
+    own = {"speaker_mean": centres, "codes": codes, "model_mean": made, "style_gain": gains}
     return statistics_of(WindowStatistics, {**statistics, **examples, **own})
 
 
@@ -85,7 +89,7 @@ def statistics_of(kind: type[T], found: Mapping[str, torch.Tensor]) -> T:
 
 
 @torch.no_grad()
-def _calibrated(
+def _calibrate_network(
     model: Any, codes: torch.Tensor, examples: dict[str, torch.Tensor], persistence: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """(S, D) mean of what a network makes in each style of everybody's speech, in windows as in training, with priors as in a
@@ -111,12 +115,12 @@ def calibration(made: torch.Tensor, own: torch.Tensor) -> tuple[torch.Tensor, to
 def _rounding(low: Lowered, small: dict[str, Array], measured: WindowStatistics, examples: dict[str, torch.Tensor]) -> float:
     """How much weights of half the size move poses of each speaker's speech: √mean square, in that of the poses."""
     s, bounds = low.sizes, pose_bounds(measured)
-    engines = [WindowEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpacked(small))]
+    engines = [WindowEngine(s, weights, low.graphs, *bounds) for weights in (low.weights, unpack_weights(small))]
     played = []
     for code, speech in zip(measured.codes, examples["speech"].numpy(), strict=True):
         rows = speech.reshape(-1, s.audio)[: s.probe * max(1, speech.shape[0] * speech.shape[1] // s.probe)]
-        style, nudge = np.broadcast_to(code, (1, len(rows), s.styles)), np.zeros((1, len(rows), s.modes), np.float32)
-        played.append([engine.make(rows, style, nudge) for engine in engines])
+        style, mode_noise = np.broadcast_to(code, (1, len(rows), s.styles)), np.zeros((1, len(rows), s.modes), np.float32)
+        played.append([engine.make(rows, style, mode_noise) for engine in engines])
     return relative_error(played)
 
 

@@ -2,7 +2,7 @@
 
 `lower` gives two ONNX graphs and their weights:
 
-    make    rows (1, T, A) of speech, style (N, T, styles), nudge (N, T, modes) → poses (N, T, D); inputs of no width are left
+    make    rows (1, T, A) of speech, style (N, T, styles), mode_noise (N, T, modes) → poses (N, T, D); inputs of no width are left
             out, and N is 1 where both are
     style   poses (1, T, D) → style (1, styles), for a network that recognises styles
 
@@ -32,7 +32,7 @@ from ...motion.rotations import Array
 from ...runtime.window_engine import WindowSizes
 from .conv_graph import ConvGraph, Signal
 
-__all__ = ["Lowered", "folded", "lower"]
+__all__ = ["Lowered", "fold_norm", "lower"]
 
 
 class Lowered(NamedTuple):
@@ -50,14 +50,14 @@ def lower(net: Windowed) -> Lowered:
     b = ConvGraph(weights, "make", net.multiple)
     inputs: dict[str, tuple[Any, ...]] = {"rows": (1, "T", net.audio)}
     inputs |= {"style": ("N", "T", net.styles)} if net.styles else {}
-    inputs |= {"nudge": ("N", "T", net.modes)} if net.modes else {}
+    inputs |= {"mode_noise": ("N", "T", net.modes)} if net.modes else {}
     poses = _make(net, b)
     b.as_rows(poses, "poses")
-    graphs = {"make": b.made(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
+    graphs = {"make": b.serialise(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
     if hasattr(net, "style_of"):
         b = ConvGraph(weights, "style", net.multiple)
         _recognise(net, b, b.rows("poses", net.pose))
-        graphs["style"] = b.made({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})
+        graphs["style"] = b.serialise({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})
     window: Any = net.window
     sizes = WindowSizes(
         pose=net.pose, audio=net.audio, styles=net.styles, modes=net.modes, window=window, multiple=net.multiple,
@@ -71,7 +71,7 @@ def lower(net: Windowed) -> Lowered:
 
 @singledispatch
 def _make(net: nn.Module, b: ConvGraph) -> Signal:
-    """The poses that it makes of ``rows``, ``style`` and ``nudge``."""
+    """The poses that it makes of ``rows``, ``style`` and ``mode_noise``."""
     raise NotImplementedError(type(net).__name__)
 
 
@@ -82,8 +82,8 @@ def _(net: MixGan, b: ConvGraph) -> Signal:
     made = _sub_generators(b, content, style, net.generators)
     if net.mode_logits is None:
         return made
-    logits = b.add(_mode_logits(b, content, style, net.mode_logits), b.rows("nudge", net.modes))
-    return b.mixed(made, b.softmax(logits))
+    logits = b.add(_mode_logits(b, content, style, net.mode_logits), b.rows("mode_noise", net.modes))
+    return b.mix_generators(made, b.softmax(logits))
 
 
 @_make.register
@@ -96,10 +96,10 @@ def _(net: Speech2Gesture, b: ConvGraph) -> Signal:
 
 @_make.register
 def _(net: Munit, b: ConvGraph) -> Signal:
-    encoder, decoder = net.heard.content, net.moved.decoder
-    x = b.leaky(b.normalised(_conv(b, b.rows("rows", net.audio), encoder.first)), 0)
+    encoder, decoder = net.speech.content, net.motion.decoder
+    x = b.leaky(b.normalise(_conv(b, b.rows("rows", net.audio), encoder.first)), 0)
     for conv in encoder.down:
-        x = b.leaky(b.normalised(_conv(b, x, conv)), 0)
+        x = b.leaky(b.normalise(_conv(b, x, conv)), 0)
     for block in encoder.blocks:
         x = _residual(b, x, block, None)
     code = b.first_frame("style")
@@ -108,7 +108,7 @@ def _(net: Munit, b: ConvGraph) -> Signal:
     moves = b.columns(code, [x.channels] * (4 * len(decoder.blocks)))
     for k, block in enumerate(decoder.blocks):
         x = _residual(b, x, block, moves[4 * k : 4 * k + 4])
-    return _grown(b, x, decoder.grow)
+    return _decode_munit(b, x, decoder.grow)
 
 
 @_make.register
@@ -121,7 +121,7 @@ def _(net: SpeechToFace, b: ConvGraph) -> Signal:
     blocks: list[Any] = [*net.blocks]
     for block in blocks:
         y = _over_time(b, x, block.over_time, _array(block.over_time.weight), _array(block.over_time.bias), block.pads)
-        x = b.add(x, _conv(b, b.leaky(y, FACE_SLOPE), block.mixed))
+        x = b.add(x, _conv(b, b.leaky(y, FACE_SLOPE), block.mix))
     alive = _array(net.alive)
     return b.conv(x, _array(last.weight)[:, :, None] * alive[:, None, None, None], _array(last.bias) * alive)
 
@@ -141,7 +141,7 @@ def _(net: MixStage, b: ConvGraph, poses: Signal) -> None:
 
 @_recognise.register
 def _(net: Munit, b: ConvGraph, poses: Signal) -> None:
-    layers: list[Any] = [*net.moved.style]
+    layers: list[Any] = [*net.motion.style]
     last = layers.pop()
     for layer in layers[:-1]:  # but for the mean
         poses = _conv(b, poses, layer) if isinstance(layer, nn.Conv1d) else b.leaky(poses, 0)
@@ -163,7 +163,7 @@ def _array(x: Tensor) -> Array:
     return x.detach().double().numpy()
 
 
-def folded(conv: Any, norm: Any) -> tuple[Array, Array]:
+def fold_norm(conv: Any, norm: Any) -> tuple[Array, Array]:
     """Weight and bias of a convolution with the batch norm after it."""
     gain = _array(norm.weight) / np.sqrt(_array(norm.running_var) + norm.eps)
     weight = _array(conv.weight)
@@ -174,7 +174,7 @@ def folded(conv: Any, norm: Any) -> tuple[Array, Array]:
 def _block(b: ConvGraph, x: Signal, block: Any) -> Signal:
     """`cospeech.models.nn.unet1d.conv_block`."""
     conv, norm, relu = block
-    weight, bias = folded(conv, norm)
+    weight, bias = fold_norm(conv, norm)
     return b.leaky(_over_time(b, x, conv, weight, bias), relu.negative_slope)
 
 
@@ -183,7 +183,7 @@ def _over_time(
 ) -> Signal:
     """A convolution over frames with these weights in place of its own; ``around``: zeros before and after, where uneven."""
     pad, reflected = int(conv.padding[0]), conv.padding_mode == "reflect"
-    x = b.reflected(x, pad) if reflected and pad else x
+    x = b.pad_reflect(x, pad) if reflected and pad else x
     before, after = around or ((0, 0) if reflected else (pad, pad))
     return b.conv(x, weight[:, :, None], bias, stride=(1, conv.stride[0]), pads=(0, before, 0, after), groups=conv.groups,
                   dilation=conv.dilation[0])  # fmt: skip
@@ -200,7 +200,7 @@ def _audio_content(b: ConvGraph, net: AudioContent, bands: int) -> Signal:
     x = b.more_bands(b.picture("rows", bands), BANDS)
     blocks: list[Any] = [*net.blocks]
     for number, block in enumerate(blocks):
-        weight, bias = folded(block.conv, block.norm)
+        weight, bias = fold_norm(block.conv, block.norm)
         frames, high = block.conv.padding
         pads = (high, frames, high, frames)
         if number == len(blocks) - 1:
@@ -210,7 +210,7 @@ def _audio_content(b: ConvGraph, net: AudioContent, bands: int) -> Signal:
             x = b.bands(x, max(0, first), min(x.bands, last))
         x = b.conv(x, weight.transpose(0, 1, 3, 2), bias, stride=block.conv.stride[::-1], pads=pads)
         x = b.leaky(x, SLOPE)
-    return b.stretched(b.band_mean(x))
+    return b.upsample_linear(b.band_mean(x))
 
 
 def _unet(b: ConvGraph, x: Signal, net: UNet1d) -> Signal:
@@ -221,7 +221,7 @@ def _unet(b: ConvGraph, x: Signal, net: UNet1d) -> Signal:
         skips.append(x)
         x = _block(b, x, block)
     for block, skip in zip(net.up, reversed(skips), strict=True):
-        x = _block(b, b.add(b.doubled(x), skip), block)
+        x = _block(b, b.add(b.upsample_nearest(x), skip), block)
     return x
 
 
@@ -230,7 +230,7 @@ def _of_z(b: ConvGraph, content: Signal, style: _Style | None, block: Any) -> Si
     if style is None:
         return _block(b, content, block)
     conv, norm, relu = block
-    weight, bias = folded(conv, norm)
+    weight, bias = fold_norm(conv, norm)
     heard = _over_time(b, content, conv, weight[:, : content.channels], bias)
     own = np.einsum("oek,se->osk", weight[:, content.channels :], _array(style.matrix))
     return b.leaky(b.add(heard, _over_time(b, style.weights, conv, own, None)), relu.negative_slope)
@@ -254,22 +254,22 @@ def _mode_logits(b: ConvGraph, content: Signal, style: _Style | None, net: ModeL
 
 def _residual(b: ConvGraph, x: Signal, block: Any, moves: list[str] | None) -> Signal:
     """A residual block of MUNIT; ``moves``: shift and scale after the first norm and after the second."""
-    y = b.normalised(_conv(b, x, block.first))
-    y = b.leaky(y if moves is None else b.moved(y, moves[1], moves[0]), 0)
-    z = b.normalised(_conv(b, y, block.second))
-    return b.add(x, z if moves is None else b.moved(z, moves[3], moves[2]))
+    y = b.normalise(_conv(b, x, block.first))
+    y = b.leaky(y if moves is None else b.scale_shift(y, moves[1], moves[0]), 0)
+    z = b.normalise(_conv(b, y, block.second))
+    return b.add(x, z if moves is None else b.scale_shift(z, moves[3], moves[2]))
 
 
-def _grown(b: ConvGraph, x: Signal, layers: Any) -> Signal:
+def _decode_munit(b: ConvGraph, x: Signal, layers: Any) -> Signal:
     """The end of MUNIT's decoder."""
     for layer in layers:
         if isinstance(layer, nn.Upsample):
-            x = b.doubled(x)
+            x = b.upsample_nearest(x)
         elif isinstance(layer, nn.Conv1d):
             x = _conv(b, x, layer)
         elif isinstance(layer, nn.GroupNorm):
-            scale, shift = (b.held(_array(value)[:, None, None]) for value in (layer.weight, layer.bias))
-            x = b.moved(b.normalised(x, together=True), scale, shift)
+            scale, shift = (b.add_weight(_array(value)[:, None, None]) for value in (layer.weight, layer.bias))
+            x = b.scale_shift(b.normalise(x, together=True), scale, shift)
         else:
             x = b.leaky(x, 0)
     return x

@@ -65,7 +65,7 @@ def run(store, tmp_path_factory):
     """A short one."""
     recipe = {
         "model": {"name": "stylised-flow", **MODEL},
-        "data": {"audio": "mel20-prosody", "by_clip": True},
+        "data": {"audio": "mel20-prosody", "per_clip_normalisation": True},
         "train": {
             "steps": 150,
             "batch": 16,
@@ -96,12 +96,12 @@ def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     for step in range(3):
         fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
         number = fed["clip"][0]
-        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
+        back = fed["pose"][0] * moments.style_gain[number] + moments.speaker_mean[number]
         np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
     for number, clip in enumerate(store.clips):
         whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
         assert np.abs(whole.mean(0)).max() < 1e-4
-        held = moments.spread[number] <= SPREAD_FLOOR
+        held = moments.style_gain[number] <= SPREAD_FLOOR
         np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
         assert (whole.std(0)[held] <= 1 + 1e-4).all()
 
@@ -134,10 +134,10 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
 
 
 def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
-    """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
+    """A short training makes a network that noise_gain from mean 0 and deviation 1: the bundle knows by how much."""
     player = TrainedModel.open(bundle)
     s = player.system.statistics
-    assert (np.abs(s.made_mean) > 0.05).any()
+    assert (np.abs(s.model_mean) > 0.05).any()
     speech = Speech.load(example()[0]).window(0, 9)
     pose, rows = find_pose("expmap-humanoid"), []
     for seed in range(6):
@@ -145,8 +145,8 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
         rows.append(pose.encode(motion)[24:])
     made = (np.concatenate(rows) - s.pose_mean) / s.pose_std
     arms = [k for k, name in enumerate(pose.names) if "Arm" in name]
-    off = np.abs(made.mean(0) - s.centres[0])[arms] / s.spreads[0][arms]
-    ratio = made.std(0)[arms] / s.spreads[0][arms]
+    off = np.abs(made.mean(0) - s.speaker_mean[0])[arms] / s.style_gain[0][arms]
+    ratio = made.std(0)[arms] / s.style_gain[0][arms]
     assert off.mean() < 0.4
     assert 0.7 < np.median(ratio) < 1.3
 
@@ -157,7 +157,7 @@ def test_no_intensity_is_the_mean_pose_of_the_style(bundle):
     still = player.generate(speech, style="small", intensity=0, fps=FPS, parts=("body",))
     statistics = player.system.statistics
     wanted = find_pose("expmap-humanoid").decode(
-        (statistics.centres[1] * statistics.pose_std + statistics.pose_mean)[None], FPS
+        (statistics.speaker_mean[1] * statistics.pose_std + statistics.pose_mean)[None], FPS
     )
     body = [k for k in range(len(still.skeleton)) if k not in (*still.skeleton.left_hand, *still.skeleton.right_hand)]
     np.testing.assert_allclose(np.abs((still.rotations[:, body] * wanted.rotations[0, body]).sum(-1)), 1, atol=1e-5)
@@ -190,7 +190,7 @@ def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path
 
 
 MIX = {"name": "mix-stage", "modes": 3, "channels": 8, "depth": 3, "style": 3, "patch_channels": 4}
-S2G = {"name": "speech2gesture", "channels": 8, "depth": 3, "decoder": 1, "judge": 4}
+S2G = {"name": "speech2gesture", "channels": 8, "depth": 3, "decoder": 1, "discriminator_channels": 4}
 MUNIT = {"name": "munit", "channels": 4, "style": 2, "mlp": 8, "blocks": 1}
 
 
@@ -244,8 +244,8 @@ def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
     systems = [open_system(read_bundle(tmp_path / f"{small}.cospeech")) for small in (True, False)]
     examples, _ = read_tensors(windowed(MIX) / EXAMPLES)
     rows = examples["speech"][0].flatten(0, 1).numpy()
-    style, nudge = np.eye(2, dtype=np.float32)[None, [0] * len(rows)], np.zeros((1, len(rows), 3))
-    small, exact = (system.engine.make(rows, style, nudge) for system in systems)
+    style, mode_noise = np.eye(2, dtype=np.float32)[None, [0] * len(rows)], np.zeros((1, len(rows), 3))
+    small, exact = (system.engine.make(rows, style, mode_noise) for system in systems)
     assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(said, rel=0.5)
     assert "rounding" not in read_bundle(tmp_path / "False.cospeech").manifest
     assert "half precision" in systems[0].card
@@ -261,8 +261,8 @@ def test_a_run_by_windows_is_on_stage(windowed):
 
 
 def test_poses_by_clip_are_not_for_networks_by_windows(windowed, tmp_path):
-    with pytest.raises(InputError, match="by_clip"):
-        bundle_run(windowed(S2G, by_clip=True), tmp_path / "it.cospeech")
+    with pytest.raises(InputError, match="per_clip_normalisation"):
+        bundle_run(windowed(S2G, per_clip_normalisation=True), tmp_path / "it.cospeech")
 
 
 def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):

@@ -10,10 +10,10 @@ from ..motion.kinematics.arms import arm_lengths
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 from .repertoire import FORMS, Form
-from .rests import RESTS
+from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["Places", "reach_time", "stroke_time"]
+__all__ = ["GesturePlacement", "reach_time", "stroke_time"]
 
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
@@ -21,7 +21,7 @@ _ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those 
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
 
-class Places:
+class GesturePlacement:
     """The gesture space of one take.
 
     Args:
@@ -34,26 +34,26 @@ class Places:
     def __init__(self, style: Style, random: Random, intensity: float, temperature: float) -> None:
         self.style, self._random, self.intensity, self.temperature = style, random, intensity, temperature
 
-    def of(self, form: Form, effort: float, manner: EmotionModifier) -> list[Array]:
+    def of(self, form: Form, effort: float, modifier: EmotionModifier) -> list[Array]:
         """Poses of a form where this speaker, in this mood, would put them this time."""
-        style, free = self.style, self.temperature * (0.5 + 0.5 * manner.variety)
+        style, free = self.style, self.temperature * (0.5 + 0.5 * modifier.variety)
         table = [p.values() for p in form.poses]
         if form.anchored:
-            return [self._shaped(t, 0.0, effort, manner, free) for t in table]
+            return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
         shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
-        centre += (style.breadth + manner.breadth, style.height + manner.height, style.forward)
+        centre += (style.breadth + modifier.breadth, style.height + modifier.height, style.forward)
         centre += _SPACE
         scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
-        spread = min(1.0, 0.3 + 0.7 * manner.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
+        spread = min(1.0, 0.3 + 0.7 * modifier.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
         home = np.array([0.04, -0.62, 0.36])
         centre = home + (centre - home) * spread
         turn = self._random.gauss(0, 7) * free
         out = []
         for t in table:
-            pose = self._shaped(t, turn, effort, manner, free)
+            pose = self._shape_pose(t, turn, effort, modifier, free)
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[:3] = np.clip(pose[:3], *_BOX)
             in_front = 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))  # raised hands stay in front of the shoulder
@@ -61,15 +61,15 @@ class Places:
             out.append(pose)
         return out
 
-    def _shaped(self, table: Array, turn: float, effort: float, manner: EmotionModifier, free: float) -> Array:
+    def _shape_pose(self, table: Array, turn: float, effort: float, modifier: EmotionModifier, free: float) -> Array:
         """A pose where the table has it, turned and shaped by this speaker's hand."""
-        tension = float(np.clip(self.style.tension + manner.tension, 0, 1))
+        tension = float(np.clip(self.style.tension + modifier.tension, 0, 1))
         pose = table.copy()
         pose[4] += turn
         pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
         pose[7:19] = self._shape(pose[7:19], tension, free)
         pose[3] += self._random.gauss(0, 4) * free
-        pose[19] += manner.shrug
+        pose[19] += modifier.shrug
         return pose
 
     def _shape(self, shape: Array, tension: float, free: float) -> Array:
@@ -90,10 +90,10 @@ class Places:
         return out
 
 
-def stroke_time(a: Array, b: Array, tempo: float, manner: EmotionModifier) -> float:
+def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-    return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * manner.abrupt))
+    return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * modifier.abrupt))
 
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:

@@ -17,8 +17,8 @@ from cospeech.runtime.window_engine import WindowEngine  # noqa: E402
 from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
 from cospeech.training.export.window_graph import lower  # noqa: E402
 from runtime_bundles import random_arrays, small_sizes  # noqa: E402
-from test_chain_lowering import network  # noqa: E402
-from windowed_networks import KINDS, given, made_by, make_network  # noqa: E402
+from test_chain_onnx_export import network  # noqa: E402
+from windowed_networks import KINDS, given, make_network, run_network  # noqa: E402
 
 torch.set_num_threads(1)
 EDGE = 1e3  # bounds that no pose comes near
@@ -41,7 +41,7 @@ def test_a_graph_makes_what_its_network_makes(name, audio):
     engine = engine_of(net)
     for takes, frames in ((1, 64), (3, 96), (2, 32)):
         inputs = given(net, takes, frames, seed=frames)
-        wanted = made_by(net, *inputs)
+        wanted = run_network(net, *inputs)
         assert wanted.std() > 0.05
         assert off(engine.make(*inputs), wanted) <= 1e-4
 
@@ -50,10 +50,10 @@ def test_a_graph_makes_what_its_network_makes(name, audio):
 def test_takes_do_not_depend_on_each_other(name):
     net = make_network(name)
     engine = engine_of(net)
-    rows, style, nudge = given(net, 4, 64)
-    together = engine.make(rows, style, nudge)
+    rows, style, mode_noise = given(net, 4, 64)
+    together = engine.make(rows, style, mode_noise)
     for n in range(4):
-        assert off(engine.make(rows, style[n : n + 1], nudge[n : n + 1])[0], together[n]) < 1e-5
+        assert off(engine.make(rows, style[n : n + 1], mode_noise[n : n + 1])[0], together[n]) < 1e-5
     assert (off(together[0], together[1]) > 0.01) == bool(net.styles or net.modes)
 
 
@@ -107,11 +107,11 @@ def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio
     net = net.double()
     step, reach = sizes.multiple, sizes.reach
     frames = 2 * (-(-reach // step) + 1) * step
-    rows, style, nudge = (torch.from_numpy(x).double() for x in given(net, 1, frames))
+    rows, style, mode_noise = (torch.from_numpy(x).double() for x in given(net, 1, frames))
     rows = rows[None].requires_grad_()
     heard = []
     for frame in range(frames // 2, frames // 2 + step):
-        made = net.make(rows, style, nudge)[0, frame]
+        made = net.make(rows, style, mode_noise)[0, frame]
         (gradient,) = torch.autograd.grad(made.square().sum(), rows)
         at = gradient[0].abs().sum(-1).nonzero().ravel() - frame
         heard += [-int(at.min()), int(at.max())]

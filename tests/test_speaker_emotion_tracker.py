@@ -34,7 +34,7 @@ class Judge:
         return np.sum(around, 0)
 
 
-def ear(given=None, **kind) -> SpeakerEmotionTracker:
+def tracker(given=None, **kind) -> SpeakerEmotionTracker:
     return SpeakerEmotionTracker(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
 
 
@@ -67,7 +67,7 @@ LAG = REACH + BLOCK
 
 
 def test_the_course_is_what_the_logits_say():
-    rows, who = speech(80), ear()
+    rows, who = speech(80), tracker()
     who.push(rows)
     assert who.frames == (80 - REACH) // BLOCK * BLOCK
     assert who.lag == LAG
@@ -86,25 +86,25 @@ def test_the_course_is_what_the_logits_say():
 
 
 def test_before_anything_is_heard_it_may_be_anybody_and_is_neutral():
-    first = ear().shares(np.array([0.0, 3.0]))
+    first = tracker().shares(np.array([0.0, 3.0]))
     np.testing.assert_allclose(first[:, :SPEAKERS], 1 / SPEAKERS)
     np.testing.assert_array_equal(first[:, SPEAKERS:], [NEUTRAL, NEUTRAL])
-    who = ear()
+    who = tracker()
     who.push(speech(40))
     np.testing.assert_array_equal(who.shares(np.array([0, LAG - 1])), first)
 
 
 def test_silence_says_nothing():
-    who = ear()
+    who = tracker()
     who.push(np.repeat(QUIET[None], 400, 0))
-    np.testing.assert_allclose(who.shares(np.array([100, 390])), ear().shares(np.array([0, 0])), atol=1e-9)
+    np.testing.assert_allclose(who.shares(np.array([100, 390])), tracker().shares(np.array([0, 0])), atol=1e-9)
     assert who._engine.calls == []
 
 
 @pytest.mark.parametrize("sizes", [[1], [3], [7, 1], [64], [0, 2, 0, 5]], ids=str)
 def test_pieces_do_not_show(sizes):
     """What is said of a frame is the same as soon as that frame was heard, whatever came with it."""
-    rows, whole, parts, at, turn = speech(90), ear(), ear(), 0, 0
+    rows, whole, parts, at, turn = speech(90), tracker(), tracker(), 0, 0
     whole.push(rows)
     while at < len(rows):
         piece = rows[at : at + sizes[turn % len(sizes)]]
@@ -119,7 +119,7 @@ def test_pieces_do_not_show(sizes):
 
 def test_the_voice_is_followed_over_seconds():
     """A classifier that is sure: the speaker is judged over all that was heard, the mood over its last seconds."""
-    who, logits = ear(reach=0), np.zeros((200, SPEAKERS + 8))
+    who, logits = tracker(reach=0), np.zeros((200, SPEAKERS + 8))
     logits[:100, [0, SPEAKERS + 2]] = 9
     logits[100:, [1, SPEAKERS + 4]] = 9
     rows = np.zeros((200, AUDIO), np.float32)
@@ -139,27 +139,27 @@ def test_the_voice_is_followed_over_seconds():
 
 def test_what_is_given_is_played_and_not_heard():
     track = EmotionTrack([0, 4], np.eye(8)[[1, 3]])
-    who = ear(track)
+    who = tracker(track)
     who.push(speech(60))
     np.testing.assert_allclose(who.shares(np.array([20.0, 55.0]))[:, SPEAKERS:], track.at(np.array([2.0, 5.5])))
     np.testing.assert_allclose(who.at(np.array([1.0, 3.0])), track.at(np.array([1.0, 3.0])))
-    plain = ear()
+    plain = tracker()
     plain.push(speech(60))
     np.testing.assert_array_equal(who.shares(np.arange(60))[:, :SPEAKERS], plain.shares(np.arange(60))[:, :SPEAKERS])
     np.testing.assert_allclose(plain.at(np.arange(60) / FPS), plain.shares(np.arange(60))[:, SPEAKERS:], atol=1e-12)
 
 
 def test_without_a_classifier_nobody_is_heard():
-    who = ear(judges=False, reach=0)
+    who = tracker(judges=False, reach=0)
     who.push(speech(60))
-    np.testing.assert_allclose(who.shares(np.arange(60)), np.broadcast_to(ear().shares(np.array(0)), (60, SPEAKERS + 8)))
+    np.testing.assert_allclose(who.shares(np.arange(60)), np.broadcast_to(tracker().shares(np.array(0)), (60, SPEAKERS + 8)))
     assert not who.knows
-    assert not ear().knows  # what is heard is not what is played
-    assert ear(EmotionTrack.constant("anger"), judges=False, reach=0).knows
+    assert not tracker().knows  # what is heard is not what is played
+    assert tracker(EmotionTrack.constant("anger"), judges=False, reach=0).knows
 
 
 def test_memory_is_bounded_and_forgetting_does_not_show():
-    whole, short, rows = ear(), ear(), speech(6000)
+    whole, short, rows = tracker(), tracker(), speech(6000)
     whole.push(rows)
     for at in range(0, 6000, 50):
         short.push(rows[at : at + 50])

@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...files import describe_os_error
 from ...metrics import FeatureNet
 from ...motion.rotations import Array
-from ...training.recipe import SHIPPED, Recipe, changed, load_recipe, read_recipe
+from ...training.recipe import SHIPPED, Recipe, list_changes, load_recipe, read_recipe
 
 __all__ = ["FEATURES", "OMEGA", "SMALL", "PlayableRun", "Runs", "make_folder", "of_speakers"]
 
@@ -47,7 +47,7 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "fgd-autoencoder": {"model": {}, "train": {**_SHORT, "steps": 2000, "batch": 64}},
     **{name: {"model": _MIX, "train": _BRIEF} for name in ("mix-stage", "stage", "cmix-gan")},
     "mix_stage_pats_authors": {"model": {"curriculum": 7}, "train": {}},  # 1000 of 60,000 steps, as many of 400
-    "speech2gesture": {"model": {"channels": 16, "judge": 16}, "train": _BRIEF},
+    "speech2gesture": {"model": {"channels": 16, "discriminator_channels": 16}, "train": _BRIEF},
     "chain-of-generation": {
         "model": {**_CHAIN, "latent": 64, "classifier_steps": 150, "classifier_channels": 64},
         "train": _LSTM,
@@ -83,7 +83,7 @@ class PlayableRun:
     net: Any
     facts: Mapping[str, Any]
     statistics: Mapping[str, Array]
-    print: str
+    fingerprint: str
     stretches: Array | None = None
 
     @property
@@ -186,7 +186,7 @@ class Runs:
         return Store(self.folder)
 
     @property
-    def mark(self) -> str:
+    def fingerprint(self) -> str:
         """Tells this store from all others: corpus, poses, and a digest of its index and statistics."""
         store = self.store
         digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
@@ -195,9 +195,11 @@ class Runs:
     def place(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
         """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
         recipe = replace(self._recipe(name, seed, more), needs={})
-        told = changed(Recipe(recipe.model).to_dict(), recipe.to_dict())  # from the defaults: what is added later is no change
+        told = list_changes(
+            Recipe(recipe.model).to_dict(), recipe.to_dict()
+        )  # from the defaults: what is added later is no change
         own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *told]))
-        return Path(self.runs) / self.mark / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
+        return Path(self.runs) / self.fingerprint / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
 
     def recipe(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Recipe:
         """A recipe as it is trained here.
@@ -230,8 +232,10 @@ class Runs:
         if self.threads:
             texts.append(f"train.threads={self.threads}")
         recipe = load_recipe(path, texts)
-        if recipe.data.by_clip or any(recipe.config.get(key) for key in _UNPLAYED.get(recipe.model, ())):
-            raise InputError(f"a table's row {name!r} with data.by_clip or model.style", "tables are of the papers' systems")
+        if recipe.data.per_clip_normalisation or any(recipe.config.get(key) for key in _UNPLAYED.get(recipe.model, ())):
+            raise InputError(
+                f"a table's row {name!r} with data.per_clip_normalisation or model.style", "tables are of the papers' systems"
+            )
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
         return recipe
@@ -242,7 +246,7 @@ class Runs:
         for what, path in recipe.needs.items():
             if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
                 self.run(f"{OMEGA}_{self.store.corpus}")
-        if not self._done(folder, recipe):
+        if not self._is_done(folder, recipe):
             from ...training.train import train
 
             label = " ".join([f"{name}, seed {seed}", *more])
@@ -255,13 +259,13 @@ class Runs:
             train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
         return folder
 
-    def _done(self, folder: Path, recipe: Recipe) -> bool:
+    def _is_done(self, folder: Path, recipe: Recipe) -> bool:
         """Whether a run is there, of this recipe, with all its steps."""
         if not (folder / "last.safetensors").exists():
             return False
         from ...training.checkpoint import read_facts, read_tensors
 
-        differs = changed(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
+        differs = list_changes(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
         if any(not text.startswith("needs.") for text in differs):  # where the runs lay is no matter
             return False  # resuming says what differs
         return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.models.nn.adversarial_losses import JUDGINGS
+from cospeech.models.nn.adversarial_losses import ADVERSARIAL_LOSSES
 from cospeech.models.nn.gumbel import smooth_gumbel
 from cospeech.models.nn.objective import StepRandom
 from cospeech.runtime.mode_noise import SECONDS, SmoothGumbel
 
 
-@pytest.mark.parametrize("name", JUDGINGS)
+@pytest.mark.parametrize("name", ADVERSARIAL_LOSSES)
 def test_losses_draw_scores_the_way_they_say(name):
-    judging = JUDGINGS[name]
-    for loss, rises in ((judging.true, False), (judging.false, True), (judging.fooled, False)):
+    judging = ADVERSARIAL_LOSSES[name]
+    for loss, rises in ((judging.true, False), (judging.false, True), (judging.generator_loss, False)):
         scores = torch.tensor([0.4], requires_grad=True)
         loss(scores).backward()
         assert (scores.grad > 0) == rises
@@ -24,15 +24,15 @@ def test_losses_draw_scores_the_way_they_say(name):
 def test_logarithms_are_those_of_equation_7():
     scores = torch.linspace(-3, 3, 7)
     share = torch.sigmoid(scores)
-    found = JUDGINGS["logarithm"]
+    found = ADVERSARIAL_LOSSES["logarithm"]
     torch.testing.assert_close(found.true(scores), -torch.log(share).mean())
     torch.testing.assert_close(found.false(scores), -torch.log(1 - share).mean())
-    torch.testing.assert_close(found.fooled(scores), torch.log(1 - share).mean())
+    torch.testing.assert_close(found.generator_loss(scores), torch.log(1 - share).mean())
 
 
 def test_a_perfect_judge_loses_nothing():
     for name in ("distance", "squares"):
-        assert JUDGINGS[name].true(torch.ones(3)) == JUDGINGS[name].false(torch.zeros(3)) == 0
+        assert ADVERSARIAL_LOSSES[name].true(torch.ones(3)) == ADVERSARIAL_LOSSES[name].false(torch.zeros(3)) == 0
 
 
 def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():

@@ -33,7 +33,7 @@ def chain(**changes: Any) -> ChainOfGeneration:
 
 
 def live(**changes: Any) -> ChainLive:
-    own = {name: changes.pop(name) for name in ("look_ahead", "pooled") if name in changes}
+    own = {name: changes.pop(name) for name in ("look_ahead", "pooling_window") if name in changes}
     teacher = chain(**changes)
     config = ChainLive.Config(**(_CHAIN | {"look_ahead": 5} | own | changes))
     return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
@@ -41,7 +41,7 @@ def live(**changes: Any) -> ChainLive:
 
 def asked(**changes: Any) -> ChainOfGeneration:
     """That was trained to be given faces and seed poses, and to do without."""
-    return chain(faced=0.3, unseeded=0.7, **changes)
+    return chain(face_teacher_forcing=0.3, seed_dropout=0.7, **changes)
 
 
 def many(kind: type, config: type, **changes: Any) -> Any:
@@ -58,9 +58,9 @@ CASES = {
     "chain that is given": lambda: asked(noise=2),
     "chain that is given, without noise": lambda: asked(),
     "live": lambda: live(),
-    "live of one that is given": lambda: live(noise=3, faced=0.3, unseeded=0.7),
+    "live of one that is given": lambda: live(noise=3, face_teacher_forcing=0.3, seed_dropout=0.7),
     "live with noise": lambda: live(noise=4),
-    "live, far ahead": lambda: live(noise=1, look_ahead=9, pooled=3),
+    "live, far ahead": lambda: live(noise=1, look_ahead=9, pooling_window=3),
     "camn": lambda: many(Camn, CamnConfig),
     "camn, deep": lambda: many(Camn, CamnConfig, layers=3),
     "multi-context": lambda: many(MultiContext, MultiContextConfig),
@@ -97,7 +97,7 @@ def material(who: ChainEngine, takes: int, frames: int) -> list[np.ndarray]:
 
 
 @torch.no_grad()
-def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """(N, T, D) of PyTorch."""
     heard = torch.from_numpy(rows).expand(len(style), -1, -1)
     made: np.ndarray = net.make(heard, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
@@ -109,7 +109,7 @@ def made_by(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) ->
 def test_windows(name, frames):
     net, who = network(name), engine(name)
     given = material(who, 3, frames)
-    wanted = made_by(getattr(net, "teacher", net), *given)
+    wanted = run_exported(getattr(net, "teacher", net), *given)
     made = who.windows.make(*given)
     assert wanted.std() > 0.01
     np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
@@ -131,7 +131,7 @@ def test_faces_and_seed_poses(name):
     begun = (np.arange(frames) < 4)[:, None]
     given = {"face": np.concatenate([face * known, known], 1), "seed": np.concatenate([poses * begun, begun], 1)}
     heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
-    seeds = net.seeded(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
+    seeds = net.mask_seeds(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
     seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
     plain = who.windows.make(rows, style, noise)
     for names in (("face",), ("seed",), ("face", "seed")):
@@ -159,7 +159,7 @@ def test_frame_by_frame(name):
     net, who = network(name), engine(name)
     frames, delay = 60, who.sizes.look_ahead
     rows, style, noise = material(who, 3, frames)
-    wanted, under_way, made = made_by(net, rows, style, noise), who.live(3), []
+    wanted, under_way, made = run_exported(net, rows, style, noise), who.live(3), []
     for k in range(frames + delay):
         k = min(k, frames - 1)
         made.append(under_way.frame(rows[k], style[:, k], noise[:, k]))
@@ -181,7 +181,7 @@ def test_who_speaks_and_how(name):
 
 
 def test_what_each_has():
-    assert {name for name in CASES if engine(name).judges} == {name for name in CASES if "chain" in name or "live" in name}
+    assert {name for name in CASES if engine(name).adversarial} == {name for name in CASES if "chain" in name or "live" in name}
     assert {name for name in CASES if engine(name).lives} == {name for name in CASES if "live" in name}
     sizes = engine("live, far ahead").sizes
     assert (sizes.look_ahead, sizes.noise, sizes.words, sizes.speakers) == (9, 1, 5, SPEAKERS)

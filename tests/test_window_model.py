@@ -1,4 +1,4 @@
-"""Systems of windows on stage: the calls of every gesturer, styles, examples, changes of style, streams to the bit."""
+"""Systems of windows that play: the calls of every model, styles, examples, changes of style, streams to the bit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.style import CodeSource
 from cospeech.runtime.style_measures import stretches
-from cospeech.runtime.window_style import example_window, mixture, named_window, plays_mixtures
+from cospeech.runtime.window_style import embed_window_speaker, example_window, mixture, plays_mixtures
 from fake_windows import whole_system
 from runtime_bundles import changed, cut, same, talk
 
@@ -114,7 +114,7 @@ def test_intensity_scales_from_the_style_s_mean_pose():
     options = {"style": "ada:0.5,ben:0.5", "parts": BODY}
     still, half, full = (gesturer().generate(speech, intensity=k, **options).root for k in (0.0, 0.5, 1.0))
     assert np.ptp(still, 0).max() < 1e-6
-    mean = s.centres[:2].mean(0) * s.pose_std + s.pose_mean
+    mean = s.speaker_mean[:2].mean(0) * s.pose_std + s.pose_mean
     np.testing.assert_allclose((still[0] - humanoid().offsets[0])[[0, 2]], mean[[0, 2]], atol=1e-5)
     np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
 
@@ -169,7 +169,7 @@ def test_styles_are_speakers_and_mixtures():
     poses = []
     system = whole_system()
     engine, make = system.engine, system.engine.make
-    engine.make = lambda rows, style, nudge: poses.append(style) or make(rows, style, nudge)
+    engine.make = lambda rows, style, mode_noise: poses.append(style) or make(rows, style, mode_noise)
     try:
         gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
     finally:
@@ -187,21 +187,21 @@ def test_a_name_has_no_mixture_and_a_mixture_is_told():
 
 def test_an_example_is_the_nearest_mixture():
     system, clip = whole_system(), acted()
-    manner = example_window(system, clip)
-    (poses,) = manner.shown
+    embedding = example_window(system, clip)
+    (poses,) = embedding.poses
     windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
     assert len(windows) > 3
     wanted = np.mean([system.engine.style_of(window) for window in windows], 0)
-    np.testing.assert_allclose(manner.code, wanted, atol=1e-6)
-    assert manner.code.min() >= 0
-    assert manner.code.sum() == pytest.approx(1)
-    np.testing.assert_allclose(manner.centre, wanted @ system.statistics.centres, atol=1e-6)
+    np.testing.assert_allclose(embedding.code, wanted, atol=1e-6)
+    assert embedding.code.min() >= 0
+    assert embedding.code.sum() == pytest.approx(1)
+    np.testing.assert_allclose(embedding.speaker_mean, wanted @ system.statistics.speaker_mean, atol=1e-6)
     session = gesturer().session(style=clip)
     weights = {name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005}
     assert session.style_mixture == weights
     assert list(session.style_mixture.values()) == sorted(weights.values(), reverse=True)
     speech = talk(1.5)
-    spelt = dict(zip(system.styles, map(float, manner.code), strict=True))
+    spelt = dict(zip(system.styles, map(float, embedding.code), strict=True))
     np.testing.assert_allclose(
         gesturer().generate(speech, style=clip, parts=BODY).rotations,
         gesturer().generate(speech, style=spelt, parts=BODY).rotations,
@@ -221,10 +221,10 @@ def test_examples_mix_with_names():
 
 def test_a_free_code_goes_with_the_example_s_own_mean_pose():
     system = whole_system(styles="code")
-    manner = example_window(system, acted())
+    embedding = example_window(system, acted())
     assert not plays_mixtures(system)
-    np.testing.assert_allclose(manner.centre, manner.shown[0].mean(0), atol=1e-5)
-    assert mixture(system, ((1.0, manner),)) is None
+    np.testing.assert_allclose(embedding.speaker_mean, embedding.poses[0].mean(0), atol=1e-5)
+    assert mixture(system, ((1.0, embedding),)) is None
     assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
     assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
 
@@ -265,9 +265,9 @@ def test_examples_that_are_too_short_or_of_no_use(tmp_path):
 
 def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
     system = whole_system(fps=5.0)  # ten seconds would be 50 frames
-    manner = example_window(system, Motion.concatenate([acted()] * 20))
-    assert {len(poses) for poses in manner.shown} <= {64, 65}
-    assert len(manner.shown) == 12
+    embedding = example_window(system, Motion.concatenate([acted()] * 20))
+    assert {len(poses) for poses in embedding.poses} <= {64, 65}
+    assert len(embedding.poses) == 12
 
 
 def test_stretches_overlap_by_half_and_reach_the_end():
@@ -365,9 +365,9 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
 def test_named_styles_are_rows_of_codes():
     system = whole_system(styles="code")
     for k, name in enumerate(system.styles):
-        manner = named_window(system, name)
-        assert (manner.code == system.statistics.codes[k]).all()
-        assert (manner.centre == system.statistics.centres[k]).all()
+        embedding = embed_window_speaker(system, name)
+        assert (embedding.code == system.statistics.codes[k]).all()
+        assert (embedding.speaker_mean == system.statistics.speaker_mean[k]).all()
 
 
 def test_a_bundle_on_stage(tmp_path, monkeypatch):

@@ -121,9 +121,9 @@ def test_the_network_sees_poses_as_it_would_have_made_them():
     engine = gesturer(seed=5).system.engine.windows
     make = engine.make
 
-    def watched(rows, style, nudge, *, more=None):
+    def watched(rows, style, mode_noise, *, more=None):
         seen.append((len(rows), dict(more or {})))
-        return make(rows, style, nudge, more=more)
+        return make(rows, style, mode_noise, more=more)
 
     engine.make = watched
     session = gesturer(seed=5).session(continue_from=shown, parts=BODY, style="ada", **WHOLE)
@@ -136,7 +136,7 @@ def test_the_network_sees_poses_as_it_would_have_made_them():
     assert not first["seed"][SEEDS:].any()
     assert [more for _, more in later] == [{}] * len(later)
     assert later
-    centre, made, gain = session._player._scales(np.zeros(1, int))
+    centre, made, gain = session._decoder._scales(np.zeros(1, int))
     back = centre + gain * (first["seed"][:SEEDS, :-1] - made)
     poses = poses_before(gesturer(seed=5).system, shown, SEEDS)
     inside = np.abs(first["seed"][:SEEDS, :-1]) < 2.9  # not at the bounds of what is made

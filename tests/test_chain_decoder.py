@@ -16,7 +16,7 @@ from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder, ChainPlayer, OverlapAddDecoder, sections
 from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain
-from cospeech.runtime.chain_style import mixture_chain, named_chain
+from cospeech.runtime.chain_style import embed_chain_speaker, mixture_chain
 from cospeech.runtime.crossfade import FADE
 from cospeech.runtime.mode_noise import SmoothGumbel
 from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
@@ -35,7 +35,7 @@ QUIET = np.zeros((1, SIZES.rows), np.float32)
 
 
 def blend(**shares: float):
-    return tuple((share, named_chain(system(), name)) for name, share in shares.items())
+    return tuple((share, embed_chain_speaker(system(), name)) for name, share in shares.items())
 
 
 ADA, BEN, VOICED = blend(ada=1.0), blend(ben=1.0), blend(**{VOICE: 1.0})
@@ -47,8 +47,8 @@ def speech(frames: int, seed: int = 0) -> np.ndarray:
 
 def player(kind: type[ChainPlayer], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> ChainPlayer:
     of = of or system()
-    ear = SpeakerEmotionTracker(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
-    return kind(of, style, seeds, QUIET, ear, **options)
+    tracker = SpeakerEmotionTracker(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
+    return kind(of, style, seeds, QUIET, tracker, **options)
 
 
 def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
@@ -63,9 +63,9 @@ def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
 
 def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """(n, S + 8) what the voice says of these frames; silence follows the speech."""
-    ear = SpeakerEmotionTracker(system().engine, FPS, QUIET[0, : SIZES.audio])
-    ear.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, : SIZES.audio])
-    return ear.shares(frames)
+    tracker = SpeakerEmotionTracker(system().engine, FPS, QUIET[0, : SIZES.audio])
+    tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, : SIZES.audio])
+    return tracker.shares(frames)
 
 
 @pytest.mark.parametrize("frames", [1, 2, LOOK_AHEAD, 40])
@@ -74,7 +74,7 @@ def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
     made = played(player(CausalStreamDecoder, VOICED, seeds=(3, 4)), rows)
     style = heard(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
     drawn = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
-    noise = system().statistics.strays[1] * drawn
+    noise = system().statistics.noise_gain[1] * drawn
     live, wanted = system().engine.live(2), []
     for k, row in enumerate(np.concatenate([rows, np.repeat(QUIET, LOOK_AHEAD, 0)])):
         wanted.append(live.frame(row, np.broadcast_to(style[k], (2, SIZES.style)), noise[:, k]))
@@ -109,11 +109,11 @@ def test_pieces_do_not_show(kind, style):
     whole = played(who, rows)
     assert whole.shape == (2, 150, SIZES.pose)
     at = np.arange(0, 149, 0.5)
-    units = who.units(whole[:, :1].repeat(len(at), 1), at)
+    units = who.denormalise(whole[:, :1].repeat(len(at), 1), at)
     for sizes in ([1], [7], [0, 1, 2, 0, 90, 5], [149, 1]):
         other = player(kind, style, seeds=(3, 4))
         assert played(other, rows, sizes).tobytes() == whole.tobytes()
-        assert other.units(whole[:, :1].repeat(len(at), 1), at).tobytes() == units.tobytes()
+        assert other.denormalise(whole[:, :1].repeat(len(at), 1), at).tobytes() == units.tobytes()
         assert other.speaker == who.speaker
 
 
@@ -219,9 +219,9 @@ def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
     played(who, speech(30))
     poses = np.random.default_rng(0).normal(size=(1, 4, SIZES.pose)).astype(np.float32)
     shares = np.array([0.25, 0.75])
-    made, gains = (s.live_made, s.live_gains) if kind is CausalStreamDecoder else (s.made, s.gains)
-    wanted = shares @ s.centres + 0.5 * (shares @ gains) * (poses - shares @ made)
-    np.testing.assert_allclose(who.units(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
+    made, gains = (s.live_model_mean, s.live_style_gain) if kind is CausalStreamDecoder else (s.model_mean, s.style_gain)
+    wanted = shares @ s.speaker_mean + 0.5 * (shares @ gains) * (poses - shares @ made)
+    np.testing.assert_allclose(who.denormalise(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -230,13 +230,13 @@ def test_what_is_kept_does_not_grow(kind):
     for at in range(0, 3000, 100):
         who.push(rows[at : at + 100])
         who.restyle(BEN if at % 200 else ADA, at + 100)
-        assert len(who._ear._course) < 10 * FPS + 150
+        assert len(who._tracker._course) < 10 * FPS + 150
         assert len(who._asked.layers) < 8
 
 
 def test_who_knows_no_emotion_says_so():
     assert player(CausalStreamDecoder).moods is None  # what it hears is reported, and not played
-    plain = system(judges=False)
+    plain = system(adversarial=False)
     assert player(CausalStreamDecoder, of=plain).moods is None
     assert player(CausalStreamDecoder, of=plain).speaker is None
     assert player(CausalStreamDecoder, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None

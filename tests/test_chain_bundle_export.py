@@ -30,8 +30,10 @@ from runtime_bundles import cut, same  # noqa: E402
 FPS = 12.0
 _SMALL = {"frames": 16, "hidden": 8, "layers": 1, "word_width": 5}
 _CHAIN = _SMALL | {"latent": 8, "reduction": 4, "text_channels": 6, "classifier_channels": 6, "classifier_steps": 2, "noise": 2}
-_CHAIN |= {"unseeded": 0.5, "faced": 0.5}
-_LIVE = {name: value for name, value in _CHAIN.items() if name not in ("unseeded", "faced")} | {"look_ahead": 3}
+_CHAIN |= {"seed_dropout": 0.5, "face_teacher_forcing": 0.5}
+_LIVE = {name: value for name, value in _CHAIN.items() if name not in ("seed_dropout", "face_teacher_forcing")} | {
+    "look_ahead": 3
+}
 _MANY = _SMALL | {"audio": 8, "text": 8, "face": 6}
 MODELS = {
     "chain-of-generation": _CHAIN, "chain-of-generation-live": _LIVE, "camn": _MANY | {"semantic": False},
@@ -87,7 +89,7 @@ def run_of(store, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def player_of(run_of):
-    """Makes a bundle of each run, once, and puts it on stage."""
+    """Makes a bundle of each run, once, and opens it."""
     made = {}
 
     def player(name):
@@ -106,7 +108,7 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
     system = player.system
     assert system.styles == (("big", "small", VOICE) if name in JUDGES else ("big", "small"))
     assert player.default_style == (VOICE if name in JUDGES else "big")
-    assert (system.fps, system.pose, system.engine.judges) == (FPS, "expmap-humanoid", name in JUDGES)
+    assert (system.fps, system.pose, system.engine.classifies) == (FPS, "expmap-humanoid", name in JUDGES)
     assert system.engine.lives == name.endswith("live")
     assert player.system.engine.sizes.words == 5
     for look_ahead in (None, inf):
@@ -142,10 +144,10 @@ def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
 
 def test_by_how_much_noise_is_multiplied_is_measured(player_of):
     for name in MODELS:
-        strays = player_of(name).system.statistics.strays
-        assert strays.shape == (2,)
-        assert ((strays >= 1) & (strays <= 5)).all()
-        assert name in NOISY or (strays == 1).all()
+        noise_gain = player_of(name).system.statistics.noise_gain
+        assert noise_gain.shape == (2,)
+        assert ((noise_gain >= 1) & (noise_gain <= 5)).all()
+        assert name in NOISY or (noise_gain == 1).all()
 
 
 def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
@@ -156,7 +158,7 @@ def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
     assert not (tmp_path / "it.cospeech").exists()
 
 
-@pytest.mark.parametrize("part", ["attention", "styled"])
+@pytest.mark.parametrize("part", ["attention", "style_injection"])
 def test_a_row_of_a_table_is_no_system(store, tmp_path, part):
     run = trained(store, tmp_path / "run", "chain-of-generation", config={part: False})
     with pytest.raises(InputError, match="without attention or style"):

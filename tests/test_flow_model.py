@@ -1,4 +1,4 @@
-"""Bundles on stage: the calls of every gesturer, streams and takes to the bit, parts, options."""
+"""Bundles that play: the calls of every model, streams and takes to the bit, parts, options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.mouth import shipped_mouth
+from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
 from runtime_bundles import changed, cut, same, talk, write_small
@@ -102,7 +102,7 @@ def test_parts_rest():
     assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
     face = gesturer().generate(speech, parts=("face",))
     assert (face.rotations[:, BODY + FINGERS] == rest).all()
-    ruled = RuleBasedModel(shipped_mouth).generate(speech, parts=("face",))
+    ruled = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
     assert np.array_equal(face.face, ruled.face)
     assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
 
@@ -113,7 +113,7 @@ def test_intensity_scales_from_the_mean_pose():
     assert np.ptp(still, 0).max() < 1e-6
     s = gesturer().system.statistics
     away = (still[0] - humanoid().offsets[0])[[0, 2]]  # not the height: legs may be too short for it
-    mean = s.centres[0] * s.pose_std + s.pose_mean
+    mean = s.speaker_mean[0] * s.pose_std + s.pose_mean
     np.testing.assert_allclose(away, mean[[0, 2]], atol=1e-5)
     np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
 
@@ -126,7 +126,7 @@ def test_styles_are_speakers_and_mixtures():
     mixed, other = (source(s) for s in ("ada:3, ben:1", "ben"))
     s = gesturer().system.statistics
     np.testing.assert_allclose(mixed.style, 0.75 * s.styles[0] + 0.25 * s.styles[1], atol=1e-6)
-    np.testing.assert_allclose(other.centre, s.centres[1])
+    np.testing.assert_allclose(other.speaker_mean, s.speaker_mean[1])
     begun = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
     assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
     assert gesturer().styles == ("ada", "ben")
@@ -143,7 +143,7 @@ def test_style_controls(tmp_path):
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
     session = controlled.session(style="hand_speed:0.25")
     table = controlled.system.statistics.controls
-    np.testing.assert_allclose(session._listener.quiet[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
+    np.testing.assert_allclose(session._frontend.silence[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
             controlled.session(style=wrong)
@@ -253,30 +253,30 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     """Frame by frame on the engine, with codes and mean poses that are faded by hand."""
     system, frames, start, seeds = gesturer().system, 60, 21, (3, 4)
     sizes, s = system.engine.sizes, system.statistics
-    rng, after = np.random.default_rng(0), sizes.heard - 1 - sizes.history
-    rows, quiet = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
+    rng, after = np.random.default_rng(0), sizes.speech_frames - 1 - sizes.history
+    rows, silence = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
 
-    def casting(blend):
+    def make_sources(blend):
         return [CodeSource(system, blend, seed=seed) for seed in seeds]
 
     ada, mixed = (Styles(system).blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
-    player = AutoregressiveDecoder(system, casting, ada, quiet, intensity=0.5)
+    player = AutoregressiveDecoder(system, make_sources, ada, silence, intensity=0.5)
     made = [player.push(rows[:start])]
     player.restyle(mixed, start)
     made += [player.push(rows[start:40])]
-    placed = player.units(np.concatenate(made, 1), at := np.arange(40 - after))
-    made = np.concatenate([*made, player.push(rows[40:]), player.finish(quiet)], 1)
+    placed = player.denormalise(np.concatenate(made, 1), at := np.arange(40 - after))
+    made = np.concatenate([*made, player.push(rows[40:]), player.finish(silence)], 1)
 
-    sources = casting(ada)
+    sources = make_sources(ada)
     takes = system.engine.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
-    heard = np.concatenate([np.repeat(quiet, sizes.history, 0), rows, np.repeat(quiet, after, 0)])
+    heard = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
     windows, z = system.engine.windows(heard), np.stack([x.draw(frames) for x in sources])
     u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
     share = 0.75 * (3 * u**2 - 2 * u**3)
     for f in range(frames):
         takes.styles[:] = (1 - share[f]) * s.styles[0] + share[f] * s.styles[1]
         np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
-    centres = (1 - share) * s.centres[0] + share * s.centres[1]
+    centres = (1 - share) * s.speaker_mean[0] + share * s.speaker_mean[1]
     wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
     np.testing.assert_allclose(placed, wanted[:, at], atol=1e-5)
 
@@ -286,24 +286,24 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     system = gesturer().system
     rng, width = np.random.default_rng(0), system.engine.sizes.pose
     own = {
-        "spreads": rng.uniform(0.5, 2, (2, width)),
-        "made_mean": rng.normal(size=width),
-        "made_std": rng.uniform(1, 2, width),
+        "style_gain": rng.uniform(0.5, 2, (2, width)),
+        "model_mean": rng.normal(size=width),
+        "model_std": rng.uniform(1, 2, width),
     }
     s = replace(system.statistics, **{name: value.astype(np.float32) for name, value in own.items()})
     system = replace(system, statistics=s)
 
-    def casting(blend):
+    def make_sources(blend):
         return [CodeSource(system, blend, seed=1)]
 
     ada, ben = (Styles(system).blend(name) for name in ("ada", "ben"))
-    player = AutoregressiveDecoder(system, casting, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
+    player = AutoregressiveDecoder(system, make_sources, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
-    found = (player.units(poses, at) - s.pose_mean) / s.pose_std
+    found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
     for k, share in enumerate((0.0, 0.5, 1.0)):
-        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.centres, s.spreads))
-        wanted = centre + (poses[:, k] - s.made_mean) / s.made_std * spread
+        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.style_gain))
+        wanted = centre + (poses[:, k] - s.model_mean) / s.model_std * spread
         np.testing.assert_allclose(found[:, k], wanted, atol=1e-4)
 
 
@@ -316,9 +316,9 @@ def test_style_controls_change_with_the_style(tmp_path):
     table, session = player.system.statistics.controls, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")
-    listener = session._listener
-    rows = np.concatenate([listener.push(cut(speech, [16_000])[1]), listener.finish()])
-    first = listener.frames - len(rows)
+    frontend = session._frontend
+    rows = np.concatenate([frontend.push(cut(speech, [16_000])[1]), frontend.finish()])
+    first = frontend.frames - len(rows)
     assert rows[20 - first, -1] == table[50, 1]  # at the change itself nothing has changed yet
     assert (rows[30 - first :, -1] == table[95, 1]).all()
     assert rows[25 - first, -1] == pytest.approx((table[50, 1] + table[95, 1]) / 2, abs=1e-5)

@@ -13,7 +13,7 @@ from cospeech.runtime.crossfade import FADE, Crossfade
 from cospeech.runtime.mode_noise import SmoothGumbel
 from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
 from cospeech.runtime.window_layout import WindowLayout
-from cospeech.runtime.window_style import named_window
+from cospeech.runtime.window_style import embed_window_speaker
 from fake_windows import NAMES, fake_sizes, fake_system
 
 SYSTEM = fake_system()
@@ -24,7 +24,7 @@ SETTINGS = {"live": live(SIZES), "small": SMALL, "whole": whole(SIZES), "abrupt"
 
 
 def blend(**shares: float):
-    return tuple((share, named_window(SYSTEM, name)) for name, share in shares.items())
+    return tuple((share, embed_window_speaker(SYSTEM, name)) for name, share in shares.items())
 
 
 ADA, BEN, MIXED = blend(ada=1.0), blend(ben=1.0), blend(ada=0.7, cleo=0.3)
@@ -61,7 +61,7 @@ def codes_of(frames: np.ndarray, track: list[tuple[int, np.ndarray]]) -> np.ndar
 
 
 def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int = 64) -> np.ndarray:
-    """What the network makes of the whole speech at once, with silence around it and without a nudge."""
+    """What the network makes of the whole speech at once, with silence around it and without noise."""
     fill = -len(rows) % SIZES.multiple
     heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around + fill, 0)])
     style = codes_of(np.arange(len(heard)) - around, track)[None]
@@ -252,7 +252,7 @@ def test_fading_takes_over_to_the_bit():
     track = Crossfade(np.full((1, 1, 1), 0.1, np.float32), fps=20)
     track.change(np.full((1, 1, 1), 0.7, np.float32), 10)
     at = np.arange(0, 25, 0.25)
-    mixed = track.mixed(lambda value: value, at)[0, :, 0]
+    mixed = track.mix(lambda value: value, at)[0, :, 0]
     assert (mixed[at <= 10] == np.float32(0.1)).all()
     assert (mixed[at >= 20] == np.float32(0.7)).all()
     assert (np.diff(mixed) >= 0).all()
@@ -265,7 +265,7 @@ def test_fading_takes_over_to_the_bit():
     assert len(track.layers) == 2
     track.forget(20)
     assert [start for start, _ in track.layers] == [10]
-    assert track.mixed(lambda value: value, at).ravel() == np.float32(0.7)
+    assert track.mix(lambda value: value, at).ravel() == np.float32(0.7)
 
 
 def test_intensity_scales_around_the_style_s_mean_pose():
@@ -273,18 +273,18 @@ def test_intensity_scales_around_the_style_s_mean_pose():
     at, poses = np.arange(60.0), {}
     for intensity in (0.0, 0.5, 1.0, 2.0):
         who = player(style=MIXED, intensity=intensity)
-        poses[intensity] = who.units(played(who, rows), at)
-    centre = (0.7 * s.centres[0] + 0.3 * s.centres[2]) * s.pose_std + s.pose_mean
+        poses[intensity] = who.denormalise(played(who, rows), at)
+    centre = (0.7 * s.speaker_mean[0] + 0.3 * s.speaker_mean[2]) * s.pose_std + s.pose_mean
     np.testing.assert_allclose(poses[0.0], np.broadcast_to(centre, poses[0.0].shape), atol=1e-6)
-    gain, made = (0.7 * x[0] + 0.3 * x[2] for x in (s.gains, s.made))
+    gain, made = (0.7 * x[0] + 0.3 * x[2] for x in (s.style_gain, s.model_mean))
     sized = gain * (played(player(style=MIXED), rows) - made) * s.pose_std  # as the speakers' own movement is
     np.testing.assert_allclose(poses[1.0], sized + centre, atol=1e-6)
     np.testing.assert_allclose(poses[0.5] - centre, (poses[1.0] - centre) / 2, atol=1e-6)
     np.testing.assert_allclose(poses[2.0] - centre, (poses[1.0] - centre) * 2, atol=1e-6)
     who = player(intensity=0.0)
     who.restyle(BEN, 20)
-    still = (who.units(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std
-    np.testing.assert_allclose(still, codes_of(at, [(0, np.eye(3)[0]), (20, np.eye(3)[1])]) @ s.centres, atol=1e-5)
+    still = (who.denormalise(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std
+    np.testing.assert_allclose(still, codes_of(at, [(0, np.eye(3)[0]), (20, np.eye(3)[1])]) @ s.speaker_mean, atol=1e-5)
 
 
 # takes -------------------------------------------------------------------------------------------------------------------
@@ -326,9 +326,11 @@ def test_a_free_code_is_moved_for_good():
     codes = np.array([[1.0, 0], [0, 5], [-1, 1]])
     sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
     system = fake_system(sizes, codes=codes)
-    ada = ((1.0, named_window(system, "ada")),)
+    ada = ((1.0, embed_window_speaker(system, "ada")),)
     codes_played = []
-    system.engine.make = lambda rows, style, nudge: codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    system.engine.make = lambda rows, style, mode_noise: (
+        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    )
     played(SlidingWindowDecoder(system, SMALL, ada, range(500), QUIET), speech(9))
     moved = codes_played[0][:, 0] - codes[0]
     assert all((style == codes_played[0]).all() for style in codes_played)
@@ -342,9 +344,11 @@ def test_a_free_code_is_moved_for_good():
 def test_a_free_code_is_one_for_a_window():
     sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
     system = fake_system(sizes, codes=np.array([[1.0, 0], [0, 5], [-1, 1]]))
-    ada, ben = (((1.0, named_window(system, name)),) for name in NAMES[:2])
+    ada, ben = (((1.0, embed_window_speaker(system, name)),) for name in NAMES[:2])
     codes_played = []
-    system.engine.make = lambda rows, style, nudge: codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    system.engine.make = lambda rows, style, mode_noise: (
+        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    )
     who = SlidingWindowDecoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
     who.push(speech(20))
     who.restyle(ben, 20)
@@ -358,7 +362,7 @@ def test_a_free_code_is_one_for_a_window():
 @pytest.mark.parametrize("styles", [0, 3])
 def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
     system = fake_system(fake_sizes(styles=styles, modes=0), codes=np.eye(3)[:, :styles])
-    ada = ((1.0, named_window(system, "ada")),)
+    ada = ((1.0, embed_window_speaker(system, "ada")),)
     takes = played(SlidingWindowDecoder(system, SMALL, ada, [1, 2], QUIET), speech(50))
     assert takes[0].tobytes() == takes[1].tobytes()
 
@@ -429,7 +433,7 @@ def test_networks_are_played_as_they_are(name):
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
     from cospeech.runtime.window_engine import WindowEngine
     from cospeech.training.export.window_graph import lower
-    from windowed_networks import given, made_by, make_network
+    from windowed_networks import given, make_network, run_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
     low = lower(net)
@@ -437,12 +441,12 @@ def test_networks_are_played_as_they_are(name):
     engine = WindowEngine(low.sizes, low.weights, low.graphs, np.full(96, -1e3), np.full(96, 1e3))
     system = replace(system, engine=engine)
     rows, *_ = given(net, 1, 300)
-    quiet, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, named_window(system, "ben")),)
+    silence, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, embed_window_speaker(system, "ben")),)
     for setting in (live(low.sizes), whole(low.sizes)):
 
         def made(*seeds, setting=setting, **options):
-            who = SlidingWindowDecoder(system, setting, ben, seeds, quiet, **options)
-            return np.concatenate([who.push(rows), who.finish(quiet)], 1)
+            who = SlidingWindowDecoder(system, setting, ben, seeds, silence, **options)
+            return np.concatenate([who.push(rows), who.finish(silence)], 1)
 
         together = made(*range(8))
         assert together.shape == (8, 300, 96)
@@ -451,8 +455,8 @@ def test_networks_are_played_as_they_are(name):
         assert (np.abs(together[0] - together[1]).max() > 1e-3) == (name not in ("stage", "speech2gesture"))
     if low.sizes.reach is not None:
         around = whole(low.sizes).ahead
-        heard = np.concatenate([np.repeat(quiet, around, 0), rows, np.repeat(quiet, around + -300 % low.sizes.multiple, 0)])
+        heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % low.sizes.multiple, 0)])
         style = np.zeros((1, len(heard), low.sizes.styles), np.float32)
         style[..., 1:2] = 1
-        wanted = made_by(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
+        wanted = run_network(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
         np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

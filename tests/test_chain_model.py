@@ -1,4 +1,4 @@
-"""Chains on stage: the calls of every gesturer; words, emotions and speakers given or heard; streams to the bit; files."""
+"""Chains that play: the calls of every model; words, emotions and speakers given or heard; streams to the bit; files."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_a_mood_that_is_heard_is_reported_and_not_played():
     list(session.finish())
     np.testing.assert_allclose(sum(session.emotion.values()), 1)
     assert session.emotion["neutral"] < 0.9  # the classifier's, and not the rules'
-    assert session.emotion != gesturer(judges=False).session().emotion
+    assert session.emotion != gesturer(adversarial=False).session().emotion
     assert session.played == {name: float(name == "neutral") for name in EMOTIONS}
     assert -1 <= session.arousal <= 1
     named = gesturer().session(emotion="anger")
@@ -159,7 +159,7 @@ def test_who_speaks_is_told_and_played():
     list(session.finish())
     assert set(session.speaker) == set(NAMES)
     assert sum(session.speaker.values()) == pytest.approx(1)
-    assert gesturer(judges=False).session().speaker is None
+    assert gesturer(adversarial=False).session().speaker is None
     ada, ben, voice, mixed = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
     assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixed, ada)) > 1e-3
     assert same(mixed, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))
@@ -246,7 +246,7 @@ def test_memory_does_not_grow_with_the_speech():
         for chunk in minute.chunks(2.0):
             list(session.push(chunk))
         if number in (0, 9):
-            kept.append(size({k: v for k, v in vars(session).items() if k in ("_player", "_listener", "_sampled")}, set()))
+            kept.append(size({k: v for k, v in vars(session).items() if k in ("_decoder", "_frontend", "_sampled")}, set()))
     assert kept[1] < 1.05 * kept[0] + 10_000
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cospeech.corpora import hdf5_lmdb as module
-from cospeech.corpora.hdf5_lmdb import Vault
+from cospeech.corpora.hdf5_lmdb import Hdf5LmdbReader
 from cospeech.errors import InputError
 
 h5py = pytest.importorskip("h5py", reason="needs cospeech[corpora]")
@@ -31,53 +31,53 @@ def file(tmp_path) -> Path:
 
 
 def test_all_of_a_file(file):
-    with Vault("hdf5") as vault:
-        data, groups = vault.hdf5(file)
+    with Hdf5LmdbReader("hdf5") as reader:
+        data, groups = reader.hdf5(file)
         assert set(data) == {"a/numbers", "a/text", "b/alone", "b/pairs"}
         assert data["a/numbers"].value.dtype == np.float32
         assert data["a/numbers"].value.tolist() == [[0, 1, 2], [3, 4, 5]]
         assert (data["a/text"].value, data["b/alone"].value) == (["né", "b"], ["one"])
         assert data["b/pairs"].value["x"].tolist() == [[2.5]]
         assert groups["a"] == {"what": "letters"}
-        assert set(vault.hdf5(file, ["a"])[0]) == {"a/numbers", "a/text"}
+        assert set(reader.hdf5(file, ["a"])[0]) == {"a/numbers", "a/text"}
 
 
 def test_a_crash_costs_one_file(file):
-    with Vault("hdf5") as vault:
-        vault.hdf5(file)
-        assert vault._process is not None
-        vault._process.kill()
-        vault._process.wait()
+    with Hdf5LmdbReader("hdf5") as reader:
+        reader.hdf5(file)
+        assert reader._process is not None
+        reader._process.kill()
+        reader._process.wait()
         with pytest.raises(InputError, match=r"the reader crashed on 'some\.h5'"):
-            vault.hdf5(file)
-        assert set(vault.hdf5(file, ["b"])[0]) == {"b/alone", "b/pairs"}
+            reader.hdf5(file)
+        assert set(reader.hdf5(file, ["b"])[0]) == {"b/alone", "b/pairs"}
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped on this system")
 def test_a_hang_is_ended(file, monkeypatch):
     monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
-    with Vault("hdf5") as vault:
-        vault.hdf5(file)
-        assert vault._process is not None
-        os.kill(vault._process.pid, signal.SIGSTOP)
+    with Hdf5LmdbReader("hdf5") as reader:
+        reader.hdf5(file)
+        assert reader._process is not None
+        os.kill(reader._process.pid, signal.SIGSTOP)
         with pytest.raises(InputError, match=r"the reader hangs on 'some\.h5'"):
-            vault.hdf5(file)
+            reader.hdf5(file)
 
 
 def test_without_the_library(file, monkeypatch):
     monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
-    with Vault("hdf5") as vault, pytest.raises(InputError, match=r"needs h5py \(pip install 'cospeech\[corpora\]'\)"):
-        vault.hdf5(file)
+    with Hdf5LmdbReader("hdf5") as reader, pytest.raises(InputError, match=r"needs h5py \(pip install 'cospeech\[corpora\]'\)"):
+        reader.hdf5(file)
 
 
 def test_a_file_that_would_fill_the_memory(tmp_path):
     with h5py.File(tmp_path / "bomb.h5", "w") as opened:
         opened.create_dataset("a", (1 << 20, 1 << 16), "f8", chunks=(1 << 10, 1 << 8), compression="gzip")
-    with Vault("hdf5") as vault, pytest.raises(InputError, match=r"'bomb\.h5'.* MiB"):
-        vault.hdf5(tmp_path / "bomb.h5")
+    with Hdf5LmdbReader("hdf5") as reader, pytest.raises(InputError, match=r"'bomb\.h5'.* MiB"):
+        reader.hdf5(tmp_path / "bomb.h5")
 
 
 @pytest.mark.parametrize("name", ["nothing.h5", ".", "x\0y"])
 def test_what_is_no_file(tmp_path, name):
-    with Vault("hdf5") as vault, pytest.raises(InputError, match="cannot read"):
-        vault.hdf5(tmp_path / name)
+    with Hdf5LmdbReader("hdf5") as reader, pytest.raises(InputError, match="cannot read"):
+        reader.hdf5(tmp_path / name)

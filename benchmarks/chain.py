@@ -71,8 +71,8 @@ def system_of(recipe: Recipe, net: Any) -> ChainSystem:
     words[0] = 0
     statistics = ChainStatistics(
         pose_mean=0 * d, pose_std=0.1 * d, audio_mean=-4 * a, audio_std=3 * a, pose_low=-BOUND * d, pose_high=BOUND * d,
-        audio_low=-4 * a, audio_high=4 * a, speaker_mean=zeros, model_mean=zeros, style_gain=ones, live_model_mean=zeros, live_style_gain=ones,
-        noise_gain=np.ones(2, np.float32),
+        audio_low=-4 * a, audio_high=4 * a, speaker_mean=zeros, model_mean=zeros, style_gain=ones,
+        live_model_mean=zeros, live_style_gain=ones, noise_gain=np.ones(2, np.float32),
         words=words,
     )  # fmt: skip
     styles = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE)

@@ -110,7 +110,7 @@ def write_small_chain(
     facts |= {} if vocabulary is None else {"vocabulary": list(vocabulary)}
     statistics = small_chain_statistics(sizes, vocabulary=BUCKETS if vocabulary is None else len(vocabulary))
     write_chain(
-        path, halve_weights(weights) if small else weights, graphs, sizes, statistics, pose=pose, fps=fps, audio=audio, facts=facts,
-        card="# Random weights\n",
+        path, halve_weights(weights) if small else weights, graphs, sizes, statistics, pose=pose, fps=fps, audio=audio,
+        facts=facts, card="# Random weights\n",
     )  # fmt: skip
     return path

@@ -1,4 +1,4 @@
-"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; derived speakers differ in what they are for."""
+"""Attributes of style: what is measured obeys mirrors, still arms and slow motion; derived speakers differ in one attribute."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_every_representation_can_be_measured(name):
     assert 0 <= found.right_share <= 1
 
 
-# Derived speakers -------------------------------------------------------------------------------------------------------------------
+# derived speakers -----------------------------------------------------------------------------------------------------
 
 
 def test_a_still_arm_moves_nothing_of_the_other():

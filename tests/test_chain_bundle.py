@@ -170,8 +170,9 @@ def test_statistics_and_weights_that_do_not_fit(tmp_path):
     said[0, 0] = 1
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"audio_std": -arrays["audio_std"]}, {"pose_low": arrays["pose_high"] + 1},
-        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]}, {"speaker_mean": arrays["speaker_mean"][:1]},
-        {"style_gain": 0 * arrays["style_gain"]}, {"live_style_gain": -arrays["style_gain"]}, {"live_model_mean": arrays["model_mean"][0]}, {"words": said},
+        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]},
+        {"speaker_mean": arrays["speaker_mean"][:1]}, {"style_gain": 0 * arrays["style_gain"]},
+        {"live_style_gain": -arrays["style_gain"]}, {"live_model_mean": arrays["model_mean"][0]}, {"words": said},
         {"words": arrays["words"][1:]}, {"words": arrays["words"][:, 1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

@@ -82,8 +82,8 @@ def reached(net, terms: dict) -> set[str]:
 
 @pytest.mark.parametrize("make", [chain, live])
 @pytest.mark.parametrize("label_conditioning", [0.0, 0.5, 1.0])
-def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, labelled):
-    net = make(adversarial=1.0, noise=2, label_conditioning=labelled, speech_swap=0.3, motion_statistics=1.0).train()
+def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, label_conditioning):
+    net = make(adversarial=1.0, noise=2, label_conditioning=label_conditioning, speech_swap=0.3, motion_statistics=1.0).train()
     data = batch(net)
     parts = net.objectives()
     assert [*parts] == ["classifier", "discriminator", "gestures"]

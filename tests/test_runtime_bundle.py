@@ -169,7 +169,7 @@ def test_manifests(tmp_path, change):
         {"hidden": 9}, {"hidden": "8"}, {"hidden": 8.5}, {"hidden": True}, {"hidden": -1}, {"steps": 10**12}, {"layers": 3},
         {"cell": "lstm"}, {"cell": []}, {"history": 5}, {"nu": None}, {"nu": "inf"}, {"int8": False}, {"int8": "yes"},
         {"odd": 1},
-        {"speech_frames": 4}, {"feature": 0}, {"style": 0},
+        {"heard": 4}, {"feature": 0}, {"style": 0},
     ],
     ids=str,
 )  # fmt: skip
@@ -198,7 +198,8 @@ def test_statistics_that_make_no_sense(tmp_path):
     arrays = Bundle("x", manifest, members).arrays("statistics.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"pose_low": arrays["pose_high"] + 1}, {"histories": arrays["histories"][:0]},
-        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]}, {"speaker_mean": arrays["speaker_mean"][:, 1:]},
+        {"histories": arrays["histories"][:5]}, {"styles": arrays["styles"][:1]},
+        {"speaker_mean": arrays["speaker_mean"][:, 1:]},
         {"histories": arrays["histories"][0]}, {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]},
         {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

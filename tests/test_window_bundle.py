@@ -152,7 +152,8 @@ def test_statistics_and_weights_that_do_not_fit(tmp_path):
     arrays, weights = found.arrays("statistics.safetensors"), found.arrays("weights.safetensors")
     for wrong in (
         {"pose_std": 0 * arrays["pose_std"]}, {"audio_std": -arrays["audio_std"]}, {"pose_low": arrays["pose_high"] + 1},
-        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]}, {"speaker_mean": arrays["speaker_mean"][:1]},
+        {"audio_low": arrays["audio_high"] + 1}, {"speaker_mean": arrays["speaker_mean"][:, 1:]},
+        {"speaker_mean": arrays["speaker_mean"][:1]},
         {"codes": arrays["codes"][:1]}, {"codes": arrays["codes"][:, :1]}, {"codes": arrays["codes"][0]},
         {"pose_mean": arrays["pose_mean"][1:]}, {"more": arrays["pose_mean"]}, {"pose_mean": arrays["pose_mean"].astype(float)},
     ):  # fmt: skip

@@ -74,7 +74,7 @@ def write_small_window(
     """A whole bundle of two speakers."""
     sizes, weights, graphs = small_network(find_pose(pose).dimensions, audio_width(audio))
     write_window(
-        path, halve_weights(weights) if small else weights, graphs, sizes, small_statistics(sizes), pose=pose, fps=fps, audio=audio,
-        facts={"model": "mix-stage", "styles": list(NAMES), "style": "ada"}, card="# Random weights\n",
+        path, halve_weights(weights) if small else weights, graphs, sizes, small_statistics(sizes), pose=pose, fps=fps,
+        audio=audio, facts={"model": "mix-stage", "styles": list(NAMES), "style": "ada"}, card="# Random weights\n",
     )  # fmt: skip
     return path

@@ -32,6 +32,8 @@ DerivedSpeakers = Annotated[
     list[str] | None,
     Option("--derive-speaker", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
 ]
+Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]  # old name
+"""What 0.1.0 called ``--derive-speaker``: an error says the new name."""
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
 Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
@@ -76,6 +78,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         speed: Speeds = None,
         pitch: Pitches = None,
         derivation: DerivedSpeakers = None,
+        twin: Twin = None,  # old name
         jobs: Jobs = 1,
         backend: Backend = "loky",
         scheduler: Scheduler = None,
@@ -93,11 +96,17 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         """
         from ..corpora.prepare import prepare as make
 
+        if twin:  # old name
+            from ..errors import InputError
+
+            hint = f"it is called --derive-speaker now: --derive-speaker {twin[0]}"  # old name
+            raise InputError("there is no option --twin", hint)  # old name
+
         with progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec, overwrite=overwrite,
-                progress=tell,
+                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec,
+                overwrite=overwrite, progress=tell,
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")

@@ -1,4 +1,4 @@
-"""Derived speakers: further speakers made of those that a corpus has, for attributes of style (Ahuja et al. 2020, supplement A.2).
+"""Derived speakers: further speakers, made of a corpus' own, for attributes of style (Ahuja et al. 2020, supplement A.2).
 
 ``"cleo|leftarm"`` is cleo gesturing with the left arm alone: the right one stands still at cleo's mean. ``"dan|mirror"`` is dan
 with left and right exchanged. A derived speaker says what its original says, so their clips differ in one attribute only.
@@ -58,7 +58,7 @@ class MeanPose:
 
 
 def derive_clip(clip: Clip, derivation: str, mean: MeanPose) -> Clip:
-    """The clip of a derived speaker, whose name ends on ``|derived-…``: not on ``|mirror``, by which augmented training clips are known.
+    """The clip of a derived speaker. Its name ends on ``|derived-…``; that of an augmented training clip ends on ``|mirror``.
 
     Raises:
         InputError: no such derived speaker (`DERIVATIONS`), or a body without arms.

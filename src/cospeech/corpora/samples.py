@@ -182,7 +182,7 @@ def _stretches(scores: Array, fps: float) -> tuple[Semantic, ...]:
 
 
 def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) -> dict[str, Speech]:
-    """Entry → the speech of its own stretch; a stretch is called ``NAME@FRAME``, and a derived speaker says what its original says."""
+    """Entry → the speech of its own stretch, ``NAME@FRAME``. A derived speaker says what its original says."""
     wanted: dict[str, list[Entry]] = {}
     for entry in entries:
         for name in {entry.name, entry.name.partition("@")[0], find_original(entry.name.partition("@")[0])}:

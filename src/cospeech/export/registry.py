@@ -121,7 +121,8 @@ def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -
     holds = format_of(path).holds
     if not {*parts} & {*holds}:
         fit = " ".join(suffixes(lambda entry: bool({*parts} & {*entry.holds})))
-        problem = f"{str(path)!r} would not move: {whose} {_join_names(parts)} only, {Path(path).suffix} files hold {_join_names(holds)}"
+        suffix, held = Path(path).suffix, _join_names(holds)
+        problem = f"{str(path)!r} would not move: {whose} {_join_names(parts)} only, {suffix} files hold {held}"
         raise InputError(problem, f"for {_join_names(parts)}: {fit}")
 
 

@@ -55,7 +55,7 @@ __all__ = ["INPUTS", "Chain", "ChainConfig", "ChainOfGeneration", "Turn"]
 
 
 class Turn(NamedTuple):
-    """Of a batch in a step: what is made of it, and for whom it is judged."""
+    """Of a batch in a step: what the cascade makes of it, and whose style and speech the discriminator compares it with."""
 
     made: CascadeOutput
     """Of the clip's own frames."""
@@ -181,11 +181,11 @@ class Chain(Windowed):
             memory: blank, or of the piece before.
             face: (B, 52, T) recorded, NaN where FaceDec's own is to stand, of the frames that FaceDec makes.
         """
-        speech_encoder = self.speech_encoder(heard, memory)
+        features = self.speech_encoder(heard, memory)
         extra = torch.cat([seeds, noise] if self.config.seeds else [noise], 1)
-        given = Signals(speech_encoder, words, style, extra)
+        given = Signals(features, words, style, extra)
         seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
-        return self.cascade(given, memory, seen), speech_encoder
+        return self.cascade(given, memory, seen), features
 
     def mask_seeds(self, pose: Tensor, known: Tensor) -> Tensor:
         """(B, D, T) poses, (B, 1, 1) whether they are known → (B, D + 1, T): the first four and a flag, delayed; else zeros."""
@@ -248,8 +248,8 @@ class Chain(Windowed):
         seeds = self.mask_seeds(batch["pose"].mT, coins[:, 1] >= self.config.seed_dropout)
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
         face = torch.where(coins[:, 2] < self.config.face_teacher_forcing, face, torch.nan)
-        made, speech_encoder = self.run(played[self.speech_encoder.array].mT, words, style, noise, seeds, Memory(), face)
-        return Turn(self._cut(made), speech_encoder, made.features, recorded, played, own, style, words, noise)
+        made, features = self.run(played[self.speech_encoder.array].mT, words, style, noise, seeds, Memory(), face)
+        return Turn(self._cut(made), features, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
         """D's scores of (B, D, T) poses; ``shift``: to the speech of so many rows before."""

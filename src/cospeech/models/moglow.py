@@ -220,7 +220,8 @@ class MoGlow(nn.Module):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu), "residual": c.residual,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu),
+            "residual": c.residual,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

@@ -99,8 +99,8 @@ class FlowSizes:
 
 _RANGES = {
     "pose": (2, 2000), "audio": (1, 4000), "steps": (1, 64), "hidden": (1, 4096), "layers": (1, 8), "history": (1, 600),
-    "speech_frames": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096), "style": (0, 1024),
-    "inertia": (0, 1), "feedback_gain": (0.5, 1),
+    "speech_frames": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096),
+    "style": (0, 1024), "inertia": (0, 1), "feedback_gain": (0.5, 1),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 

@@ -106,8 +106,8 @@ class TrainedModel:
         for each in (frontend, *faces):
             each.share(shared)
         return TrainedSession(
-            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style, direct=self._resolve_style,
-            before=conditioning.before,
+            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts,
+            resolved_style=resolved_style, direct=self._resolve_style, before=conditioning.before,
         )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleBasedModel:
@@ -120,12 +120,12 @@ class TrainedModel:
     def _start(
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
-        """Who hears, and who plays."""
+        """Start a performance: its speech frontend and its decoder."""
         frontend = self._backend.listen(resolved_style.controls)
         return frontend, self._backend.play(resolved_style.blend, frontend.silence, options, conditioning)
 
     def _resolve_style(self, style: object) -> ResolvedStyle:
-        """What a style means."""
+        """Resolve a style: its mixture, its control values and its shares for the report."""
         weights, controls = _parse_style(style, self._backend)
         blend = self._backend.styles.blend(weights)
         return ResolvedStyle(blend, controls, self._backend.mixture(blend))

@@ -15,7 +15,7 @@ from .onnx_session import open_session, run_session
 
 __all__ = ["STYLE_FRAMES", "WindowEngine", "WindowSizes", "check_weights"]
 
-LIMIT = 1e3  # ours: standardised speech, weights of styles and mode noise come nowhere near; keeps what is absurd out of the network
+LIMIT = 1e3  # ours: standardised speech, style weights and noise are far smaller; absurd values stay out of the network
 LARGEST = 1e6  # ours: no weight of a trained network comes near
 STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by Mix-StAGE's encoder leave one
 

@@ -17,6 +17,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from ..errors import InputError, nearest
 from ..files import parse_toml, read_regular
 from ..limits import RECIPE_BYTES
+from .renamed import suggest_key
 
 __all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "list_changes", "list_recipes", "load_recipe", "read_recipe"]
 
@@ -212,7 +213,7 @@ def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for name in values:
         if name not in known:
-            raise InputError(f"no key {section}.{name}", nearest(name, known))
+            raise InputError(f"no key {section}.{name}", suggest_key(name, known))
     missing = [n for n, f in known.items() if n not in values and f.default is MISSING and f.default_factory is MISSING]
     if missing:
         raise InputError(f"the recipe has no {section}.{missing[0]}", f"it takes {_kind(hints[missing[0]])}")

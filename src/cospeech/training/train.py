@@ -31,6 +31,7 @@ from .interrupts import SignalWatch, Stopped, defer_signals
 from .objective_optimiser import ObjectiveOptimiser, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
 from .recipe import Recipe, Train
+from .renamed import suggest_key
 from .run_log import Board, RunLog
 from .running_average import RunningAverage
 from .signals import let_signals_in
@@ -78,7 +79,9 @@ class _Run:
             self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
-            raise InputError(f"no objective {min(unknown)!r} in [train]", nearest(min(unknown), [p.name for p in self.parts]))
+            raise InputError(
+                f"no objective {min(unknown)!r} in [train]", suggest_key(min(unknown), [p.name for p in self.parts])
+            )
         self.feed = work.feed(self.model, "train", self.settings.balance)
         self.held: BatchLoader | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
         self.average = RunningAverage(self.model, self.settings.ema)

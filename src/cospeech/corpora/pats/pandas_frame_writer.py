@@ -34,7 +34,8 @@ def write_frame(group: Any, words: Sequence[str], numbers: Mapping[str, Sequence
         "pandas_type": b"frame_table", "table_type": b"appendable_frame", "encoding": b"UTF-8", "errors": b"strict",
         "nan_rep": b"nan", "data_columns": b"(lp0\n.", "index_cols": b"(lp0\n(I0\nVindex\np1\ntp2\na.", "levels": 1,
         "info": b"(dp0\nI1\n(dp1\nVnames\np2\n(lp3\nNasVtype\np4\nVIndex\np5\nss.",
-        "values_cols": pickle_list(["values_block_0", "values_block_1"]), "non_index_axes": axes + b"tp%d\na." % (len(names) + 3),
+        "values_cols": pickle_list(["values_block_0", "values_block_1"]),
+        "non_index_axes": axes + b"tp%d\na." % (len(names) + 3),
     })  # fmt: skip
     _attributes(table, {
         "CLASS": b"TABLE", "VERSION": b"2.7", "TITLE": b" ", "index_kind": b"integer", "NROWS": len(raw),

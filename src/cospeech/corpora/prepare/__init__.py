@@ -113,9 +113,8 @@ def prepare(
         mirror: add every training clip with left and right exchanged.
         speeds: add training clips so many times as fast, 0.5 … 2.
         pitches: add training clips with the voice so many semitones higher (−12 … 12).
-        derived_speakers: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.DERIVATIONS` makes one of every
-            speaker,
-            ``"cleo|leftarm"`` one of cleo. The corpus is read twice then.
+        derived_speakers: add further speakers, in every split: a name of `cospeech.corpora.derived_speakers.DERIVATIONS`
+            makes one of every speaker, ``"cleo|leftarm"`` one of cleo. The corpus is then read twice.
         jobs: workers; 1 does everything in this process and needs no joblib; −1: one per core.
         backend: joblib's name: loky, threading, multiprocessing, dask, ray.
         scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
@@ -229,7 +228,7 @@ def _tasks(
     parts: Path,
     dropped: list[dict[str, Any]],
 ) -> Iterator[_Task]:
-    """Every clip, its derived speakers, and what augmentation makes of the training clips among them; drops go into the list."""
+    """Every clip, those of its derived speakers, and augmented training clips; drops go into the list."""
     number, names = count(), set()
     for item in items:
         if isinstance(item, Dropped):

@@ -76,7 +76,7 @@ class PlayableRun:
         net: the network.
         facts: of its run.
         statistics: ``pose_mean`` and so on.
-        print: tells this run from all others.
+        fingerprint: digest of its weights, by which scores are cached.
         stretches: (speakers, n, T, D) of standardised poses of each speaker; None where it was trained without speech.
     """
 
@@ -279,8 +279,8 @@ class Runs:
         tensors, _ = read_tensors(folder / "statistics.safetensors")
         statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
         stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
-        print_ = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
-        return PlayableRun(net, facts, statistics, print_, None if stretches is None else stretches.numpy())
+        fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
+        return PlayableRun(net, facts, statistics, fingerprint, None if stretches is None else stretches.numpy())
 
     def features(self) -> FeatureNet:
         """The feature network of FGD, of this store's training split; one for all rows and seeds."""

@@ -100,7 +100,7 @@ class FrameStream:
 
     def _hire(self) -> None:
         count = min(cores(), _MOST_HELPERS)
-        self._threads = ThreadPoolExecutor(count, "cospeech-film")
+        self._threads = ThreadPoolExecutor(count, "cospeech-frames")
         for _ in range(count):
             self._all_helpers.append(Helper(self.look))
             self._helpers.put(self._all_helpers[-1])

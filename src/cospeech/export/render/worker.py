@@ -80,7 +80,7 @@ class FrameRenderer:
 
 
 class Helper:
-    """An artist in a process of its own."""
+    """A renderer in a process of its own."""
 
     def __init__(self, look: Look) -> None:
         self._shape = (look.height, look.width, 3)

@@ -4,7 +4,7 @@
               and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
               seed (1, T, D + 1): poses and whether they are given
               → poses (N, T, D)
-    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), and states → poses (N, D), states after
+    live      the same of one frame, rows (1, A + W), style (N, S + 8), mode_noise (N, Z), states → poses (N, D), next states
     classify  rows (1, T, A) → logits (1, T, S + 8)
 
 What does not depend on style, all that is heard, read and seen of the face, is worked out once for all N takes.
@@ -122,9 +122,9 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 @_poses.register
 def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
-    speech_encoder: Any = net.speech_encoder
-    speech, words = b.parts(given.rows, speech_encoder.inputs, net.word.width)
-    heard = _convs(b, speech, speech_encoder.convs)
+    encoder: Any = net.speech_encoder
+    speech, words = b.parts(given.rows, encoder.inputs, net.word.width)
+    heard = _convs(b, speech, encoder.convs)
     skipped = (net.pose + 1) * (net.config.seeds > 0) - given.seed.channels
     return _cascade(b, net.cascade, heard, words, given, skipped)
 

@@ -77,15 +77,15 @@ def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[
 
 @torch.no_grad()
 def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one that was trained ``per_clip_normalisation``.
+    """Calibrate a network that was trained with ``per_clip_normalisation``, by the motion that it makes for known speech.
 
-    A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
-    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of its movement, as
-    much as those of the data do. What is then left of mean and deviation, which are 0 and 1 in the data, the runtime takes off,
-    number by number.
+    A network is trained on the next frame. A slow return to the mean hardly shows there, so that its own motion drifts too far
+    from the mean, for too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds vary,
+    for the size of its movement, as much as those of the data do. The runtime removes the mean and the standard deviation that
+    remain, number by number; in the data they are 0 and 1.
 
     Returns:
-        pull, (D,) mean, (D,) deviation.
+        The feedback gain, (D,) mean, (D,) standard deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
     for feedback_gain in FEEDBACK_GAINS if model.config.residual else FEEDBACK_GAINS[:1]:

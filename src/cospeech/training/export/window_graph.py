@@ -2,7 +2,7 @@
 
 `lower` gives two ONNX graphs and their weights:
 
-    make    rows (1, T, A) of speech, style (N, T, styles), mode_noise (N, T, modes) → poses (N, T, D); inputs of no width are left
+    make    rows (1, T, A), style (N, T, styles), mode_noise (N, T, modes) → poses (N, T, D); inputs without width are left
             out, and N is 1 where both are
     style   poses (1, T, D) → style (1, styles), for a network that recognises styles
 

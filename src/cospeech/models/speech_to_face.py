@@ -38,7 +38,7 @@ from .nn.windowed import Windowed
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 
 SLOPE = 0.1  # of LeakyReLU; ours
-BELOW = 0.1  # [ours] what of a weight below 0 counts: with .02 lips that are mostly still never learnt to move
+BELOW = 0.02  # [ours] what of a weight below 0 counts, so that it is not lost
 CALM = log(FLOOR)  # log power of a band in silence
 COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
 CLOSED, OPEN = 0.03, 0.06  # [ours] jawOpen of closed and of open lips: on GRID 97 % of b, p and m fall below the first
@@ -65,7 +65,7 @@ class SpeechToFaceConfig:
     """λ."""
     squared: float = 0.5
     """ρ, 0 … 1: the share of the squared distance, which leads to the mean instead of the median."""
-    distribution: float = 1.0
+    distribution: float = 0.5
     """μ."""
     closure: float = 3.0
     """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""

@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test lint fix docs bench media lock clean
+.PHONY: demo test check lint fix docs bench media lock clean
 
 demo: $(VENV)/.core              ## install the core, generate from the example speech into demo/, say how to open it
 	@echo "generating from the example speech into demo/ (the video takes longest)"
@@ -14,6 +14,9 @@ demo: $(VENV)/.core              ## install the core, generate from the example 
 
 test: $(VENV)/.dev               ## install everything; linters, docs, and every test
 	@$(BIN)/python tools/check.py
+
+check: $(VENV)/.dev              ## the linters and the quick tests: under a minute on two cores
+	@$(BIN)/python tools/check.py check
 
 lint: $(VENV)/.dev               ## the linters alone
 	@$(BIN)/python tools/check.py lint

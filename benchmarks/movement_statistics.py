@@ -1,4 +1,4 @@
-"""Does the rule-based gesturer move like people who speak? Prints the table, and fails where it does not.
+"""Does the rule-based model move like people who speak? Prints the table, and fails where it does not.
 
     python benchmarks/movement_statistics.py SPEECH… [--style NAME …] [--quick] [--json]
 

@@ -1,4 +1,4 @@
-"""The 52 ARKit weights by name: which move most, and where the blinks are."""
+"""Print which of the 52 ARKit weights move most, and when the eyes blink."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""A speaker of your own: a style is a small set of readable numbers."""
+"""Make styles of your own: a style is a small set of readable numbers."""
 
 import sys
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The same motion on other skeletons: their names, their proportions, and where their hands are."""
+"""Retarget the same motion to other skeletons, and print their joints and heights."""
 
 import sys
 

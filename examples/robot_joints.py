@@ -1,4 +1,4 @@
-"""Angles for a robot: elbow and head at 50 per second, clamped to limits of position and speed that are the robot's."""
+"""Compute the elbow and head angles of a robot, 50 per second, clamped to the robot's limits of position and speed."""
 
 import sys
 

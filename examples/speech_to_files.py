@@ -1,4 +1,4 @@
-"""A recording to files for animation programs, in constant memory; two takes to choose from."""
+"""Convert a recording to files for animation programs, in constant memory, with two takes to choose from."""
 
 import sys
 import tempfile

@@ -1,4 +1,4 @@
-"""Motion piece by piece, as the speech comes in: here from a file, cut as a microphone would."""
+"""Generate motion piece by piece while the speech comes in. Here the speech comes from a file, cut as a microphone would."""
 
 import sys
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,38 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("cospeech")
+
+# A fixture that reaches for outside material → the marker of the tests that use it.
+OUTSIDE = {"shared": "shared", "blender_python": "blender", "node": "node"}
+ASKS = r"pytest\.importorskip\(\"(?:torch|onnx)\""  # onnx: to write graphs, which is training's
+WHOLE = re.compile(rf"^(?:(?:\w+ = )?{ASKS}|(?:import|from) torch\b)", re.M)  # at the top of a module
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Whoever wants no test of torch does not wait until torch is imported."""
+    unwanted = "not torch" in config.getoption("markexpr") and collection_path.name.startswith("test_")
+    return True if unwanted and WHOLE.search(collection_path.read_text("utf-8")) else None
+
+
+@cache
+def source_of(thing: object) -> str:
+    return inspect.getsource(thing)  # type: ignore[arg-type]
+
+
+def needs_torch(item: pytest.Item) -> bool:
+    """Whether the module of a test, the test or a fixture that it uses asks for torch."""
+    fixtures = [definitions[-1].func for definitions in item._fixtureinfo.name2fixturedefs.values()]
+    return bool(WHOLE.search(source_of(item.module))) or any(
+        re.search(ASKS, source_of(part)) for part in (item.function, *fixtures)
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What a test needs is its marker. Only `slow`, and `torch` where a command needs it, are written at the test."""
+    for item in items:
+        needs = {marker for fixture, marker in OUTSIDE.items() if fixture in item.fixturenames}
+        for marker in sorted(needs | ({"torch"} if needs_torch(item) else set())):
+            item.add_marker(marker)
 
 
 @pytest.fixture(scope="session")
@@ -63,3 +98,18 @@ def cli(monkeypatch, capsys):
         return int(ended.value.code or 0), said.out, said.err
 
     return run
+
+
+@pytest.fixture(scope="session")
+def long_speech(tmp_path_factory) -> Path:
+    """Ten minutes of speech: enough to be killed or interrupted in."""
+    import soundfile
+
+    from cospeech.cli.demo import EXAMPLE
+
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    path = tmp_path_factory.mktemp("long") / "long.wav"
+    with soundfile.SoundFile(path, "w", rate, 1) as file:
+        for _ in range(int(600 / (len(samples) / rate))):
+            file.write(samples)
+    return path

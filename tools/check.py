@@ -1,6 +1,7 @@
 """`make test`: sets up what the tests need beside Python, then runs the linters, the docs and every test.
 
-With ``lint`` as argument only the linters. Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
+With ``lint`` as argument, only the linters run; with ``check``, the linters and the tests that no marker calls slow or in need
+of anything beside the core (pyproject.toml). Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
 
 Blender comes as the PyPI wheel ``bpy``, in a virtual environment of its own (it wants another numpy); Node comes from the
 machine where that is recent enough, else from its PyPI wheel. Both are then *demanded* of the tests, through
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.executable).parent
 BLENDER = ROOT / ".venv-blender"
 NODE_TESTS = ROOT / "tests" / "node"
+QUICK = "not slow and not torch and not blender and not node and not shared"
 BLENDER_PYTHONS = {(3, 11), (3, 13)}  # requirements/blender.in: the wheels that PyPI has
 MEND_BLENDER = "Debian, Ubuntu: apt install libxi6 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6 libgl1 libegl1"
 
@@ -42,6 +44,11 @@ def step(title: str, *commands: list[str | Path]) -> bool:
 
 def lint() -> bool:
     return step("linters", [BIN / "ruff", "check"], [BIN / "ruff", "format", "--check"], [BIN / "mypy"])
+
+
+def tests(*selection: str) -> bool:
+    workers = str(max(2, os.cpu_count() or 2))
+    return step("tests", [BIN / "pytest", "-n", workers, "--dist", "worksteal", "-q", *selection])
 
 
 def is_current(folder: Path, source: Path) -> bool:
@@ -104,7 +111,9 @@ def node() -> str:
 
 def main(arguments: list[str]) -> int:
     good = lint()
-    if arguments == ["lint"]:
+    if arguments == ["check"]:
+        good &= tests("-m", QUICK)
+    if arguments:
         return 0 if good else 1
     os.environ["NO_MKDOCS_2_WARNING"] = "1"  # an advertisement of the theme's next version
     good &= step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
@@ -122,10 +131,7 @@ def main(arguments: list[str]) -> int:
 
     if not good:
         print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
-    print("\n── tests", flush=True)
-    workers = str(max(2, os.cpu_count() or 2))
-    good &= run(BIN / "pytest", "-n", workers, "--dist", "worksteal", "-q")
-    return 0 if good else 1
+    return 0 if tests() and good else 1
 
 
 if __name__ == "__main__":

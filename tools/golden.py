@@ -1,6 +1,6 @@
 """Records what the program makes, and compares: `tools/golden.py record FILE`, change the code, `tools/golden.py compare FILE`.
 
-What is recorded, through the command line alone, so that the code behind it may move:
+What is recorded, through the command line, so that the code behind it may move:
 
 * motion of every model that plays out of the box, in three styles, for two speeches;
 * a file of every export format;
@@ -29,34 +29,13 @@ import numpy as np
 import soundfile
 from safetensors.numpy import load_file
 
+from cospeech.training.checkpoint import network
+
 ROOT = Path(__file__).resolve().parents[1]
 STEPS = 20
 PROJECTIONS = 4
 LAYOUTS = {"trinity": 1, "ted": 2, "pats": 2, "beat": 4}  # layout → speakers
 EXPORTS = ("bvh", "glb", "vrma", "csv", "json", "npz", "mp4", "gif", "png")
-FLOW = {"steps": 2, "hidden": 16}
-MIX = {"modes": 4, "channels": 8, "style": 4}
-MANY = {"hidden": 8, "layers": 2, "word_width": 5}
-CHAIN = MANY | {"latent": 8, "classifier_channels": 6, "classifier_steps": 10}
-SIZES: dict[str, dict[str, object]] = {
-    "stylised-flow": FLOW | {"encoder_channels": 8, "encoder_blocks": 2},
-    "moglow": FLOW,
-    "mix-stage": MIX,
-    "stage": MIX | {"modes": 1},
-    "cmix-gan": {name: size for name, size in MIX.items() if name != "style"},
-    "munit": {"channels": 4, "style": 2, "mlp": 8, "blocks": 1},
-    "speaker-classifier": {"channels": 4},
-    "speech2gesture": {"channels": 8, "discriminator_channels": 4},
-    "chain-of-generation": CHAIN,
-    "chain-of-generation-live": CHAIN,
-    "camn": MANY | {"audio": 6, "text": 4},
-    "multi-context": MANY | {"audio": 6, "text": 4, "adversarial_from": 5},
-    "seq2seq": {"hidden": 8, "word_width": 5},
-    "gesture-autoencoder": {"width": 8, "code": 4},
-    "fgd-autoencoder": {"channels": 4, "code": 4},
-    "speech-classifier": {"channels": 6},
-}
-"""Model → what makes it small."""
 STORES = {"ted": "ted", "trinity": "trinity", "pats": "pats", "beat": "beat", "humanoid": "humanoid"}
 HUMANOID = ["beat", "raw-beat", "humanoid", "--pose", "expmap-humanoid", "--fps", "12"]
 LEFT_OUT = {
@@ -164,7 +143,7 @@ def trainings(folder: Path, recipes: Path) -> Iterator[tuple[str, dict[str, obje
         store = next((name for name in STORES if name in store), None)
         if model is None or store is None or path.stem in LEFT_OUT:
             continue
-        changes = [f"model.{name}={json.dumps(value)}" for name, value in SIZES.get(model, {}).items()]
+        changes = [f"model.{name}={json.dumps(value)}" for name, value in network(model).Config.TINY.items()]
         changes += [f"train.{pair}" for pair in (f"steps={STEPS}", "batch=4", "validate_every=0", f"save_every={STEPS}")]
         changes += ["train.threads=1", *(["data.fps=12"] if store == "humanoid" else [])]
         changes += ['data.speakers=["ada"]'] if model == "cmix-gan" else []  # it is of one

@@ -1,4 +1,4 @@
-"""Writes the control-row tables of docs/metrics/ from speech and the rule-based gesturer's motion for it (synthetic).
+"""Writes the control-row tables of docs/metrics/ from speech and the rule-based model's motion for it (synthetic).
 
     python tools/measure_metrics.py FOLDER_OF_SPEECH [--minutes 6]
 
@@ -129,7 +129,7 @@ def main() -> None:
         lines = ["| |" + "".join(f" `{n}` {arrows[load_metric(n).about.better]} |" for n in names)]
         lines += ["| --- |" + " ---: |" * len(names)]
         lines += [f"| {row} |" + "".join(f" {cell} |" for cell in rows[row]) for row in rows]
-        lines += ["", f"Synthetic: {solid.about}; rule-based gesturer, {FPS:g} frames per second, 4 styles."]
+        lines += ["", f"Synthetic: {solid.about}; rule-based model, {FPS:g} frames per second, 4 styles."]
         lines += (
             ["", *(f"* `{n}`: {'; '.join(found)}." for n, found in faults.items() if found)] if any(faults.values()) else []
         )

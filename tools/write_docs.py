@@ -62,6 +62,14 @@ def write_names(what: str) -> Callable[[], str]:
     return lambda: table([what[:-1], ""], [[f"`{row['name']}`", row["what"]] for row in catalogue(what)])
 
 
+def styles() -> str:
+    """A table of the styles, by model; speakers of whom no more is known share a row."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for row in catalogue("styles"):
+        rows.setdefault((row["model"], row["what"]), []).append(f"`{row['name']}`")
+    return table(["style", "model", ""], [[", ".join(names), f"`{model}`", what] for (model, what), names in rows.items()])
+
+
 def models() -> str:
     """A table of the models: whose they are, what they do, what training needs, and whether they play at once."""
     rows = []
@@ -113,7 +121,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "models": models,
     "models_of_the_readme": overview("docs/"),
     "models_of_the_index": overview(""),
-    "styles": write_names("styles"),
+    "styles": styles,
     "emotions": write_names("emotions"),
     "skeletons": write_names("skeletons"),
     "metrics": write_names("metrics"),

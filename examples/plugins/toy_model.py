@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from cospeech import InputError
 from cospeech.models import ModelEntry
 from cospeech.models.nn.objective import Batch, Objective
+from cospeech.models.nn.trainable import Trainable
 
 MODEL = ModelEntry(
     where=f"{__name__}:ToyNet",
@@ -32,7 +33,7 @@ class ToyConfig:
             raise InputError(f"frames, channels, reach of a ToyNet: {self}", "1, 1 and 0 at least")
 
 
-class ToyNet(nn.Module):
+class ToyNet(Trainable):
     """Two convolutions.
 
     Args:
@@ -42,11 +43,10 @@ class ToyNet(nn.Module):
     """
 
     Config = ToyConfig
-    arrays = ("pose", "audio")  # what it needs of a store
 
     def __init__(self, config: ToyConfig, *, pose: int, audio: int) -> None:
         super().__init__()
-        self.config, self.window = config, config.frames
+        self.config = config
         width = 2 * config.reach + 1
         self.heard = nn.Conv1d(audio, config.channels, width, padding="same")
         self.moved = nn.Conv1d(config.channels, pose, width, padding="same")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -70,8 +69,11 @@ _MOVED = {
 """Import paths of 0.1.0's documentation → where they lead now."""
 
 
-class _Moved(MetaPathFinder, Loader):
-    """Finds a module by the path that it had in an earlier documentation: the same object, under both names."""
+class _Moved:
+    """Finds a module by the path that it had in an earlier documentation: the same object, under both names.
+
+    Finder and loader in one, without the base classes of importlib.abc, whose import takes longer than all the rest here.
+    """
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         return ModuleSpec(name, self) if name.removeprefix(f"{__name__}.") in _MOVED else None

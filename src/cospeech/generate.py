@@ -307,7 +307,7 @@ def _style_text(style: StyleLike) -> str:
 def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
     """Two ways of saying one thing must not disagree."""
     if transcribe and transcript is not None:
-        raise InputError("both a transcript and transcribe are given", "one of them says the words")
+        raise InputError("both a transcript and transcribe are given", "choose one of them")
     if style is not None and speaker is not None and style != speaker:
         raise InputError(
             f"style {_style_text(style)!r} and speaker {speaker!r} are both given", "for this model a speaker is a style"

@@ -1,7 +1,7 @@
 """The decoder: a process of its own that turns sound files into blocks of float32, so that a crash in a codec stays there.
 
-Run as a script by `cospeech.audio.speech`; it imports nothing of the package. Paths come in on standard input, each ended by a
-NUL; messages go out on standard output: one letter, the length of what follows (uint32, little endian), then the bytes.
+`cospeech.audio.worker` starts it for `cospeech.audio.decoding`; nothing else of the package is imported. A request ``P`` is the
+path of a file. Messages that answer it:
 
     H  JSON {"rate", "channels", "frames"}     frames is the header's claim, -1 where it makes none
     B  float32 samples, channels interleaved
@@ -13,13 +13,13 @@ The format is found by content: libsndfile first, then, for containers it does n
 PyAV, with the demuxer fixed by the first bytes: FFmpeg's own probing would also follow playlists to other files and hosts.
 """
 
-import json
-import os
-import signal
-import struct
-import sys
+from __future__ import annotations
 
-__all__: list[str] = []
+import os
+
+from cospeech.audio.worker import FileRefused, requests, send, send_json
+
+__all__ = ["serve"]
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
 STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
@@ -41,42 +41,7 @@ CONTAINERS = (
 )
 
 
-class Refused(Exception):
-    """What to tell the user: problem and hint; ours where the file is not to blame; detail, the words of a library."""
-
-    def __init__(self, problem: str, hint: str = "", ours: bool = False, detail: object = "") -> None:
-        self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}
-
-
-def confine(memory: int, cpu_seconds: int) -> None:
-    """Bound memory (bytes) and time, leave no core dump, let Ctrl-C be the parent's business.
-
-    The time ends a decoder whose parent is gone and that never writes again.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    for kind, limit in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, cpu_seconds)):
-        try:
-            resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
-        except (ValueError, OSError):  # not on this system
-            continue
-
-
-def send(kind: bytes, payload: "bytes | memoryview") -> None:
-    out = sys.stdout.buffer
-    out.write(kind + struct.pack("<I", len(payload)))
-    out.write(payload)
-    out.flush()
-
-
-def send_json(kind: bytes, **values: object) -> None:
-    send(kind, json.dumps(values).encode())
-
-
-def demuxer(head: bytes) -> "str | None":
+def demuxer(head: bytes) -> str | None:
     return next((name for at, magic, name in CONTAINERS if head[at : at + len(magic)] == magic), None)
 
 
@@ -101,7 +66,7 @@ def decode(path: bytes) -> int:
             file.seek(0)
             if container:
                 return decode_container(file, container)
-            raise Refused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
+            raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
             return decode_sound(sound, file)
 
@@ -122,11 +87,11 @@ def decode_sound(sound, file) -> int:  # type: ignore[no-untyped-def]  # soundfi
     # An Ogg file says at its end how long it is: with holes in it, what follows a hole would come too early.
     lost = (sound.frames - frames) / sound.samplerate if sound.format == "OGG" else 0
     if frames and lost > HOLE:
-        raise Refused(f"damaged: {lost:.1f} s in the midst of it cannot be decoded", "re-save it from its source")
+        raise FileRefused(f"damaged: {lost:.1f} s in the midst of it cannot be decoded", "re-save it from its source")
     return frames
 
 
-def fill(sound, file, buffer: memoryview, before: int) -> "tuple[int, bool]":  # type: ignore[no-untyped-def]
+def fill(sound, file, buffer: memoryview, before: int) -> tuple[int, bool]:  # type: ignore[no-untyped-def]
     """How many bytes of the buffer could be filled, and whether there may be more.
 
     A decoder that stumbles with all of the file behind it has found a file that was cut off: what came until there counts.
@@ -142,7 +107,7 @@ def fill(sound, file, buffer: memoryview, before: int) -> "tuple[int, bool]":  #
             if file.tell() >= os.fstat(file.fileno()).st_size and before + filled > 0:
                 return filled, False
             at = (before + filled // width) / max(sound.samplerate, 1)
-            raise Refused(f"damaged at {at:.1f} s", "re-save it from its source, or cut it there", detail=error) from None
+            raise FileRefused(f"damaged at {at:.1f} s", "re-save it from its source, or cut it there", detail=error) from None
         filled += count * width
         if count <= 0:  # a smaller count than asked for may be a hole in a damaged Vorbis stream
             return filled, False
@@ -154,12 +119,14 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
     try:
         import av
     except ImportError:
-        raise Refused(f"{container} media need FFmpeg's decoders", "pip install 'cospeech[av]', or save it as WAV") from None
+        raise FileRefused(
+            f"{container} media need FFmpeg's decoders", "pip install 'cospeech[av]', or save it as WAV"
+        ) from None
     frames = 0
     try:
         with av.open(file, format=container, mode="r") as media:
             if not media.streams.audio:
-                raise Refused("it has no sound in it", "export it with its audio track")
+                raise FileRefused("it has no sound in it", "export it with its audio track")
             stream = media.streams.audio[0]
             stream.codec_context.thread_count = 1
             rate, channels = stream.codec_context.sample_rate, stream.codec_context.channels
@@ -173,34 +140,26 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
             return frames
     except av.FFmpegError as error:
         problem = f"damaged at {frames / rate:.1f} s" if frames else f"not a {container} file that can be read"
-        raise Refused(problem, "re-save it from its source, or save it as WAV", detail=error) from None
+        raise FileRefused(problem, "re-save it from its source, or save it as WAV", detail=error) from None
 
 
-def serve(paths: "list[bytes]") -> None:
-    for path in paths:
+def serve() -> None:
+    """Decode the files that are asked for."""
+    for _, path in requests():
         try:
             send_json(b"E", frames=decode(path))
         except Exception as error:  # whatever a damaged file brings a library to raise
             send_json(b"X", **refusal(error).message)
 
 
-def refusal(error: Exception) -> Refused:
+def refusal(error: Exception) -> FileRefused:
     """What to tell the user of any error."""
-    if isinstance(error, Refused):
+    if isinstance(error, FileRefused):
         return error
     if isinstance(error, OSError):
-        return Refused(f"cannot be read: {error.strerror or error}")
+        return FileRefused(f"cannot be read: {error.strerror or error}")
     if isinstance(error, MemoryError):
-        return Refused("its decoder wants more memory than a sound file should", "save it as WAV")
+        return FileRefused("its decoder wants more memory than a sound file should", "save it as WAV")
     if isinstance(error, ImportError):
-        return Refused(f"the decoder cannot start: {error}", "reinstall cospeech", ours=True)
-    return Refused("cannot be decoded", "save it as WAV", detail=f"{type(error).__name__}: {error}")
-
-
-if __name__ == "__main__":
-    sys.path[:] = sys.argv[1].split(os.pathsep)
-    confine(int(sys.argv[2]), int(sys.argv[3]))
-    try:
-        serve(sys.stdin.buffer.read().split(b"\0")[:-1])
-    except BrokenPipeError:  # the parent has heard enough
-        os._exit(0)
+        return FileRefused(f"the decoder cannot start: {error}", "reinstall cospeech", ours=True)
+    return FileRefused("cannot be decoded", "save it as WAV", detail=f"{type(error).__name__}: {error}")

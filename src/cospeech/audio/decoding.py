@@ -8,13 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-import struct
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 from ..errors import InputError, InternalError
@@ -27,44 +21,22 @@ from ..limits import (  # fmt: skip
     OPEN_TIMEOUT,
     SOUND_RATES,
 )
+from .worker import TooLong, Worker, WorkerEnded, worker_command
 
 __all__ = ["SoundDecoder"]
 
 
 def _command() -> list[str]:
-    """How the decoder is started: isolated (-I), without site-packages hooks (-S), with our own search path and limits."""
-    if not sys.executable:
-        raise InternalError("no Python executable to run the decoder with", "run cospeech in an ordinary Python")
-    script, paths = str(Path(__file__).with_name("_decode.py")), os.pathsep.join(sys.path)
-    return [sys.executable, "-I", "-S", script, paths, str(DECODER_MEMORY), str(DECODER_CPU_SECONDS)]
+    return worker_command(Path(__file__).with_name("_decode.py"), memory=DECODER_MEMORY, cpu_seconds=DECODER_CPU_SECONDS)
 
 
 class SoundDecoder:
     """One decoder process at work on one file; see `_decode.py` for what it sends."""
 
     def __init__(self, path: Path, name: str) -> None:
-        self.name = name
-        self._waiting_since: float | None = None
-        self._timeout, self._late = OPEN_TIMEOUT, False
-        self._done = threading.Event()
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each thread of NumPy's BLAS would reserve address space
-        self._process = subprocess.Popen(
-            _command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
-        )
-        threading.Thread(target=self._watch, daemon=True).start()
-        assert self._process.stdin is not None
-        with suppress(OSError):  # it is dead already: reading will say so
-            self._process.stdin.write(os.fsencode(path) + b"\0")
-            self._process.stdin.close()
-
-    def _watch(self) -> None:
-        """Kill the decoder when it keeps us waiting; pipes cannot be read with a timeout on every system."""
-        while not self._done.wait(0.2):
-            since = self._waiting_since
-            if since is not None and time.monotonic() - since > self._timeout:
-                self._late = True
-                self._process.kill()
-                return
+        self.name, self._timeout = name, OPEN_TIMEOUT
+        self._worker = Worker(_command())
+        self._worker.request(b"P", os.fsencode(path), last=True)
 
     def header(self) -> tuple[int, int, int]:
         """Rate, channels and claimed frames of the file."""
@@ -102,30 +74,21 @@ class SoundDecoder:
                 yield payload
 
     def _message(self) -> tuple[bytes, bytes]:
-        head = self._read(5)
-        kind, size = head[:1], struct.unpack("<I", head[1:])[0]
-        if size > LONGEST_MESSAGE_BYTES:
-            raise self._make_error(f"announced {size} bytes")
-        payload = self._read(size)
+        try:
+            kind, payload = self._worker.receive(LONGEST_MESSAGE_BYTES, self._timeout)
+        except TooLong as error:
+            raise self._make_error(f"announced {error}") from None
+        except WorkerEnded as ended:
+            if ended.late:
+                problem = f"the decoder hangs on {self.name!r}: nothing for {self._timeout:g} s"
+                raise InputError(problem, "save it anew, as WAV") from None
+            raise self._make_error("crashed", f" ({ended})") from None
         if kind == b"X":
             values = self._json(payload)
             failure = InternalError if values.get("ours") else InputError
             detail = RuntimeError(str(values["detail"])) if values.get("detail") else None  # shown by --debug alone
             raise failure(f"{self.name!r}: {values.get('problem')}", str(values.get("hint", ""))) from detail
         return kind, payload
-
-    def _read(self, size: int) -> bytes:
-        assert self._process.stdout is not None
-        self._waiting_since = time.monotonic()
-        data = self._process.stdout.read(size)
-        self._waiting_since = None
-        if len(data) == size:
-            return data
-        if self._late:
-            raise InputError(f"the decoder hangs on {self.name!r}: nothing for {self._timeout:g} s", "save it anew, as WAV")
-        self._process.wait()
-        code = self._process.returncode
-        raise InputError(f"the decoder crashed on {self.name!r} (exit {code})", "the file is damaged; save it anew, as WAV")
 
     def _json(self, payload: bytes) -> dict[str, object]:
         try:
@@ -136,15 +99,9 @@ class SoundDecoder:
             raise self._make_error("sent a message that makes no sense")
         return values
 
-    def _make_error(self, what: str) -> InputError:
-        return InputError(f"the decoder {what} on {self.name!r}", "the file is damaged; save it anew, as WAV")
+    def _make_error(self, what: str, why: str = "") -> InputError:
+        return InputError(f"the decoder {what} on {self.name!r}{why}", "the file is damaged; save it anew, as WAV")
 
     def close(self) -> None:
         """Kill the process if it still runs, and collect it."""
-        self._done.set()
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
+        self._worker.close()

@@ -155,7 +155,7 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     energy, fps = _energy(speech)
     seconds = float(speech.duration) if isinstance(speech, Speech) else max(1, len(energy) - 1) / fps
     if not tokens:
-        raise InputError("there is no word in the transcript", "leave it out where nothing is said")
+        raise InputError("there is no word in the transcript", "leave the transcript out if nobody speaks")
     if len(tokens) > 25 * seconds + 5:
         raise InputError(f"{len(tokens)} words in {seconds:.1f} s of speech", "does the transcript belong to this recording?")
     voiced = np.ones(len(energy), bool)

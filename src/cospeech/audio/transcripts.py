@@ -62,7 +62,7 @@ def load_words(
     if reader is None:
         tokens = tokenise(text)
         if not tokens:
-            raise InputError(f"there is no word in {name!r}", "leave the transcript out where nothing is said")
+            raise InputError(f"there is no word in {name!r}", "leave the transcript out if nobody speaks")
         if speech is not None:
             return settle(((w.text, w.start, w.end) for w in align(tokens, speech)), speech_seconds, name)
         if speech_seconds is None:

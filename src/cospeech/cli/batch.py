@@ -123,7 +123,7 @@ def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path
     found: dict[str, Path] = {}
     for speech in given:
         if os.fspath(speech) == STANDARD_INPUT:
-            raise InputError("standard input, -, beside other speeches", "it is one speech, and is given alone")
+            raise InputError("standard input (-) is named together with other speeches", "name it alone")
         for name, path in _files(Path(speech)):
             if name in found:
                 both = f"{str(found[name])!r} and {str(path)!r}"
@@ -162,7 +162,7 @@ def _read_standard_input() -> Iterator[Path]:
                     raise InputError(f"more than {PIPED_BYTES >> 30} GiB on standard input", "save it to a file first")
                 file.write(block)
         if not size:
-            raise InputError("there is no sound on standard input: 0 bytes", "did what writes to it fail?")
+            raise InputError("there is no sound on standard input: 0 bytes", "did the program before the pipe fail?")
         yield path
 
 

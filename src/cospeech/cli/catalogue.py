@@ -30,7 +30,7 @@ def _list_registry(registry: Mapping[str, str]) -> list[Row]:
 def _models() -> list[Row]:
     from ..models import ENTRIES, MODELS, find_bundle
 
-    more = {True: "; ready to use", False: "; no weights ship, train it: docs/training.md"}
+    more = {True: "; ready to use", False: "; no weights ship: train it first, see docs/training.md"}
     rows = []
     for name in MODELS:
         entry = ENTRIES[name]
@@ -42,7 +42,7 @@ def _models() -> list[Row]:
 
 
 def _styles() -> list[Row]:
-    """Those of the rule-based gesturer, then the speakers of the systems whose weights ship."""
+    """Those of the rule-based model, then the speakers of the models whose weights ship."""
     from ..models import BUNDLE, SHIPPED
     from ..rules.styles import STYLES
     from ..runtime.bundle import read_bundle
@@ -51,7 +51,7 @@ def _styles() -> list[Row]:
     rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
     for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):
         names = read_bundle(path).fact("styles", list)
-        about = dict.fromkeys(names, "a speaker that it was trained on") | {VOICE: "whoever is heard in the voice"}
+        about = dict.fromkeys(names, "a speaker of its training data") | {VOICE: "the speaker that it estimates from the voice"}
         rows += [{"name": name, "what": about[name], "model": path.stem} for name in names]
     return rows
 
@@ -59,8 +59,8 @@ def _styles() -> list[Row]:
 def _emotions() -> list[Row]:
     from ..audio.emotions import EMOTIONS
 
-    return [{"name": "auto", "what": "larger and quicker where the voice is aroused; the default"}] + [
-        {"name": name, "what": f"{name}, whatever the speech sounds like"} for name in EMOTIONS
+    return [{"name": "auto", "what": "arousal of the voice, no category; the default"}] + [
+        {"name": name, "what": f"{name}, independent of the speech"} for name in EMOTIONS
     ]
 
 

@@ -14,43 +14,59 @@ __all__ = ["register"]
 
 Tell = Callable[[float, float | None], None]
 Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
-Corpus = Annotated[str, Argument(metavar="CORPUS", help="See `cospeech list corpora`.")]
-Raw = Annotated[Path, Argument(metavar="RAW", help="Folder of the corpus, as it unpacks.")]
-Store = Annotated[Path, Argument(metavar="STORE", help="Folder to make.")]
-New = Annotated[Path, Argument(metavar="RAW", help="Folder to make.")]
-Pose = Annotated[str | None, Option("--pose", metavar="NAME", help="Pose representation; that of the corpus's papers else.")]
-Rate = Annotated[float | None, Option("--fps", metavar="NUMBER", help="Frames per second; those of the papers else.")]
-Filters = Annotated[bool, Option("--filters/--no-filters", help="Leave out what the papers do: static, bent, still.")]
+Corpus = Annotated[str, Argument(metavar="CORPUS", help="A name that `cospeech list corpora` prints.")]
+Raw = Annotated[Path, Argument(metavar="RAW", help="Folder of the corpus, as its authors publish it.")]
+Store = Annotated[Path, Argument(metavar="STORE", help="Folder of the new store.")]
+New = Annotated[Path, Argument(metavar="RAW", help="Folder of the new corpus.")]
+Pose = Annotated[
+    str | None, Option("--pose", metavar="NAME", help="Pose representation. The default is that of the corpus's papers.")
+]
+Rate = Annotated[
+    float | None, Option("--fps", metavar="NUMBER", help="Frames per second. The default is that of the corpus's papers.")
+]
+Filters = Annotated[
+    bool, Option("--filters/--no-filters", help="Leave out the clips that the papers leave out: static or bent poses.")
+]
 Mirror = Annotated[bool, Option("--mirror", help="Add training clips with left and right exchanged.")]
 Speeds = Annotated[
-    list[float] | None, Option("--speed", metavar="NUMBER", help="Add training clips this much faster, 0.5 … 2.")
+    list[float] | None, Option("--speed", metavar="NUMBER", help="Add training clips that are faster by this factor, 0.5 … 2.")
 ]
 Pitches = Annotated[
-    list[float] | None, Option("--pitch", metavar="NUMBER", help="Add training clips this many semitones higher.")
+    list[float] | None,
+    Option("--pitch", metavar="NUMBER", help="Add training clips with the voice higher by this many semitones."),
 ]
 DerivedSpeakers = Annotated[
     list[str] | None,
-    Option("--derive-speaker", metavar="NAME", help="Add speakers: leftarm, rightarm, mirror; of one speaker: 'cleo|leftarm'."),
+    Option(
+        "--derive-speaker",
+        metavar="NAME",
+        help="Add derived speakers: leftarm, rightarm, mirror; from one speaker: 'cleo|leftarm'.",
+    ),
 ]
 Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]  # old name
 """What 0.1.0 called ``--derive-speaker``: an error says the new name."""
-Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Workers; -1: one per core.")]
+Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Number of workers. -1: one per core.")]
 Backend = Annotated[
-    str, Option("--backend", metavar="NAME", help="Joblib's: loky, threading, multiprocessing, or a cluster's: dask, ray.")
+    str, Option("--backend", metavar="NAME", help="Backend of joblib: loky, threading, multiprocessing, dask, ray.")
 ]
-Scheduler = Annotated[str | None, Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster: tcp://head:8786.")]
+Scheduler = Annotated[str | None, Option("--scheduler", metavar="ADDRESS", help="Address of a Dask cluster: tcp://head:8786.")]
 Encoder = Annotated[
-    str | None, Option("--wav2vec", metavar="NAME", help="Keep what a wav2vec 2.0 hears too: its folder, or name on the hub.")
+    str | None,
+    Option("--wav2vec", metavar="NAME", help="Also store the features of a wav2vec 2.0: its folder, or its name on the hub."),
 ]
-Overwrite = Annotated[bool, Option("--overwrite", help="Replace a store that is there.")]
-Layout = Annotated[str, Option("--layout", metavar="NAME", help="ted, trinity, pats or beat.")]
-Speech = Annotated[Path | None, Option("--speech", metavar="FOLDER", help="Recordings to gesture to, with words beside them.")]
-Hours = Annotated[float, Option("--hours", metavar="NUMBER", help="How much motion to make.")]
-Speakers = Annotated[int | None, Option("--speakers", metavar="NUMBER", help="How many; 8, Trinity 1 else.")]
-Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Another seed, another corpus.")]
-Tts = Annotated[bool, Option("--tts/--no-tts", help="Whether espeak-ng and flite speak, where they are installed.")]
-Act = Annotated[bool, Option("--act/--no-act", help="Whether voices act the emotions (BEAT's layout).")]
-Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress bar, no summary.")]
+Overwrite = Annotated[bool, Option("--overwrite", help="Replace a store that exists.")]
+Layout = Annotated[str, Option("--layout", metavar="NAME", help="File layout: ted, trinity, pats or beat.")]
+Speech = Annotated[
+    Path | None, Option("--speech", metavar="FOLDER", help="Folder of recordings to use, with transcripts beside them.")
+]
+Hours = Annotated[float, Option("--hours", metavar="NUMBER", help="Hours of motion to make.")]
+Speakers = Annotated[
+    int | None, Option("--speakers", metavar="NUMBER", help="Number of speakers. The default is 8; Trinity has 1.")
+]
+Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed. Another seed gives another corpus.")]
+Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
+Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -87,9 +103,9 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """Make a store, which training reads, of a corpus.
+        """Prepare a corpus for training: read it and write a store.
 
-        The corpus stays as it lies on disk. Stopped half-way, the same command goes on where it was.
+        The corpus does not change. If the command is stopped, run it again: it encodes only what is missing.
 
         \b
         cospeech prepare beat beat_english_v0.2.1 stores/beat --jobs -1
@@ -133,9 +149,9 @@ def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """Make a synthetic corpus: to test, to teach, to practise.
+        """Make a synthetic corpus, for tests, teaching and practice.
 
-        The rule-based gesturer performs recordings or synthetic voices; the files lie as those of a real corpus do.
+        The rule-based model makes motion for recordings or synthetic voices. The files have the layout of a real corpus.
 
         \b
         cospeech synthesise raw/beat --layout beat --speech recordings --hours 2

@@ -17,42 +17,52 @@ __all__ = ["register"]
 Systems = Annotated[
     list[str] | None,
     Argument(
-        metavar="[SYSTEM]...",
-        help="A model, or FOLDER or NAME=FOLDER of motions: CLIP.bvh or CLIP.npz for every clip; more takes: CLIP.2.bvh.",
+        metavar="SYSTEM",
+        help="A model; or FOLDER or NAME=FOLDER with a motion for each clip, CLIP.bvh or CLIP.npz. Further takes: CLIP.2.bvh.",
     ),
 ]
 Store = Annotated[Path, Option("--corpus", "--store", metavar="STORE", help="Folder made by `cospeech prepare`.")]
-Raw = Annotated[Path | None, Option("--raw", metavar="RAW", help="The corpus of the store, for models and metrics that hear.")]
-Split = Annotated[str, Option("--split", metavar="NAME", help="train, validation, test or all.")]
-Metrics = Annotated[str | None, Option("--metrics", metavar="LIST", help="Separated by commas; see `cospeech list metrics`.")]
-Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Performances of a model, for metrics of variety.")]
-Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Of a model's first performance.")]
-Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="First frames that were given to the systems.")]
+Raw = Annotated[
+    Path | None,
+    Option("--raw", metavar="RAW", help="Folder of the corpus. Models and some metrics need its sound."),
+]
+Split = Annotated[str, Option("--split", metavar="NAME", help="Split to evaluate on: train, validation, test or all.")]
+Metrics = Annotated[
+    str | None, Option("--metrics", metavar="LIST", help="Metrics, separated by commas; see `cospeech list metrics`.")
+]
+Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Takes of each model, for metrics of variety.")]
+Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed of a model's first take.")]
+Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="Number of first frames that the systems were given.")]
 Features = Annotated[
     Path | None,
-    Option("--features", metavar="RUN", help="Network of FGD: the folder of a trained one (of the recipe fgd_ted)."),
+    Option("--features", metavar="RUN", help="Feature network of FGD: the folder of its run (recipe fgd_ted, for example)."),
 ]
-Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Write the table as JSON.")]
+Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Also write the table as JSON to this file.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Table = Annotated[
     str | None,
-    Option("--table", metavar="NAME", help="Make a table of a paper again: flow-1, mix-1, cog-1 and so on; docs/tables.md."),
+    Option("--table", metavar="NAME", help="Reproduce a table of a paper: flow-1, mix-1, cog-1 and so on; see docs/tables.md."),
 ]
-Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="Of --table: one run of every row with each.")]
+Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed.")]
 Rows = Annotated[
-    list[str] | None, Option("--rows", metavar="TEXT", help="Of --table: make only rows whose names hold this; repeatable.")
+    list[str] | None,
+    Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeatable."),
 ]
-Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="Of --table: where its runs lie, or are made, and its files.")]
+Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="With --table: folder of the runs and of the table's files.")]
 Recipes = Annotated[
-    Path | None, Option("--recipes", metavar="FOLDER", help="Of --table: recipes of your own, in place of those that ship.")
+    Path | None, Option("--recipes", metavar="FOLDER", help="With --table: folder of recipes that replace those that ship.")
 ]
-Small = Annotated[bool, Option("--small", help="Of --table: narrow networks and few steps, about two minutes a run.")]
-Change = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Of --table: change every row's recipe.")]
-Threads = Annotated[int, Option("--threads", metavar="NUMBER", min=0, help="Of --table: of PyTorch; 0: as many as it likes.")]
+Small = Annotated[bool, Option("--small", help="With --table: narrow networks and few steps, about two minutes per run.")]
+Change = Annotated[
+    list[str] | None, Option("--set", metavar="KEY=VALUE", help="With --table: change a key in the recipe of every row.")
+]
+Threads = Annotated[
+    int, Option("--threads", metavar="NUMBER", min=0, help="With --table: threads of PyTorch. 0: PyTorch chooses.")
+]
 About = Annotated[
-    str, Option("--about", metavar="TEXT", help="Of --table: what the store is, such as synthetic, for its head.")
+    str, Option("--about", metavar="TEXT", help="With --table: words for the head that describe the store, such as synthetic.")
 ]
-Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="Of --table: draw its figure, a PNG.")]
+Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="With --table: draw its figure into this PNG.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -110,7 +120,7 @@ def _check_options(context: typer.Context, table: str | None) -> None:
     idle = _OF_TABLES if table is None else _OF_CONTESTS
     for option in context.command.params:
         if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
-            where = "without --table, whose it is" if table is None else "beside --table, which has its own"
+            where = "without --table, to which it belongs" if table is None else "beside --table, which sets this itself"
             raise InputError(f"{option.opts[0]} {where}", "it would change nothing; leave it out")
 
 
@@ -152,9 +162,9 @@ def register(app: typer.Typer) -> None:
         as_json: Json = False,
         debug: Debug = False,
     ) -> None:
-        """Compare systems with recordings: a table of metrics.
+        """Compare systems with recordings in a table of metrics.
 
-        Beside them stand the ground truth and control rows, which a metric must put in order to be trusted.
+        The table also has the ground truth and control rows. Do not trust a metric that puts these in the wrong order.
 
         \b
         cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align
@@ -164,7 +174,7 @@ def register(app: typer.Typer) -> None:
         _check_options(context, table)
         if table is not None:
             if systems:
-                raise InputError(f"system {systems[0]!r} in a table of a paper", "leave it out: the table has its own rows")
+                raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
             from ..experiments.tables import to_text
 
             made = _table(

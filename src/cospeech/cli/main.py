@@ -68,8 +68,8 @@ ALL_PARTS = ",".join(PARTS)
 
 app = typer.Typer(
     name="cospeech",
-    help="Speech audio in, a moving character out: face, body and hands, in files that your tools open.",
-    epilog="What you generate is yours. Manual: docs/ in the repository, or each command's --help.",
+    help="cospeech turns recorded speech into a moving character: face, body and hands, in files that your tools open.",
+    epilog="What you generate is yours. `cospeech COMMAND --help` explains a command. The manual is in docs/.",
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -112,7 +112,7 @@ def generate(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Make motion for a speech, or for each of several.
+    """Generate motion for one speech or for several.
 
     \b
     cospeech generate talk.wav -o talk.bvh -o talk.glb
@@ -150,7 +150,7 @@ def _failure(results: Reports) -> CospeechError:
 @app.command()
 def convert(
     source: Motion,
-    target: Annotated[Path, Argument(metavar="FILE", help="File to write; the suffix picks the format.")],
+    target: Annotated[Path, Argument(metavar="FILE", help="File to write. The suffix chooses the format.")],
     skeleton: Retarget = None,
     fps: NewFps = None,
     names: Map = None,
@@ -158,7 +158,7 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Turn a motion file into one of another format.
+    """Convert a motion file to another format.
 
     \b
     cospeech convert talk.bvh talk.vrma
@@ -175,13 +175,15 @@ def convert(
 @app.command()
 def render(
     source: Motion,
-    target: Annotated[Path, Argument(metavar="PICTURE", help="Picture to write: .mp4, .gif (both moving) or .png (a strip).")],
+    target: Annotated[
+        Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")
+    ],
     audio: Drawn = None,
     camera: View = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Draw a motion file: a video, a .gif or a strip of frames.
+    """Draw a motion file as a video, .gif or strip of frames.
 
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav
@@ -205,7 +207,10 @@ def list_(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Show what there is: models, styles, formats and so on."""
+    """List the models, styles, formats and so on.
+
+    \b
+    cospeech list models"""
     from .catalogue import catalogue, catalogue_text
 
     if as_json:
@@ -217,14 +222,13 @@ def list_(
 
 
 @app.command()
-def demo(
-    folder: Folder = Path("demo"),
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
-    """Make every kind of file from the example speech.
+def demo(folder: Folder = Path("demo"), quiet: Quiet = False, debug: Debug = False) -> None:
+    """Generate every kind of file from the example speech.
 
-    All of `cospeech list formats` but .gif; .mp4 needs the extra `av`.
+    The formats are those of `cospeech list formats` without .gif. The .mp4 needs the extra `av`.
+
+    \b
+    cospeech demo --to demo
     """
     from .demo import make_demo
 
@@ -237,14 +241,17 @@ def demo(
 @app.command()
 def bench(
     seconds: Annotated[
-        float, option("--seconds", metavar="NUMBER", parser=number, help="Length of the speech that is timed.")
+        float, option("--seconds", metavar="NUMBER", parser=number, help="Length of the speech, 1 … 36000.")
     ] = 60.0,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Measure the speed on this machine.
+    """Measure the speed of the default model on this machine.
 
-    A real-time factor is seconds of work per second of speech: below 1 is faster than speech.
+    A real-time factor is seconds of work per second of speech. Below 1 is faster than the speech.
+
+    \b
+    cospeech bench --seconds 60
     """
     from .bench import measure
 

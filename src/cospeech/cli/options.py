@@ -43,8 +43,8 @@ Audio = Annotated[
     list[str],
     Argument(
         metavar="SPEECH",
-        help="Sound files: WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM, video. "
-        "Or folders of them; or - for standard input.",
+        help="Sound files (WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM and video), "
+        "folders of sound files, or - for standard input.",
     ),
 ]
 Motion = Annotated[Path, Argument(metavar="MOTION", help=f"Motion file to read: {' '.join(_READABLE)}.")]
@@ -54,17 +54,26 @@ Output = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="File to write, the suffix picks the format; may be given several times. Of several speeches: out/ or "
-        "out/{name}.vrma. Without it: SPEECH's name with .bvh and with .glb, in this folder.",
+        help="File to write. The suffix chooses the format. Repeat the option for several files. For several speeches, "
+        "name a folder, out/, or write {name} for the name of the speech: out/{name}.vrma. Without this option, the program "
+        "writes a .bvh and a .glb with the name of the speech into this folder.",
     ),
 ]
-Model = Annotated[str, option("--model", metavar="MODEL", help="Of `cospeech list models`; or a NAME.cospeech, or a run.")]
+Model = Annotated[
+    str,
+    option(
+        "--model",
+        metavar="MODEL",
+        help="A name that `cospeech list models` prints, a bundle (NAME.cospeech), or the folder of a run.",
+    ),
+]
 Style = Annotated[
     str | None,
     option(
         "--style",
         metavar="STYLE",
-        help="See `cospeech list styles`; mixed: calm:0.7,lively:0.3. Trained models follow a motion, too: clip.bvh.",
+        help="A name that `cospeech list styles` prints, or a mixture: calm:0.7,lively:0.3. Some trained models also take "
+        "an example of motion: clip.bvh. Each model has a default style.",
     ),
 ]
 Emotion = Annotated[
@@ -72,59 +81,91 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (larger and quicker where the voice is aroused), neutral, happiness, anger, sadness, contempt, surprise, "
-        "fear or disgust; or a .csv of how it changes.",
+        help="auto (arousal of the voice), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        "or a .csv file with the emotion over time.",
     ),
 ]
-Speaker = Annotated[str | None, option("--speaker", metavar="NAME", help="A speaker by name; for `rules` the same as a style.")]
+Speaker = Annotated[
+    str | None, option("--speaker", metavar="NAME", help="Name of a speaker. For `rules`, speakers are styles.")
+]
 Transcript = Annotated[
     str | None,
     option(
         "--transcript",
         metavar="FILE",
-        help="What is said: .TextGrid .tsv .srt .json, or .txt without times; of several speeches: {name}.srt.",
+        help="Words of the speech: .TextGrid, .tsv, .srt, .vtt, .json, or .txt without times. For several speeches, write "
+        "{name} for the name of the speech: words/{name}.srt.",
     ),
 ]
 Transcribe = Annotated[
-    bool, option("--transcribe", help="Hear the words with faster-whisper (cospeech[asr]) instead of reading them.")
+    bool, option("--transcribe", help="Recognise the words with faster-whisper (extra `asr`) instead of reading a transcript.")
 ]
 Seed = Annotated[
     int,
-    option("--seed", metavar="NUMBER", parser=whole, help="Another seed, another performance; the same seed, the same bytes."),
+    option(
+        "--seed",
+        metavar="NUMBER",
+        parser=whole,
+        help="Seed of the random choices. The same seed gives the same files. Another seed gives another motion.",
+    ),
 ]
-Takes = Annotated[int, option("--takes", metavar="NUMBER", parser=whole, help="Write so many takes: talk.1.bvh, talk.2.bvh …")]
+Takes = Annotated[
+    int, option("--takes", metavar="NUMBER", parser=whole, help="Number of takes, written as talk.1.bvh, talk.2.bvh …")
+]
 Temperature = Annotated[
-    float, option("--temperature", metavar="NUMBER", parser=number, help="How far choices stray from the likeliest, 0 … 2.")
+    float,
+    option("--temperature", metavar="NUMBER", parser=number, help="Size of the random variation, 0 (least) … 2 (most)."),
 ]
-Intensity = Annotated[float, option("--intensity", metavar="NUMBER", parser=number, help="Size of the motion, 0 … 2.")]
+Intensity = Annotated[float, option("--intensity", metavar="NUMBER", parser=number, help="Size of the movements, 0 … 2.")]
 FaceGain = Annotated[
     str,
     option(
         "--face-gain",
         metavar="GAINS",
-        help="How strong the mouth is, 0 … 2, or channels are: 1.2,jawOpen:0.8,mouthSmile:0.5 (names of ARKit).",
+        help="Strength of the mouth, 0 … 2, or of channels with ARKit's names: 1.2,jawOpen:0.8,mouthSmile:0.5.",
     ),
 ]
 Face = Annotated[
-    str | None, option("--face", metavar="FILE", help="A face that moves body and hands, for chains: .json .csv .glb.")
+    str | None,
+    option(
+        "--face",
+        metavar="FILE",
+        help="Motion of a face (.json, .csv, .glb), shown in place of the model's own; body and hands follow it. "
+        "Only some models take it, such as chain-of-generation.",
+    ),
 ]
 Continue = Annotated[
-    str | None, option("--continue", metavar="FILE", help="Motion that it goes on from, for chains, so that clips join.")
+    str | None,
+    option(
+        "--continue",
+        metavar="FILE",
+        help="Motion file to continue from, so that two clips join. Only some models take it, such as chain-of-generation.",
+    ),
 ]
-Parts = Annotated[str, option("--parts", metavar="LIST", help="What moves.")]
-Skeleton = Annotated[str, option("--skeleton", metavar="NAME", help="Of .bvh files; see `cospeech list skeletons`.")]
-Retarget = Annotated[str | None, option("--skeleton", metavar="NAME", help="Retarget; see `cospeech list skeletons`.")]
+Parts = Annotated[str, option("--parts", metavar="LIST", help="Parts that move, separated by commas.")]
+Skeleton = Annotated[str, option("--skeleton", metavar="NAME", help="Skeleton of .bvh files; see `cospeech list skeletons`.")]
+Retarget = Annotated[
+    str | None, option("--skeleton", metavar="NAME", help="Retarget to this skeleton; see `cospeech list skeletons`.")
+]
 Map = Annotated[
     Path | None,
-    option("--map", metavar="FILE", help="TOML: which joint of MOTION is which of ours, where that is not recognised."),
+    option("--map", metavar="FILE", help="TOML file that gives the joints of MOTION our names, if they are not recognised."),
 ]
 Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Frames per second, 1 … 240.")]
-NewFps = Annotated[float | None, option("--fps", metavar="NUMBER", parser=number, help="Resample to this rate.")]
-Avatar = Annotated[Path | None, option("--avatar", metavar="FILE", help="In .glb: this VRM or GLB character for ours.")]
+NewFps = Annotated[
+    float | None, option("--fps", metavar="NUMBER", parser=number, help="Resample to this many frames per second.")
+]
+Avatar = Annotated[
+    Path | None, option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files, in the place of our mannequin.")
+]
 View = Annotated[str | None, option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
-Drawn = Annotated[Path | None, option("--audio", metavar="SPEECH", help="Speech to hear (.mp4) or to draw (.png).")]
-ReportFile = Annotated[Path | None, option("--report", metavar="FILE", help="Write facts of the run as JSON.")]
-Folder = Annotated[Path, option("--to", metavar="FOLDER", help="Where the files go; made where it is missing.")]
-Json = Annotated[bool, option("--json", help="As JSON, for programs.")]
+Drawn = Annotated[
+    Path | None, option("--audio", metavar="SPEECH", help="Speech that plays with the video (.mp4) or is drawn below (.png).")
+]
+ReportFile = Annotated[
+    Path | None, option("--report", metavar="FILE", help="Write a report as JSON: model, style, emotion, files, speed.")
+]
+Folder = Annotated[Path, option("--to", metavar="FOLDER", help="Folder for the files. It is made if it is missing.")]
+Json = Annotated[bool, option("--json", help="Print JSON, for programs.")]
 Debug = Annotated[bool, option("--debug", help="Show the traceback of an error.")]
-Quiet = Annotated[bool, option("--quiet", "-q", help="No progress bar, no list of files.")]
+Quiet = Annotated[bool, option("--quiet", "-q", help="Print no progress bar and no list of files.")]

@@ -19,24 +19,28 @@ Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
 Recipe = Annotated[
     Path,
     Argument(
-        metavar="RECIPE", help="What is trained and how: a TOML file; or laptop, which is small and comes with the program."
+        metavar="RECIPE",
+        help="Name of a recipe that comes with the program, such as laptop (a small one) or flow_ted; or path of a TOML file.",
     ),
 ]
 Store = Annotated[
     Path | None,
     Option(
         "--store", metavar="STORE",
-        help="Folder made by `cospeech prepare`; else the recipe's data.store, or stores/ and the corpus.",
+        help="Folder made by `cospeech prepare`. The default is the recipe's data.store, or else stores/CORPUS.",
     ),
 ]  # fmt: skip
 Set = Annotated[
-    list[str] | None, Option("--set", metavar="KEY=VALUE", help="In place of what the recipe says: train.steps=2000.")
+    list[str] | None,
+    Option("--set", metavar="KEY=VALUE", help="Change a key of the recipe: train.steps=2000. Repeatable."),
 ]
-Resume = Annotated[bool, Option("--resume", help="Go on with the run in the folder, where there is one.")]
-Out = Annotated[Path | None, Option("--out", "-o", metavar="FOLDER", help="Run folder; else runs/ and the recipe's name.")]
+Resume = Annotated[bool, Option("--resume", help="Continue the run in the folder, if there is one.")]
+Out = Annotated[
+    Path | None, Option("--out", "-o", metavar="FOLDER", help="Folder of the run. The default is runs/ and the recipe's name.")
+]
 Run = Annotated[Path, Argument(metavar="RUN", help="Folder made by `cospeech train`.")]
 Bundle = Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write: NAME.cospeech.")]
-Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress bar, no summary.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -69,14 +73,15 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
-        """Train a model by a recipe.
+        """Train a model as a recipe says.
 
-        Stopped or killed, it goes on with --resume where it was.
+        If the command is stopped, run it again with --resume: the run continues.
 
         \b
         cospeech train laptop --store stores/laptop
-        cospeech train recipes/flow_ted.toml --set train.steps=2000 --out runs/short
-        torchrun --nproc-per-node 4 -m cospeech train recipes/flow_ted.toml --store stores/ted
+        cospeech train flow_ted --store stores/ted --set train.steps=2000 --out runs/short
+        cospeech train my_recipes/mine.toml --store stores/mine
+        torchrun --nproc-per-node 4 -m cospeech train flow_ted --store stores/ted
         """
         from ..training.recipe import load_recipe
 
@@ -112,9 +117,9 @@ def _store(named: Path | None, recipe: str, corpus: str) -> Path:
 def _add_bundle(app: typer.Typer) -> None:
     @app.command()
     def bundle(run: Run, *, output: Bundle, quiet: Quiet = False, debug: Debug = False) -> None:
-        """Pack what a run has learnt into one file.
+        """Pack a trained network into one file, a bundle.
 
-        `cospeech generate --model NAME.cospeech` plays it, without PyTorch.
+        `cospeech generate --model NAME.cospeech` generates motion with it, without PyTorch.
 
         \b
         cospeech bundle runs/flow_ted -o mine.cospeech

@@ -30,6 +30,6 @@ CORPORA: dict[str, Corpus] = {
     "beat2": Corpus("cospeech.corpora.beat2", "BEAT2: SMPL-X npz, WAV, TextGrid, semantics", False),
     "zeroeggs": Corpus("cospeech.corpora.zeroeggs", "ZeroEGGS: BVH and WAV in 19 styles", False),
     "faces": Corpus("cospeech.corpora.faces", "tracked faces of talking people: GRID by MediaPipe, FACEGOOD", False),
-    "folder": Corpus("cospeech.corpora.folder", "any folder of sound files, with motion and words beside them", False),
+    "folder": Corpus("cospeech.corpora.folder", "any folder of sound files, with motion and transcripts beside them", False),
 }
 """Name → module; `cospeech list corpora`, ``prepare`` and the tests iterate over it."""

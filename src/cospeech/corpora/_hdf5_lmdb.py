@@ -1,8 +1,7 @@
 """A process of its own that reads HDF5 and LMDB files: both libraries crash on damaged ones, and it is this process that dies.
 
-Run as a script by `cospeech.corpora.hdf5_lmdb`; it imports nothing of the package. A line of JSON comes in per file:
-{"kind": "hdf5" | "lmdb", "path", "want"}; messages go out on standard output: one letter, the length of what follows (uint32,
-little endian), then the bytes.
+`cospeech.audio.worker` starts it for `cospeech.corpora.hdf5_lmdb`; nothing else of the package is imported. A request is JSON:
+{"path", "want"}. Messages that answer it:
 
     J  JSON: for HDF5 all data sets and attributes, for LMDB {"entries"}
     B  bytes: the data sets in the order of the JSON, in pieces; for LMDB keys and values in turn
@@ -12,47 +11,16 @@ little endian), then the bytes.
 Only what lies in the file itself is read: no soft or external links, no external storage, no virtual data sets, no plug-ins.
 """
 
+from __future__ import annotations
+
 import json
 import os
-import signal
-import struct
-import sys
 
-__all__: "list[str]" = []
+from cospeech.audio.worker import FileRefused, requests, send, send_json
+
+__all__ = ["serve"]
 
 PIECE = 1 << 24  # bytes per message; ours
-
-
-class RefusedFile(Exception):
-    """What to tell the user: problem and hint."""
-
-    def __init__(self, problem: str, hint: str = "") -> None:
-        self.message = {"problem": problem, "hint": hint}
-
-
-def confine(memory: "int | None") -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    limits = [(resource.RLIMIT_CORE, 0), *([(resource.RLIMIT_AS, memory)] if memory else [])]
-    for kind, limit in limits:
-        try:
-            resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
-        except (ValueError, OSError):  # not on this system
-            continue
-
-
-def send(kind: bytes, payload: "bytes | memoryview") -> None:
-    out = sys.stdout.buffer
-    out.write(kind + struct.pack("<I", len(payload)))
-    out.write(payload)
-
-
-def send_json(kind: bytes, values: object) -> None:
-    send(kind, json.dumps(values).encode())
-    sys.stdout.buffer.flush()
 
 
 def as_text(value: object) -> object:
@@ -79,7 +47,7 @@ def load(data):  # type: ignore[no-untyped-def]
 
     about = {"name": data.name.lstrip("/"), "shape": list(data.shape), "attrs": {k: as_text(v) for k, v in data.attrs.items()}}
     if data.external or data.is_virtual:
-        raise RefusedFile(f"{data.name} lies in another file", "copy it into one")
+        raise FileRefused(f"{data.name} lies in another file", "copy it into one")
     text = h5py.check_string_dtype(data.dtype)
     whole = data[()] if data.dtype.hasobject else None
     objects = [whole] if data.shape == () else [] if whole is None else whole.reshape(-1)
@@ -90,12 +58,12 @@ def load(data):  # type: ignore[no-untyped-def]
         values = [np.asarray(v).tobytes().decode("latin-1") for v in objects]
         return about | {"pieces": values}, b""
     if data.dtype.hasobject:
-        raise RefusedFile(f"{data.name} holds objects", "plain numbers and text are right")
+        raise FileRefused(f"{data.name} holds objects", "plain numbers and text are right")
     array = np.ascontiguousarray(data[()])
     return about | {"dtype": describe_type(array.dtype), "bytes": array.nbytes}, array.tobytes()
 
 
-def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects: int) -> None:
+def read_hdf5(path: str, want: list[str] | None, most_bytes: int, most_objects: int) -> None:
     import h5py
 
     found: list = []
@@ -106,7 +74,7 @@ def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects
 
     def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
         if len(found) + len(groups) > most_objects:
-            raise RefusedFile(f"it holds more than {most_objects} data sets", "is it of this corpus?")
+            raise FileRefused(f"it holds more than {most_objects} data sets", "is it of this corpus?")
         if not is_wanted(name):
             return
         if isinstance(item, h5py.Dataset):
@@ -119,9 +87,9 @@ def read_hdf5(path: str, want: "list[str] | None", most_bytes: int, most_objects
         file.visititems(visit)
         total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in found)
         if total > most_bytes:
-            raise RefusedFile(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
+            raise FileRefused(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
         loaded = [load(item) for item in found]
-    send_json(b"J", {"datasets": [about for about, _ in loaded], "groups": groups})
+    send_json(b"J", datasets=[about for about, _ in loaded], groups=groups)
     for _, data in loaded:
         for at in range(0, len(data), PIECE):
             send(b"B", memoryview(data)[at : at + PIECE])
@@ -134,52 +102,48 @@ def read_lmdb(path: str) -> None:
         store = lmdb.open(path, readonly=True, lock=False, readahead=False, create=False)
         with store, store.begin(buffers=True) as look:
             entries = look.stat()["entries"]
-            send_json(b"J", {"entries": entries})
+            send_json(b"J", entries=entries)
             last, count = b"", 0
             for key, value in look.cursor():
                 count += 1
                 name = bytes(key)
                 if count > entries or (count > 1 and name <= last):
-                    raise RefusedFile("its keys are out of order: it is damaged", "copy it again from its source")
+                    raise FileRefused("its keys are out of order: it is damaged", "copy it again from its source")
                 last = name
                 send(b"B", name)
                 send(b"B", value)
             if count != entries:
-                raise RefusedFile(
+                raise FileRefused(
                     f"it says that it holds {entries} entries, and holds {count}", "copy it again from its source"
                 )
     except lmdb.Error as error:
-        raise RefusedFile(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
+        raise FileRefused(f"not an LMDB that can be read: {error}", "was it copied whole?") from None
 
 
-def serve(most_bytes: int, most_objects: int) -> None:
-    for line in sys.stdin.buffer:
-        request = json.loads(line)
+def serve(kind: str, most_bytes: str, most_objects: str) -> None:
+    """Read the files that are asked for; ``kind`` is hdf5 or lmdb."""
+    os.environ["HDF5_PLUGIN_PRELOAD"] = "::"  # HDF5's own word for: load no plug-ins
+    for _, asked in requests():
+        request = json.loads(asked)
         try:
-            if request["kind"] == "hdf5":
-                read_hdf5(request["path"], request["want"], most_bytes, most_objects)
+            if kind == "hdf5":
+                read_hdf5(request["path"], request["want"], int(most_bytes), int(most_objects))
             else:
                 read_lmdb(request["path"])
-            send_json(b"E", {})
-        except RefusedFile as refused:
-            send_json(b"X", refused.message)
-        except ImportError as error:
-            send_json(b"X", {"problem": f"reading it needs {error.name}", "hint": "pip install 'cospeech[corpora]'"})
-        except MemoryError:
-            send_json(b"X", {"problem": "it wants more memory than such a file should", "hint": "is it damaged?"})
+            send_json(b"E")
         except BrokenPipeError:
             raise
         except Exception as error:  # whatever a damaged file brings a library to raise
-            reason = " ".join((str(error) or type(error).__name__).replace(request["path"], "it").split())[:160]
-            send_json(b"X", {"problem": f"damaged: {reason}", "hint": "copy it again from its source"})
+            send_json(b"X", **refusal(error, request["path"]).message)
 
 
-if __name__ == "__main__":
-    sys.path[:] = sys.argv[1].split(os.pathsep)
-    os.environ["HDF5_PLUGIN_PRELOAD"] = "::"  # HDF5's own word for: load no plug-ins
-    kind, memory, size, objects = sys.argv[2], *map(int, sys.argv[3:6])
-    confine(memory if kind == "hdf5" else None)  # LMDB maps whole files of any size
-    try:
-        serve(size, objects)
-    except BrokenPipeError:  # the parent has read enough
-        os._exit(0)
+def refusal(error: Exception, path: str) -> FileRefused:
+    """What to tell the user of any error."""
+    if isinstance(error, FileRefused):
+        return error
+    if isinstance(error, ImportError):
+        return FileRefused(f"reading it needs {error.name}", "pip install 'cospeech[corpora]'")
+    if isinstance(error, MemoryError):
+        return FileRefused("it wants more memory than such a file should", "is it damaged?")
+    reason = " ".join((str(error) or type(error).__name__).replace(path, "it").split())[:160]
+    return FileRefused(f"damaged: {reason}", "copy it again from its source")

@@ -127,7 +127,7 @@ def _check(factor: float, what: str) -> None:
 def _check_sound(clip: Clip) -> None:
     """Spectra that come with the data (PATS) cannot be changed with the voice."""
     if any(name.startswith("audio/") for name in clip.extra):
-        raise InputError(f"{clip.name!r} has ready-made spectra, which cannot be played faster or higher", "leave it out")
+        raise InputError(f"{clip.name!r} has ready-made spectra, whose tempo and pitch cannot be changed", "leave it out")
 
 
 def _resample(samples: Array, rate: float, to: int) -> Array:

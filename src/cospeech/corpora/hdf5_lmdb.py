@@ -5,13 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import struct
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..audio.worker import TooLong, Worker, WorkerEnded, worker_command
 from ..errors import InputError
 from ..files import regular_file
 from ..limits import HDF5_BYTES, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES, VAULT_TIMEOUT
@@ -42,9 +37,7 @@ class Hdf5LmdbReader:
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
-        self._process: subprocess.Popen[bytes] | None = None
-        self._waiting_since: float | None = None
-        self._late = False
+        self._worker: Worker | None = None
 
     def hdf5(self, path: Path, want: Sequence[str] | None = None) -> tuple[dict[str, Dataset], dict[str, dict[str, object]]]:
         """All data sets of a file and the attributes of its groups, by name; ``want`` narrows it to some groups.
@@ -81,14 +74,12 @@ class Hdf5LmdbReader:
             yield key.decode("latin-1"), self._expect(b"B", name)
 
     def _first(self, path: Path, name: str, want: Sequence[str] | None) -> dict[str, Any]:
-        if self._process is None:
-            self._start()
-        assert self._process is not None
-        assert self._process.stdin is not None
-        request = {"kind": self._kind, "path": os.fspath(path), "want": None if want is None else list(want)}
-        with suppress(OSError):  # it is dead already: reading will say so
-            self._process.stdin.write(json.dumps(request).encode() + b"\n")
-            self._process.stdin.flush()
+        if self._worker is None:
+            script, memory = Path(__file__).with_name("_hdf5_lmdb.py"), HDF5_MEMORY if self._kind == "hdf5" else 0
+            # LMDB maps whole files of any size
+            self._worker = Worker(worker_command(script, self._kind, HDF5_BYTES, HDF5_OBJECTS, memory=memory))
+        request = {"path": os.fspath(path), "want": None if want is None else list(want)}
+        self._worker.request(b"J", json.dumps(request).encode())
         return json.loads(self._expect(b"J", name))
 
     def _array(self, entry: dict[str, Any], name: str) -> Any:
@@ -106,26 +97,6 @@ class Hdf5LmdbReader:
             data += self._expect(b"B", name)
         return np.frombuffer(data, dtype).reshape(shape)
 
-    def _start(self) -> None:
-        script, paths = str(Path(__file__).with_name("_hdf5_lmdb.py")), os.pathsep.join(sys.path)
-        limits = [str(limit) for limit in (HDF5_MEMORY, HDF5_BYTES, HDF5_OBJECTS)]
-        command = [sys.executable, "-I", "-S", script, paths, self._kind, *limits]
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each thread of NumPy's BLAS would reserve address space
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
-        )
-        self._late = False
-        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
-
-    def _watch(self, process: subprocess.Popen[bytes]) -> None:
-        """Kill the process when it keeps us waiting; pipes cannot be read with a timeout on every system."""
-        while process.poll() is None:
-            time.sleep(0.2)
-            since = self._waiting_since
-            if process is self._process and since is not None and time.monotonic() - since > VAULT_TIMEOUT:
-                self._late = True
-                process.kill()
-
     def _expect(self, wanted: bytes, name: str) -> bytes:
         kind, payload = self._message(name)
         if kind != wanted:
@@ -134,42 +105,30 @@ class Hdf5LmdbReader:
         return payload
 
     def _message(self, name: str) -> tuple[bytes, bytes]:
-        head = self._read(5, name)
-        kind, size = head[:1], struct.unpack("<I", head[1:])[0]
-        if size > LONGEST_ENTRY_BYTES:
+        assert self._worker is not None
+        try:
+            kind, payload = self._worker.receive(LONGEST_ENTRY_BYTES, VAULT_TIMEOUT)
+        except TooLong as error:
             self.close()
-            raise InputError(f"{name!r} holds an entry of {size >> 20} MiB", "is it damaged?")
-        payload = self._read(size, name)
+            raise InputError(f"{name!r} holds an entry of {error.size >> 20} MiB", "is it damaged?") from None
+        except WorkerEnded as ended:
+            self.close()
+            if ended.late:
+                problem = f"the reader hangs on {name!r}: nothing for {VAULT_TIMEOUT:g} s"
+                raise InputError(problem, "it is damaged; copy it again") from None
+            raise InputError(
+                f"the reader crashed on {name!r} ({ended})", "it is damaged; copy it again from its source"
+            ) from None
         if kind == b"X":
             values = json.loads(payload)
             raise InputError(f"{name!r}: {values['problem']}", values["hint"])
         return kind, payload
 
-    def _read(self, size: int, name: str) -> bytes:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        self._waiting_since = time.monotonic()
-        data = self._process.stdout.read(size)
-        self._waiting_since = None
-        if len(data) == size:
-            return data
-        code, late = self._process.wait(), self._late
-        self.close()
-        if late:
-            raise InputError(f"the reader hangs on {name!r}: nothing for {VAULT_TIMEOUT:g} s", "it is damaged; copy it again")
-        raise InputError(f"the reader crashed on {name!r} (exit {code})", "it is damaged; copy it again from its source")
-
     def close(self) -> None:
         """Kill the process if it still runs, and collect it."""
-        process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.close()
 
     def __enter__(self) -> Hdf5LmdbReader:
         return self

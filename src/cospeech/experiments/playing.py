@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..models.chain_of_generation import Chain
+from ..models.chain_of_generation import ChainOfGeneration
 from ..models.nn.windowed import Windowed
 from ..motion.rotations import Array
 
@@ -46,7 +46,7 @@ def context_of(net: nn.Module) -> tuple[int, int]:
     try:
         return int(config.history), int(config.look_ahead)
     except AttributeError:
-        raise InputError(f"{type(net).__name__} is not played frame by frame", "a flow is") from None
+        raise InputError(f"{type(net).__name__} does not generate frame by frame", "a flow does") from None
 
 
 def _tensor(x: Array, device: torch.device) -> Tensor:
@@ -116,7 +116,9 @@ def codes(net: Any, pose: Array, audio: Array) -> Array:
 
 def _as_window_network(net: nn.Module) -> Windowed:
     if not isinstance(net, Windowed):
-        raise InputError(f"{type(net).__name__} is not played by windows", "Mix-StAGE and what it is compared with is")
+        raise InputError(
+            f"{type(net).__name__} does not generate by windows", "Mix-StAGE and the models that it is compared with do"
+        )
     return net
 
 
@@ -162,8 +164,10 @@ def play_inputs(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[s
     """
     asked: Any = getattr(net, "play", None)
     if asked is None:
-        raise InputError(f"{type(net).__name__} is not played with many inputs", "Chain of Generation, CaMN, multi-context are")
-    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, Chain) else {}
+        raise InputError(
+            f"{type(net).__name__} does not generate from many inputs", "Chain of Generation, CaMN and multi-context do"
+        )
+    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, ChainOfGeneration) else {}
     device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
     for k in range(0, count, BATCH):
         some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}

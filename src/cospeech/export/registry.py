@@ -51,7 +51,7 @@ _OURS = {
         readable=True, holds=("body", "hands"), any_skeleton=True,
     ),
     ".glb": Format(
-        "cospeech.export.glb", "skinned character with 52 morph targets, animated",
+        "cospeech.export.glb", "animated character with skin and 52 morph targets",
         "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
         readable=True, wears_avatar=True,
     ),
@@ -75,7 +75,7 @@ _OURS = {
     ".mp4": Format(
         "cospeech.export.mp4", "preview video with the speech", "any video player", picture=True, sound="heard", needs="av"
     ),
-    ".gif": Format("cospeech.export.gif", "moving preview picture", "any web browser", picture=True),
+    ".gif": Format("cospeech.export.gif", "animated preview picture", "any web browser", picture=True),
     ".png": Format(
         "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames over the waveform",
         picture=True, sound="drawn", words=True,

@@ -82,7 +82,7 @@ def _speech(sample: Sample) -> tuple[Array, float]:
 
 @metric("speech", "track", better="higher", hears=True)
 def beat_align(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """How far the hands follow the accents beyond chance; 0 for noise, for stillness and for the wrong speech."""
+    """Lift over chance: how far the hands follow the accents; 0 for noise, for stillness and for the wrong speech."""
     runs: list[tuple[Array, Array, float]] = []
     for sample in generated:
         assert sample.track is not None

@@ -85,7 +85,7 @@ def _score(samples: Sequence[Sample], figure: Callable[[Sequence[Blinks]], float
 
 @metric("face", better="reference", unit="per minute")
 def blink_rate(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Blinks per minute; best where as many as in the reference."""
+    """Blinks per minute; best where it equals the reference's."""
     return _score(generated, _rate, tools)
 
 
@@ -103,7 +103,7 @@ def blink_gaps(generated: Sequence[Sample], reference: Sequence[Sample], tools: 
 
 @metric("face", better="lower")
 def blinks(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """How far rate, duration and variation of blinks are from the reference's: 0 alike, 1 nothing in common."""
+    """Difference of the rate, duration and variation of blinks from the reference's: 0 is alike, 1 is nothing in common."""
     if not reference:
         raise InputError("blinks without a reference", "give recordings to compare with")
     true = _clips(reference)

@@ -77,7 +77,7 @@ def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
 
 @metric("positions", better="higher", paired=True)
 def cca_genea(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """GENEA's global CCA: fitted and scored on the same frames, which flatters everything that moves."""
+    """GENEA's global CCA: fitted and scored on the same frames, so that everything that moves scores well."""
     pairs = _poses(generated, reference)
     made, true = (np.concatenate([pair[k] for pair in pairs]) for k in range(2))
     return Score(canonical(made, true)[0], None, len(made))

@@ -113,13 +113,13 @@ def silhouette(generated: Sequence[Sample], reference: Sequence[Sample], tools: 
 
 @metric("features", "embedding", better="higher")
 def chi_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """CHI of the flow paper: on a 2-D embedding that is passed in, with the labels k-means (k = 5) finds there."""
+    """CHI of the flow paper: on a 2-D embedding that you pass in, with the labels that k-means (k = 5) finds in it."""
     points, labels = _embed_windows(generated, tools)
     return _score(calinski_harabasz(points, labels), points, tools)
 
 
 @metric("features", "embedding", better="higher")
 def silhouette_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Silhouette of the flow paper: on a 2-D embedding that is passed in, with the labels k-means (k = 5) finds there."""
+    """Silhouette of the flow paper: on a 2-D embedding that you pass in, with the labels that k-means (k = 5) finds in it."""
     points, labels = _embed_windows(generated, tools)
     return _score(silhouette_coefficient(points, labels), points, tools)

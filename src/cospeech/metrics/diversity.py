@@ -49,7 +49,7 @@ def _windows(sample: Sample) -> Array:
 
 @metric("positions|points", better="reference", unit="mm (px)")
 def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Mean distance of every pair of windows (34 frames), order-free, mm per coordinate; best where as the reference's."""
+    """Mean distance of all pairs of windows (34 frames), mm per coordinate; best where it equals the reference's."""
     clips = [window for sample in generated if len(window := _windows(sample))]
     unit = MILLI if generated[0].positions is not None else 1.0
 
@@ -65,7 +65,7 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
 
 @metric("positions", better="higher", unit="mm")
 def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Div of the flow paper: pairs within batches of 50 consecutive windows, a smaller last batch dropped; depends on order."""
+    """Div of the flow paper: pairs within batches of 50 consecutive windows, without a smaller last batch; depends on order."""
     rows = np.concatenate([w for s in generated if len(w := _windows(s))] or [np.zeros((0, 1))])
     batches = [rows[k : k + BATCH] for k in range(0, len(rows) - BATCH + 1, BATCH)]
     if not batches:

@@ -133,7 +133,7 @@ def fgd_published(generated: Sequence[Sample], reference: Sequence[Sample], tool
 
 @metric("positions|points", better="lower")
 def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Fréchet distance of single poses, z-normed by the reference (Mix-StAGE's FID): blind to all movement."""
+    """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement."""
     a, b = ([pose_vectors(sample) for sample in side] for side in (generated, reference))
     joined = np.concatenate(b)
     mean, deviation = joined.mean(0), joined.std(0)

@@ -75,7 +75,7 @@ def _moves(samples: Sequence[Sample]) -> bool:
 
 @metric("face", "speech", better="reference", hears=True, unit="s")
 def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Seconds that the jaw is behind the level of the speech, where the two correlate best; best where as the reference's."""
+    """Seconds that the jaw is behind the level of the speech, at the best correlation; best where it equals the reference's."""
     if not _moves(generated):
         raise InputError("the jaw stands still", "a lag is of jaws that move")
     clips = _all(generated)
@@ -90,7 +90,7 @@ def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
 
 @metric("face", "speech", better="higher", hears=True)
 def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Correlation of the jaw with the level of the speech at the best lag, −1 … 1; 0 for a jaw that stands still."""
+    """Correlation of the jaw with the level of the speech at the best lag, −1 … 1; 0 for a jaw that does not move."""
     clips = _all(generated)
     if not _moves(generated):
         return Score(0.0, None, len(clips), "the jaw stands still")

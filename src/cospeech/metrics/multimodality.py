@@ -46,7 +46,7 @@ def multimodality(generated: Sequence[Sample], reference: Sequence[Sample], tool
 
 @metric("features", better="higher")
 def multimodality_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """HA2G's diversity: mean |Δ feature| between random windows, of whatever speech; knows nothing of conditions."""
+    """HA2G's diversity: mean |Δ feature| between random windows of any speech; not a multimodality."""
     assert tools.features is not None
     rows = np.concatenate([w for s in generated if len(w := tools.features.windows(s))] or [np.zeros((0, 1))])
     if len(rows) < 2:

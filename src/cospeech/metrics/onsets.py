@@ -1,7 +1,8 @@
 """Onsets of sound, as the published beat metrics take them from librosa with its default settings; numpy only.
 
 Strength: the mean over 128 mel bands (Slaney) of the rise in dB from frame to frame; windows of 2048 samples, 512 apart.
-Onsets: its local maxima that exceed the mean of their surroundings. `tests/test_metrics_beat.py` compares with librosa itself.
+Onsets: its local maxima that exceed the mean of their surroundings.
+`tests/metrics/test_beat_align.py` compares with librosa itself.
 """
 
 from __future__ import annotations

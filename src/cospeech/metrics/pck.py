@@ -48,7 +48,7 @@ def _select_points(points: int) -> list[int]:
 
 @metric("positions", better="higher", paired=True)
 def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Share of joints within 0.1 m, without root and seed frames."""
+    """Share of joints within 0.1 m of the recording, without root and seed frames."""
     values, weights = [], []
     for sample, _, made, true in pair_samples(generated, reference, "positions"):
         judged = hits(made, true, NEAR)[sample.seed_frames :, 1:]
@@ -60,7 +60,7 @@ def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
 
 @metric("positions", better="higher", paired=True)
 def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """PCK of the flow paper: within 0.1 m, the root and the given frames counted as hits."""
+    """PCK of the flow paper: within 0.1 m; it counts the root and the seed frames as hits."""
     pairs = pair_samples(generated, reference, "positions")
     values = [float(hits(made, true, NEAR).mean()) for _, _, made, true in pairs]
     return mean_score(values, [made.size for _, _, made, _ in pairs], seed=tools.seed)
@@ -85,7 +85,7 @@ def pck_2d(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
 
 @metric("points", better="higher", paired=True)
 def pck_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """PCK of Mix-StAGE: the mean of the *running* means over clips, so that early clips count more."""
+    """PCK of Mix-StAGE: mean of the *running* means over clips, so that early clips count more."""
     total, weight = 0.0, 0
     runs = [_shares(generated, reference, alpha) for alpha in ALPHAS]
     sizes = runs[0][1]

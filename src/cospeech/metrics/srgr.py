@@ -51,7 +51,7 @@ def _semantics(sample: Sample) -> Array:
 
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Share of joints within 4° of the recording, frames weighted by their semantic score; 1 is perfect."""
+    """Share of joints within 4° of the recording; the semantic score weights the frames; 1 is perfect."""
     values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for sample, truth, made, true in pairs:
@@ -67,7 +67,7 @@ def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools)
 
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """SRGR as coded for BEAT: Euler sums below 4°, weights ÷ 0.165; may exceed 1."""
+    """SRGR as coded for BEAT: sum of Euler differences below 4°, weights ÷ 0.165; may exceed 1."""
     values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for _, truth, *both in pairs:

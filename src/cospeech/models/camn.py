@@ -19,9 +19,10 @@ Followed, changed, not said in the paper: docs/models/camn.md, by number.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -30,10 +31,12 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
+from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
+from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -45,8 +48,10 @@ HEARD = 7  # ours: with four convolutions in a row each frame hears 25, as each 
 
 
 @dataclass(frozen=True)
-class CamnConfig:
+class CamnConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4}
 
     frames: int = 34
     """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""
@@ -80,9 +85,7 @@ class CamnConfig:
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
         low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "seed_dropout": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a CaMN is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a CaMN", low)
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0):
             raise InputError(
                 f"a CaMN with dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}", "shares; beta > 0"
@@ -166,8 +169,9 @@ class Camn(ManyInputs):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text", "face", "emotion", "semantic")
-    """And ``speaker`` (B,), which every batch has."""
+    dimensions = ("pose", "audio", "speakers", "hands", "text")
     Config = CamnConfig
+    config: CamnConfig
     order: Tensor
 
     def __init__(
@@ -180,9 +184,7 @@ class Camn(ManyInputs):
                 f"a CaMN of {speakers} speakers from {audio} numbers of speech to {pose}, of which {len(hands)} are of hands"
             )
             raise InputError(problem, "all are positive, and some of a pose are of hands and others are not")
-        self.config = config
-        if not config.semantic:
-            self.arrays = tuple(name for name in self.arrays if name != "semantic")
+        self.config, self.arrays = config, self.arrays_for(config)
         self._measures(pose, audio, speakers, word_embedding(text, config.word_width))
         order = torch.tensor([*body, *hands])
         self.register_buffer("order", order.argsort(), persistent=False)
@@ -198,10 +200,10 @@ class Camn(ManyInputs):
         self.hands = BothWays(heard + len(body), config.hidden, config.layers, config.dropout)
         self.hands_out = _mlp(config.hidden, half, len(hands))
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def arrays_for(cls, config: CamnConfig) -> tuple[str, ...]:
+        """Without the semantic relevance, where it weighs nothing."""
+        return cls.arrays if config.semantic else tuple(name for name in cls.arrays if name != "semantic")
 
     def forward(self, given: ModalityInputs, noise: Tensor | None = None) -> Tensor:
         """Body and hands: inputs of T frames → (B, T, D). There is no noise."""

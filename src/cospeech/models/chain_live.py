@@ -18,8 +18,8 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from .chain_config import ChainConfig
-from .chain_of_generation import Chain, ChainOfGeneration, Turn
+from .chain_of_generation import ChainConfig, ChainOfGeneration
+from .chain_of_generation_extended import ChainExtendedConfig, ChainOfGenerationExtended, Turn
 from .nn.cascade import Layers
 from .nn.channel_attention import PastAttention
 from .nn.objective import Batch, Objective
@@ -30,7 +30,7 @@ __all__ = ["ChainLive", "ChainLiveConfig"]
 
 
 @dataclass(frozen=True)
-class ChainLiveConfig(ChainConfig):
+class ChainLiveConfig(ChainExtendedConfig):
     """As its teacher, and what makes it live; all of this is ours."""
 
     seeds: int = 0
@@ -43,7 +43,7 @@ class ChainLiveConfig(ChainConfig):
     """Weight of the distance to what the teacher makes."""
 
 
-class ChainLive(Chain):
+class ChainLive(ChainOfGenerationExtended):
     """The causal one.
 
     Args:
@@ -61,28 +61,23 @@ class ChainLive(Chain):
     ) -> None:  # fmt: skip
         if config.look_ahead < 1 or config.pooling_window < 2:
             raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooling_window} pooled", "1 and 2 at least")
-        layers = Layers(
+        super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, louder=louder)
+        self.delay, self.teacher = config.look_ahead, teacher
+        if teacher is not None:
+            if (teacher.pose, teacher.audio, teacher.styles, teacher.modes) != (pose, self.audio, self.styles, self.modes):
+                raise InputError("a teacher of other sizes", "the same poses, speech, speakers, word_width and noise")
+            self.classifier, self.word = teacher.classifier, teacher.word
+
+    @classmethod
+    def layers(cls, config: ChainConfig) -> Layers:
+        """Layers that see nothing of what follows."""
+        assert isinstance(config, ChainLiveConfig)
+        return Layers(
             conv=CausalConv,
             attention=lambda channels: PastAttention(channels, config.reduction, config.pooling_window),
             recurrent=lambda inputs: Forwards(inputs, config.hidden, config.layers, config.dropout),
             hidden=config.hidden,
         )
-        super().__init__(
-            config,
-            layers,
-            pose=pose,
-            audio=audio,
-            speakers=speakers,
-            hands=hands,
-            text=text,
-            louder=louder,
-            delay=config.look_ahead,
-        )
-        self.teacher = teacher
-        if teacher is not None:
-            if (teacher.pose, teacher.audio, teacher.styles, teacher.modes) != (pose, self.audio, self.styles, self.modes):
-                raise InputError("a teacher of other sizes", "the same poses, speech, speakers, word_width and noise")
-            self.classifier, self.word = teacher.classifier, teacher.word
 
     def train(self, mode: bool = True) -> ChainLive:
         """As any module, but its teacher is played as it is."""
@@ -132,5 +127,5 @@ class ChainLive(Chain):
         memory = Memory(states)
         heard, words = rows.mT.split((self.speech_encoder.inputs, self.word.width), 1)
         seeds = rows.new_zeros(len(rows), self.pose + 1, rows.shape[1])
-        made, _ = self.run(heard, words, style.mT, mode_noise.mT, seeds, memory)
+        made, _ = self(heard, words, style.mT, self.extra(seeds, mode_noise.mT), memory)
         return made.pose.mT, memory.new_states

@@ -107,12 +107,12 @@ def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array
         InputError: the statistics do not fit the representation, or the network has no codes.
     """
     if not isinstance(net, GestureAutoencoder | FgdAutoencoder):
-        raise InputError(f"{name!r} is no feature network", "train recipes/fgd_ted.toml or its like")
+        raise InputError(f"{name!r} is no feature network", "train the recipe fgd_ted or a similar one")
     return _window_net(net, net.encode, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)
 
 
 def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
     """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as of `feature_net`."""
     if not isinstance(net, SpeakerClassifier):
-        raise InputError(f"{name!r} is no classifier", "train recipes/speaker_classifier_pats.toml or its like")
+        raise InputError(f"{name!r} is no classifier", "train the recipe speaker_classifier_pats or a similar one")
     return _window_net(net, net.probabilities, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)

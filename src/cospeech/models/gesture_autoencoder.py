@@ -23,14 +23,18 @@ they serve training and evaluation.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.norm import BatchNorm1d, batch_norm
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["AutoencoderConfig", "FgdAutoencoder", "FgdConfig", "GestureAutoencoder", "Omega"]
 
@@ -40,8 +44,10 @@ SHORTEST = 16  # frames that four halvings leave one of
 
 
 @dataclass(frozen=True)
-class AutoencoderConfig:
+class AutoencoderConfig(ModelConfig):
     """Sizes of `GestureAutoencoder`; the paper gives none, the defaults are the authors' code's for TED."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"width": 8, "code": 4}
 
     frames: int = 30
     """T of a training window; ω takes windows of any length."""
@@ -54,11 +60,13 @@ class AutoencoderConfig:
 
 
 @dataclass(frozen=True)
-class FgdConfig:
+class FgdConfig(ModelConfig):
     """Sizes of `FgdAutoencoder`; the paper gives none but the length, the defaults are the authors' code's.
 
     The decoder's are of the code's: a dense layer of 2 · code, then ⌊code / 8⌋ channels; authors' code, and BEAT's.
     """
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "code": 4}
 
     frames: int = 34
     """T of a window; Yoon et al. 2020 (2.27 s at their 15 frames per second)."""
@@ -110,7 +118,7 @@ class Omega(nn.Module):
         return y.transpose(1, 2)
 
 
-class GestureAutoencoder(nn.Module):
+class GestureAutoencoder(Trainable):
     """The extractor of the gesture perceptual loss; poses are standardised vectors.
 
     Args:
@@ -121,6 +129,7 @@ class GestureAutoencoder(nn.Module):
 
     arrays = ("pose",)
     Config = AutoencoderConfig
+    config: AutoencoderConfig
 
     def __init__(self, config: AutoencoderConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()
@@ -139,11 +148,6 @@ class GestureAutoencoder(nn.Module):
         for part in self.modules():
             if isinstance(part, nn.Conv1d) and part is not self.out:
                 nn.init.kaiming_normal_(part.weight)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def encode(self, x: Tensor) -> Tensor:
         """(B, T, D) → (B, code), for T ≥ 16."""
@@ -176,7 +180,7 @@ class GestureAutoencoder(nn.Module):
         return {name: terms[name] for name in ("l1", "l1_difference")}
 
 
-class FgdAutoencoder(nn.Module):
+class FgdAutoencoder(Trainable):
     """The feature network of FGD; poses are standardised vectors, a window has as many frames as the configuration says.
 
     Args:
@@ -187,6 +191,7 @@ class FgdAutoencoder(nn.Module):
 
     arrays = ("pose",)
     Config = FgdConfig
+    config: FgdConfig
 
     def __init__(self, config: FgdConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()

@@ -25,33 +25,33 @@ What each reaches (G is the sub-generators, of every frame its owner alone; noth
     L_rec    Eᶜₐ       U-Net  S     G
 
 In the authors' reading (``soft``: Φ is H's in training too) L_joint, L_rec, L_id and L_adv reach H and every sub-generator;
-with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5). With
-``persistence``, which is ours, L_adv and L_id are of poses with priors of H, drawn as in a performance, and reach H too.
+with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5).
 
 Followed: equations 2–8. Changed: the authors' coin per batch, which of D and G has its turn, is every other step
 (``alternate``), and their coin per batch, which content is decoded, one per row, so that many processes train as one would.
 Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; what is clustered (authors' code: of all training data).
 M = 1 is StAGE (`cospeech.models.stage`); it has no H, which could not learn anything of one class. Without Eˢₚ, S and L_id it
-is CMix-GAN, for one speaker (`cospeech.models.cmix_gan`).
+is CMix-GAN, for one speaker (`cospeech.models.cmix_gan`). This file is the paper, in its reading and in that of the authors'
+code; what we add to it is in `cospeech.models.mix_stage_extended`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
+from .nn.configuration import ModelConfig
 from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
-from .nn.gumbel import smooth_gumbel
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
 from .nn.patch import PatchDiscriminator, velocity
-from .nn.pose_discriminator import PoseDiscriminator
 from .nn.style import NoStyle, SpeakerStyle, StyleReading
 from .nn.unet1d import UNet1d
 from .nn.windowed import Windowed
@@ -63,8 +63,10 @@ HALVINGS = 3  # of AudioContent, which the U-Net's multiple of frames has to cov
 
 
 @dataclass(frozen=True)
-class MixGanConfig:
+class MixGanConfig(ModelConfig):
     """Sizes and weights without those of style; the defaults are the paper's, or, where it is silent, the authors' code's."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"modes": 4, "channels": 8}
 
     frames: int = 64
     """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""
@@ -84,24 +86,18 @@ class MixGanConfig:
     """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
     adversarial_loss: str = "logarithm"
     """What D's scores are worth, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code;
-    squares."""
+    squares, which is [ours]."""
     growth: float = 0.0
     """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
     alternate: bool = False
     """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
-    reconstruction: float = 1.0
-    """Weight of L_rec and L_joint; equation 8. Ours: less, so that what one recording did is not all that counts."""
-    pose_discriminator: bool = False
-    """Whether D sees poses beside velocity, and knows whose they should be and to what speech
-    (models/nn/pose_discriminator.py); ours."""
-    persistence: float = 0.0
-    """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
-    that makes takes differ, drawn for so long a time. Ours; 0: of those that L_rec is of."""
 
 
 @dataclass(frozen=True)
 class MixStageConfig(MixGanConfig):
     """And those of style."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {**MixGanConfig.TINY, "style": 4}
 
     style: int = 10
     """D, length of a style embedding; not stated, authors' code 10."""
@@ -123,7 +119,7 @@ class _Decoded(NamedTuple):
     made: Tensor
     """Ŷ of L_rec."""
     judged: Tensor
-    """Ŷ of L_adv and L_id: the same, as published."""
+    """Ŷ of L_adv and L_id: the same."""
 
 
 class MixGan(Windowed):
@@ -143,7 +139,9 @@ class MixGan(Windowed):
     """
 
     arrays = ("pose", "audio", "cluster")
-    """And ``speaker`` (B,), which every batch has. ``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
+    """``cluster``: (B, T) whole numbers 0 … M − 1, each frame's nearest centre."""
+    dimensions = ("pose", "audio", "speakers")
+    config: MixGanConfig
 
     def __init__(
         self, config: MixGanConfig, *, pose: int, audio: int, style: SpeakerStyle | NoStyle, identity: float = 0.0
@@ -168,17 +166,12 @@ class MixGan(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
-        self.discriminator: PoseDiscriminator | PatchDiscriminator = (
-            PoseDiscriminator(pose, audio, config.patch_channels, max(1, style.speakers))
-            if config.pose_discriminator
-            else PatchDiscriminator(pose, config.patch_channels)
-        )
+        self.discriminator = self._make_discriminator()
         self._shared_forward: _Decoded | None = None
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    def _make_discriminator(self) -> nn.Module:
+        """D."""
+        return PatchDiscriminator(self.pose, self.config.patch_channels)
 
     # the parts of equation 2 ----------------------------------------------------------------------------------------
 
@@ -226,22 +219,15 @@ class MixGan(Windowed):
         logits = self._logits(z)
         made = self.generators(z)
         mixed = mix(made, self._priors(logits, batch["cluster"]))
-        return _Decoded(
-            key, own, seen, logits, mixed, self._generate_noisy(batch, made, logits) if self.config.persistence else mixed
-        )
+        return _Decoded(key, own, seen, logits, mixed, self._draw_poses(batch, made, logits, mixed))
 
-    def _generate_noisy(self, batch: Batch, made: Tensor, logits: Tensor) -> Tensor:
-        """Ŷ as it is played, with priors of H and noise: (B, M, D, T), (B, M, T) → (B, D, T)."""
-        rows, modes, frames = logits.shape
-        noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
-        return mix(made, torch.softmax(logits + noise, 1))
+    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
+        """Ŷ (B, D, T) of L_adv and L_id, of the sub-generators' (B, M, D, T), H's logits (B, M, T) and Ŷ of L_rec."""
+        return mixed
 
-    def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
-        """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
-        seen = (
-            (pose, batch["audio"].roll(shift, 0).mT, batch["speaker"]) if self.config.pose_discriminator else (velocity(pose),)
-        )
-        scores: Tensor = self.discriminator(*seen)
+    def _score(self, pose: Tensor, batch: Batch) -> Tensor:
+        """D's scores of (B, D, T) poses."""
+        scores: Tensor = self.discriminator(velocity(pose))
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -252,10 +238,7 @@ class MixGan(Windowed):
         self._shared_forward = None if self.config.alternate else decoded
         true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoded.judged.detach()))
         losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
-        terms = {"true": losses.true(true), "false": self._growing(step) * losses.false(false)}
-        if self.config.pose_discriminator and len(batch) > 1:
-            terms["mismatched"] = losses.false(self._score(batch["pose"].mT, batch, shift=1))
-        return terms
+        return {"true": losses.true(true), "false": self._growing(step) * losses.false(false)}
 
     def _encode_contents(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
         """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.
@@ -276,13 +259,12 @@ class MixGan(Windowed):
         pose, cluster = batch["pose"].mT, batch["cluster"]
         decoded, self._shared_forward = self._decode_batch(batch, step), None
         made, mixes = decoded.made, [F.cross_entropy(decoded.logits, cluster)]
-        weight = self.config.reconstruction
-        terms = {"rec": weight * (pose - made).abs().mean()}  # equation 5
+        terms = {"rec": (pose - made).abs().mean()}  # equation 5
         if decoded.seen is not None:
             z = self.latent(decoded.seen, decoded.own.weights)
             logits = self._logits(z)
             again = mix(self.generators(z), self._priors(logits, cluster))
-            terms["joint"] = weight * (pose - again).abs().mean()  # equation 4
+            terms["joint"] = (pose - again).abs().mean()  # equation 4
             mixes.append(F.cross_entropy(logits, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
@@ -314,6 +296,7 @@ class MixStage(MixGan):
     """
 
     Config = MixStageConfig
+    encodes_style = True
     style: SpeakerStyle
 
     def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:

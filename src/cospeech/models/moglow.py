@@ -19,8 +19,9 @@ Followed, changed, not said in the papers: docs/models/moglow.md, by number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -29,15 +30,19 @@ from torch import Tensor, nn
 from ..errors import InputError, nearest
 from ..motion.poses.controls import CONTROLS
 from .nn.conditioning import drop_history, frame_windows
+from .nn.configuration import ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["MoGlow", "MoGlowConfig"]
 
 
 @dataclass(frozen=True)
-class MoGlowConfig:
+class MoGlowConfig(ModelConfig):
     """Sizes; the defaults are those of the paper on gestures, in its version of the authors' configuration."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16}
 
     steps: int = 16
     """K; authors' configuration, paper version 16."""
@@ -64,13 +69,8 @@ class MoGlowConfig:
     residual: bool = False
     """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours: small networks learn it sooner."""
 
-    @property
-    def arrays(self) -> tuple[str, ...]:
-        """Arrays of a store that training takes."""
-        return ("pose", "audio", "control") if self.controls else ("pose", "audio")
 
-
-class MoGlow(nn.Module):
+class MoGlow(Trainable):
     """MoGlow (Henter et al. 2020): many motions for one speech, with controls for height, speed and reach of the hands.
 
     Poses, audio and controls are standardised vectors.
@@ -81,8 +81,8 @@ class MoGlow(nn.Module):
         audio: A, numbers of a frame of speech.
     """
 
-    arrays: tuple[str, ...] = ("pose", "audio")
     Config = MoGlowConfig
+    config: MoGlowConfig
 
     def __init__(self, config: MoGlowConfig, *, pose: int, audio: int) -> None:
         super().__init__()
@@ -93,9 +93,15 @@ class MoGlow(nn.Module):
             raise InputError(
                 f"style controls {', '.join(config.controls)}", nearest((unknown or ["twice the same"])[0], CONTROLS)
             )
-        self.config, self.pose, self.audio, self.arrays = config, pose, audio, config.arrays
+        self.config, self.pose, self.audio = config, pose, audio
+        self.arrays, self.controls = self.arrays_for(config), config.controls
         context = config.history * pose + self.speech_frames * (audio + len(config.controls))
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu or "inf"))
+
+    @classmethod
+    def arrays_for(cls, config: MoGlowConfig) -> tuple[str, ...]:
+        """With the controls, where there are some."""
+        return (*cls.arrays, "control") if config.controls else cls.arrays
 
     def _net(self, inputs: int, outputs: int) -> RecurrentNet:
         return RecurrentNet(nn.LSTM, inputs, self.config.hidden, outputs, self.config.layers)

@@ -16,8 +16,9 @@ Followed, changed, not said in the papers: docs/models/multi_context.md, by numb
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -25,10 +26,12 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
+from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWaysGru
+from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -41,8 +44,12 @@ JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT = 64, 4, 0.3  # of its GRU; authors' c
 
 
 @dataclass(frozen=True)
-class MultiContextConfig:
+class MultiContextConfig(ModelConfig):
     """Sizes and weights; the defaults are those of BEAT's code."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {
+        "hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4, "adversarial_from": 5,
+    }  # fmt: skip
 
     frames: int = 34
     """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""
@@ -84,9 +91,7 @@ class MultiContextConfig:
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
         low |= {"word_width": 1, "dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0}
-        for name, least in (low | {"diversity": 0, "divergence": 0, "seed_dropout": 0}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a multi-context network is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a multi-context network", low | {"diversity": 0, "divergence": 0, "seed_dropout": 0})
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0 and self.face != 1):
             problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}, face {self.face}"
             raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")
@@ -159,16 +164,16 @@ class MultiContext(ManyInputs):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text")
-    """And ``speaker`` (B,), which every batch has; ``emotion`` and ``face`` where the configuration has them."""
+    dimensions = ("pose", "audio", "speakers", "text")
     Config = MultiContextConfig
+    config: MultiContextConfig
 
     def __init__(self, config: MultiContextConfig, *, pose: int, audio: int, speakers: int, text: int = 0) -> None:
         super().__init__()
         if min(pose, audio, speakers) < 1:
             problem = f"a multi-context network of {speakers} speakers from {audio} numbers of speech to {pose} of a pose"
             raise InputError(problem, "all are positive")
-        self.config = config
-        self.arrays += tuple(name for name in ("emotion", "face") if getattr(config, name))
+        self.config, self.arrays = config, self.arrays_for(config)
         self._measures(pose, audio, speakers, word_embedding(text, config.word_width), config.speaker)
         self.speaker = _Speaker(speakers, config.speaker, config.slope)
         self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
@@ -181,10 +186,11 @@ class MultiContext(ManyInputs):
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
         self.discriminator = _Discriminator(pose, config.frames, config.slope) if config.adversarial else None
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def arrays_for(cls, config: MultiContextConfig) -> tuple[str, ...]:
+        """With emotion and face, where it has an encoder of them."""
+        wanted = {"emotion": config.emotion, "face": config.face}
+        return (*cls.arrays, *(name for name, width in wanted.items() if width))
 
     def forward(self, given: ModalityInputs, noise: Tensor) -> Tensor:
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""

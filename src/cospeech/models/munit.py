@@ -20,16 +20,19 @@ Followed, changed, not said in the papers: docs/models/munit.md, by number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.unet1d import SLOPE
 from .nn.windowed import Windowed
 
@@ -44,8 +47,10 @@ MADE = 4 * 2**DOWN  # frames that can be made at least: of fewer, what is left a
 
 
 @dataclass(frozen=True)
-class MunitConfig:
+class MunitConfig(ModelConfig):
     """Sizes and weights; the defaults are those of the authors' configurations for images. Mix-StAGE's paper gives none."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "style": 2, "mlp": 8, "blocks": 1}
 
     frames: int = 64
     """T of a training window; Mix-StAGE's 64."""
@@ -71,9 +76,7 @@ class MunitConfig:
     def __post_init__(self) -> None:
         low = {"frames": SHORTEST, "channels": 1, "style": 1, "mlp": 1, "blocks": 1}
         low |= {"adversarial": 0, "same": 0, "content_back": 0, "style_back": 0, "cycle": 0}
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a MUNIT is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a MUNIT", low)
         if self.frames % 2**DOWN:
             raise InputError(f"windows of {self.frames} frames for a MUNIT", f"a multiple of {2**DOWN}")
 
@@ -227,8 +230,9 @@ class Munit(Windowed):
         audio: A, numbers of a frame of speech.
     """
 
-    arrays = ("pose", "audio")
     Config = MunitConfig
+    config: MunitConfig
+    encodes_style = True
 
     def __init__(self, config: MunitConfig, *, pose: int, audio: int) -> None:
         super().__init__()
@@ -246,11 +250,6 @@ class Munit(Windowed):
     @property
     def _discriminators(self) -> dict[str, _Discriminator]:
         return {"audio": self.judge_heard, "pose": self.judge_moved}
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     # what is optimised ----------------------------------------------------------------------------------------------
 

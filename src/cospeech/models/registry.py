@@ -37,13 +37,18 @@ _ALL = ("words", "face", "emotion")
 _OURS = {
     "rules": ModelEntry(
         "cospeech.rules:RuleBasedModel",
-        "The rule-based gesturer: face, body and hands from speech, without training",
+        "The rule-based model: face, body and hands from speech, without training",
         trains=False,
     ),
     "stylised-flow": ModelEntry(
         "cospeech.models.stylised_flow:StylisedFlow",
-        "The stylised flow (Ye et al. 2022): many motions for one speech, in the manner of an example",
+        "The stylised flow (Ye et al. 2022): many motions for one speech, in the style of an example",
         "Ye et al. 2022",
+    ),
+    "stylised-flow-extended": ModelEntry(
+        "cospeech.models.stylised_flow_extended:StylisedFlowExtended",
+        "The stylised flow with our additions, as the weights that ship: quicker to learn, with style codes",
+        "Ye et al. 2022", plays=False,
     ),
     "moglow": ModelEntry(
         "cospeech.models.moglow:MoGlow",
@@ -54,6 +59,11 @@ _OURS = {
         "cospeech.models.mix_stage:MixStage",
         "Mix-StAGE (Ahuja et al. 2020): one motion for one speech, in the style of a speaker or of a mixture of them",
         "Ahuja et al. 2020",
+    ),
+    "mix-stage-extended": ModelEntry(
+        "cospeech.models.mix_stage_extended:MixStageExtended",
+        "Mix-StAGE with our additions, as the weights that ship: it learns to move in few steps",
+        "Ahuja et al. 2020", plays=False,
     ),
     "stage": ModelEntry(
         "cospeech.models.stage:Stage",
@@ -72,21 +82,26 @@ _OURS = {
     ),
     "munit": ModelEntry(
         "cospeech.models.munit:Munit",
-        "MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020): style passed on from speaker to speaker",
+        "MUNIT between speech and poses (Huang et al. 2018; Ahuja et al. 2020): style transfer from speaker to speaker",
         "Huang et al. 2018; Ahuja et al. 2020",
     ),
     "chain-of-generation": ModelEntry(
         "cospeech.models.chain_of_generation:ChainOfGeneration",
-        "Chain of Generation (Xu et al. 2024): speaker and mood heard in the voice, then a face, a body, hands",
+        "Chain of Generation (Xu et al. 2024): estimates speaker and emotion, then generates face, body and hands",
         "Xu et al. 2024", needs=_ALL,
+    ),
+    "chain-of-generation-extended": ModelEntry(
+        "cospeech.models.chain_of_generation_extended:ChainOfGenerationExtended",
+        "Chain of Generation with our additions, as the weights that ship: takes differ, inputs may be missing or given",
+        "Xu et al. 2024", plays=False, needs=_ALL,
     ),
     "speech-to-face": ModelEntry(
         "cospeech.models.speech_to_face:SpeechToFace",
-        "The face alone, learnt from real speakers: the mouth of all the other models, too",
+        "Speech to face: the face alone, learnt from real speakers; it also makes the mouth of all other models",
     ),
     "camn": ModelEntry(
         "cospeech.models.camn:Camn",
-        "CaMN (Liu et al. 2022): body, then hands, from sound, words, emotion and a face that is given",
+        "CaMN (Liu et al. 2022): body, then hands, from sound, words, emotion and a given face",
         "Liu et al. 2022", needs=_ALL,
     ),
     "multi-context": ModelEntry(
@@ -96,12 +111,12 @@ _OURS = {
     ),
     "chain-of-generation-live": ModelEntry(
         "cospeech.models.chain_live:ChainLive",
-        "Chain of Generation, frame by frame: it plays while somebody speaks, as chain-of-generation",
+        "Chain of Generation, frame by frame: the streaming network of chain-of-generation",
         "Xu et al. 2024", plays=False, needs=_ALL,
     ),
     "speech-classifier": ModelEntry(
         "cospeech.models.speech_classifier:SpeechClassifier",
-        "Who speaks, and in which of eight moods: the first stage of a chain of generation",
+        "Classifier of the speaker and of eight emotions in speech: the first stage of Chain of Generation",
         "Xu et al. 2024", plays=False, needs=("emotion",),
     ),
     "seq2seq": ModelEntry(
@@ -111,17 +126,17 @@ _OURS = {
     ),
     "gesture-autoencoder": ModelEntry(
         "cospeech.models.gesture_autoencoder:GestureAutoencoder",
-        "The features of the gesture perceptual loss (Ye et al. 2022)",
+        "Feature network of the gesture perceptual loss (Ye et al. 2022)",
         "Ye et al. 2022", plays=False,
     ),
     "fgd-autoencoder": ModelEntry(
         "cospeech.models.gesture_autoencoder:FgdAutoencoder",
-        "The features of the Fréchet gesture distance (Yoon et al. 2020)",
+        "Feature network of the Fréchet gesture distance (Yoon et al. 2020)",
         "Yoon et al. 2020", plays=False,
     ),
     "speaker-classifier": ModelEntry(
         "cospeech.models.speaker_classifier:SpeakerClassifier",
-        "Whose movement it is: the network of the inception score (Ahuja et al. 2020)",
+        "Classifier of the speaker from movement: the network of the inception score (Ahuja et al. 2020)",
         "Ahuja et al. 2020", plays=False,
     ),
 }  # fmt: skip

@@ -18,22 +18,28 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
+from .nn.configuration import ModelConfig
 from .nn.modalities import INPUTS, SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
+from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
 __all__ = ["Seq2Seq", "Seq2SeqConfig"]
 
 
 @dataclass(frozen=True)
-class Seq2SeqConfig:
+class Seq2SeqConfig(ModelConfig):
     """Sizes and weights; those of the authors' later code (of Yoon et al. 2020, who compare with it)."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "word_width": 5}
 
     frames: int = 34
     """T of a training window; later code 34 at 15 per second, of which 4 are given."""
@@ -54,9 +60,7 @@ class Seq2SeqConfig:
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
-        for name, least in (low | {"regression": 0, "continuity": 0, "variance": 0}).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a seq2seq network is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a seq2seq network", low | {"regression": 0, "continuity": 0, "variance": 0})
         if not self.dropout < 1:
             raise InputError(f"dropout of a seq2seq network is {self.dropout}", "a share")
 
@@ -75,7 +79,7 @@ class _Attention(nn.Module):
         return found
 
 
-class Seq2Seq(nn.Module):
+class Seq2Seq(Trainable):
     """Poses of words, one by one. Poses are standardised vectors.
 
     Args:
@@ -86,9 +90,10 @@ class Seq2Seq(nn.Module):
     """
 
     arrays = ("pose", "text")
-    spare = ("text",)
-    """What a clip may lack."""
+    optional_arrays = ("text",)
+    dimensions = ("pose", "audio", "text")
     Config = Seq2SeqConfig
+    config: Seq2SeqConfig
 
     def __init__(self, config: Seq2SeqConfig, *, pose: int, audio: int = 0, text: int = 0) -> None:
         super().__init__()
@@ -102,11 +107,6 @@ class Seq2Seq(nn.Module):
         self.entry = nn.Sequential(nn.Linear(pose + hidden, hidden), BatchNorm1d(hidden), nn.ReLU())
         self.decoder = nn.GRU(hidden, hidden, layers, batch_first=True, dropout=dropout)
         self.out = nn.Linear(hidden, pose)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def forward(self, words: Tensor, seeds: Tensor) -> Tensor:
         """(B, T, W) embedded words of T frames, (B, k, D) poses to begin with, k ≥ 1, → (B, T, D), the first as given."""

@@ -8,16 +8,20 @@ convolution too has batch norm and ReLU. It serves evaluation: `cospeech.models.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
+from .nn.configuration import ModelConfig
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.trainable import Trainable
 
 __all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
 
@@ -25,8 +29,10 @@ SHORTEST = 64  # frames that six halvings leave one of
 
 
 @dataclass(frozen=True)
-class SpeakerClassifierConfig:
+class SpeakerClassifierConfig(ModelConfig):
     """Sizes; the defaults are those of the authors' code of Mix-StAGE."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 4}
 
     frames: int = 64
     """T of a training window, and of a window of the score; authors' code 64 (4.3 s at 15 frames per second)."""
@@ -37,7 +43,7 @@ class SpeakerClassifierConfig:
     Authors' code: false, batch norm and ReLU follow."""
 
 
-class SpeakerClassifier(nn.Module):
+class SpeakerClassifier(Trainable):
     """Who moves so; poses are standardised vectors.
 
     Args:
@@ -50,8 +56,9 @@ class SpeakerClassifier(nn.Module):
     """
 
     arrays = ("pose",)
-    """And ``speaker`` (B,), which every batch has."""
+    dimensions = ("pose", "speakers")
     Config = SpeakerClassifierConfig
+    config: SpeakerClassifierConfig
 
     def __init__(self, config: SpeakerClassifierConfig, *, pose: int, speakers: int) -> None:
         super().__init__()
@@ -63,11 +70,6 @@ class SpeakerClassifier(nn.Module):
         widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few)
         last = _halve(widths[-1], speakers) if config.plain else _halving(widths[-1], speakers)
         self.blocks = nn.Sequential(*(_halving(a, b) for a, b in pairwise(widths)), last)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def forward(self, poses: Tensor) -> Tensor:
         """(B, T, D), T ≥ 64, → (B, S) logits."""

@@ -17,7 +17,9 @@ Followed, changed, not said in the paper: docs/models/speech2gesture.md, by numb
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -25,9 +27,11 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
+from .nn.configuration import ModelConfig
 from .nn.content import AudioContent
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
+from .nn.settings import check_least
 from .nn.unet1d import UNet1d, conv_block
 from .nn.windowed import Windowed
 
@@ -38,8 +42,10 @@ _LOSS = ADVERSARIAL_LOSSES["squares"]  # authors' code
 
 
 @dataclass(frozen=True)
-class Speech2GestureConfig:
+class Speech2GestureConfig(ModelConfig):
     """Sizes; the defaults are those of the form in Mix-StAGE's code."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 8, "discriminator_channels": 4}
 
     frames: int = 64
     """T of a training window; authors' code 64, at 15 per second (4.3 s)."""
@@ -66,9 +72,7 @@ class Speech2GestureConfig:
             "adversarial": 0,
             "fake": 0,
         }
-        for name, least in low.items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a Speech2Gesture is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a Speech2Gesture", low)
 
 
 # the model ----------------------------------------------------------------------------------------------------------
@@ -85,8 +89,8 @@ class Speech2Gesture(Windowed):
         audio: A, numbers of a frame of speech.
     """
 
-    arrays = ("pose", "audio")
     Config = Speech2GestureConfig
+    config: Speech2GestureConfig
 
     def __init__(self, config: Speech2GestureConfig, *, pose: int, audio: int) -> None:
         super().__init__()
@@ -99,12 +103,7 @@ class Speech2Gesture(Windowed):
         self.unet = UNet1d(config.channels, config.depth)
         self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
         self.out = nn.Conv1d(config.channels, pose, 1)
-        self.discriminator = PatchDiscriminator(pose, config.discriminate)
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+        self.discriminator = PatchDiscriminator(pose, config.discriminator_channels)
 
     def forward(self, audio: Tensor) -> Tensor:
         """G: (B, T, A) → (B, T, D), for T of any length: the last frame is repeated until it can be halved so often."""

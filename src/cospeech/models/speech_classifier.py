@@ -9,9 +9,10 @@ known teaches nothing of emotions. It is the first stage of a Chain of Generatio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -19,9 +20,11 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.cascade import EMOTIONS
+from .nn.configuration import ModelConfig
 from .nn.gain_augmentation import GainAugmentation
 from .nn.objective import Batch, Objective
 from .nn.temporal import SLOPE, Memory, SameConv
+from .nn.trainable import Trainable
 
 __all__ = ["SpeechClassifier", "SpeechClassifierConfig"]
 
@@ -29,8 +32,10 @@ _LAYERS = 3  # appendix A.4
 
 
 @dataclass(frozen=True)
-class SpeechClassifierConfig:
+class SpeechClassifierConfig(ModelConfig):
     """Sizes; the paper gives the number of layers alone."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"channels": 6}
 
     frames: int = 34
     """T of a training window; section 4.1."""
@@ -44,7 +49,7 @@ class SpeechClassifierConfig:
     """dB by which training clips are made louder or softer at most; ours: how loud somebody was recorded says nothing."""
 
 
-class SpeechClassifier(nn.Module):
+class SpeechClassifier(Trainable):
     """Who speaks, and how; speech is standardised vectors.
 
     Args:
@@ -58,10 +63,10 @@ class SpeechClassifier(nn.Module):
     """
 
     arrays = ("audio", "emotion")
-    """And ``speaker`` (B,), which every batch has."""
-    spare = ("emotion",)
-    """What a clip may lack."""
+    optional_arrays = ("emotion",)
+    dimensions = ("audio", "speakers")
     Config = SpeechClassifierConfig
+    config: SpeechClassifierConfig
 
     def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int, louder: Sequence[float] = ()) -> None:
         super().__init__()
@@ -74,10 +79,10 @@ class SpeechClassifier(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
         self.heads = nn.ModuleList(nn.Linear(config.channels, count) for count in (speakers, EMOTIONS))
 
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
+    @classmethod
+    def dimensions_for(cls, config: SpeechClassifierConfig) -> tuple[str, ...]:
+        """With what is louder in loud speech, where its gain is changed."""
+        return (*cls.dimensions, "louder") if config.gain_augmentation > 0 else cls.dimensions
 
     @property
     def reach(self) -> int:

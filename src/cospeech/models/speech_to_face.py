@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -32,7 +33,9 @@ from ..audio.features.mel import FLOOR
 from ..errors import InputError
 from ..motion.poses.face import FACE, MIRROR
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .nn.configuration import ModelConfig
 from .nn.objective import Batch, Objective, StepRandom
+from .nn.settings import check_least
 from .nn.windowed import Windowed
 
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
@@ -48,8 +51,10 @@ RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 6
 
 
 @dataclass(frozen=True)
-class SpeechToFaceConfig:
+class SpeechToFaceConfig(ModelConfig):
     """Sizes and losses; all ours."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"frames": 34, "channels": 8, "dilations": (1, 2), "ahead": (2, 1)}
 
     frames: int = 160
     """T of a training window."""
@@ -85,9 +90,7 @@ class SpeechToFaceConfig:
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain_augmentation": 0, "tilt": 0}
         more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "distribution": 0, "closure": 0}
-        for name, least in (low | more).items():
-            if not getattr(self, name) >= least:
-                raise InputError(f"{name} of a SpeechToFace is {getattr(self, name)}", f"{least} at least")
+        check_least(self, "a SpeechToFace", low | more)
         if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
             raise InputError(f"dilations {self.dilations}, ahead {self.ahead}", "as many of both, dilations positive")
         if min(self.ahead) < 0 or max(self.ahead) >= self.kernel:
@@ -124,7 +127,7 @@ class SpeechToFace(Windowed):
 
     In the manner of one of the speakers of the data, or between them.
 
-    Poses and audio are standardised vectors; what by, `told` says before training begins.
+    Poses and audio are standardised vectors; what by, `set_statistics` says before training begins.
 
     Args:
         config: sizes.
@@ -133,8 +136,9 @@ class SpeechToFace(Windowed):
         speakers: S.
     """
 
-    arrays = ("pose", "audio")
+    dimensions = ("pose", "audio", "speakers")
     Config = SpeechToFaceConfig
+    config: SpeechToFaceConfig
     literal = True
     pose_mean: Tensor
     pose_std: Tensor
@@ -158,11 +162,6 @@ class SpeechToFace(Windowed):
             self.register_buffer(f"{name}_mean", torch.zeros(width))
             self.register_buffer(f"{name}_std", torch.ones(width))
         self.register_buffer("alive", torch.ones(pose))
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        return self.config.frames
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
         """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""

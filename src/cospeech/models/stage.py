@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from .mix_stage import MixStage, MixStageConfig
 
@@ -12,6 +14,8 @@ __all__ = ["Stage", "StageConfig"]
 @dataclass(frozen=True)
 class StageConfig(MixStageConfig):
     """As Mix-StAGE's but for M."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {**MixStageConfig.TINY, "modes": 1}
 
     modes: int = 1
     """M; section 5.1."""

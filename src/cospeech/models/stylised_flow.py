@@ -15,22 +15,27 @@ A normalising flow gives the exact density of the next pose, given the poses bef
 Objective (11): L = NLL + λ₁ |x̂ − x|₁ + λ₂ |ω(x̂) − ω(x)|₁, where x̂ is what random latents give under the same conditions and ω
 the fourth layer of a gesture autoencoder (`cospeech.models.gesture_autoencoder`).
 
-Followed, changed, not said in the paper: docs/models/stylised_flow.md, by number.
+Followed, changed, not said in the paper: docs/models/stylised_flow.md, by number. This file is the paper; what we add to it
+is in `cospeech.models.stylised_flow_extended`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from .nn.conditioning import GlobalEncoder, StyleEncoder, as_steps, blank_history, drop_history, frame_windows
+from .gesture_autoencoder import GestureAutoencoder
+from .nn.conditioning import GlobalEncoder, drop_history, frame_windows
+from .nn.configuration import ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
-from .nn.objective import Batch, Objective
+from .nn.objective import Batch, Objective, StepRandom
+from .nn.trainable import Trainable
 
 __all__ = ["FlowConfig", "StylisedFlow"]
 
@@ -38,8 +43,10 @@ SHORTEST = 4  # frames that two convolutions with kernel 4 and stride 2 leave an
 
 
 @dataclass(frozen=True)
-class FlowConfig:
+class FlowConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's for TED."""
+
+    TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16, "encoder_channels": 8, "encoder_blocks": 2}
 
     steps: int = 16
     """K; not stated, authors' code 16."""
@@ -75,23 +82,9 @@ class FlowConfig:
     """Steps between those that have the λ₁ and λ₂ terms; the paper has them in all, the authors' code in every fifth."""
     nll_unit: float = 1.0
     """Nats of the unit in which the NLL of a frame is summed with the other terms; the authors' code has bits (0.6931)."""
-    pose_noise: float = 0.0
-    """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
-    style: int = 0
-    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. Ours: what a longer stretch of the
-    same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
-    style_window: int = 80
-    """Frames of that stretch, which lies before the history; ours."""
-    residual: bool = False
-    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours, quicker to learn."""
-    inertia: float = 0.0
-    """With ``residual``: share of the last step that is taken off too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …; ours."""
-    steps_seen: bool = False
-    """Whether the couplings see a history as its last pose and the steps that led there, not as poses; ours: a linear change of
-    their input. ``history_dropout`` then hides all steps of a frame at once."""
 
 
-class StylisedFlow(nn.Module):
+class StylisedFlow(Trainable):
     """The stylised flow (Ye et al. 2022): many motions for one speech, in the style of an example.
 
     Poses and audio are standardised vectors.
@@ -103,15 +96,13 @@ class StylisedFlow(nn.Module):
         omega: (B, T, D) → features of the gesture perceptual loss, frozen; None: a loss without it (ablation).
     """
 
-    arrays = ("pose", "audio")
     Config = FlowConfig
+    config: FlowConfig
 
     def __init__(self, config: FlowConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
         super().__init__()
         if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
             raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
-        if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
-            raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
         if config.encoder and config.history < SHORTEST:
             raise InputError(f"a history of {config.history} frames", f"{SHORTEST} at least, for the global encoder")
         self.config, self.pose, self.audio = config, pose, audio
@@ -121,11 +112,15 @@ class StylisedFlow(nn.Module):
                 pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
                 oldest=config.encoder_oldest,
             )  # fmt: skip
-        self.stylist = StyleEncoder(pose, channels=config.encoder_channels, style=config.style) if config.style else None
-        context = config.history * pose + self.speech_frames * audio + (config.feature if config.encoder else 0) + config.style
+        context = config.history * pose + self.speech_frames * audio + (config.feature if config.encoder else 0)
+        context += self._add_encoders()
         self.flow = Flow(pose, context, config.steps, self._net, float(config.nu))
-        ears = getattr(omega, "omega", omega)  # of a whole gesture autoencoder its fourth layer
-        self.omega = [ears.eval().requires_grad_(False)] if ears is not None else []  # a list: no part of this model
+        extractor = omega.omega if isinstance(omega, GestureAutoencoder) else omega  # its fourth layer
+        self.omega = [extractor.eval().requires_grad_(False)] if extractor is not None else []  # a list: no part of this model
+
+    def _add_encoders(self) -> int:
+        """Make what else there is to condition a frame on, and say how many numbers it has; the paper has nothing."""
+        return 0
 
     def _net(self, inputs: int, outputs: int) -> RecurrentNet:
         return RecurrentNet(nn.GRU, inputs, self.config.hidden, outputs, self.config.layers)
@@ -137,41 +132,28 @@ class StylisedFlow(nn.Module):
 
     @property
     def window(self) -> int:
-        """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
-        return self.style_frames + self.config.history + self.config.frames + self.config.look_ahead
-
-    @property
-    def style_frames(self) -> int:
-        """Frames before the history that the style is taken from."""
-        return self.config.style_window if self.config.style else 0
+        """Frames of a training window: history, trained frames, look-ahead."""
+        return self.config.history + self.config.frames + self.config.look_ahead
 
     # the density ----------------------------------------------------------------------------------------------------
 
-    def style(self, poses: Tensor) -> Tensor | None:
-        """(B, S, D) any stretch of poses → (B, style) its code; None for a model without."""
-        return None if self.stylist is None else self.stylist(poses)
-
-    def condition(self, poses: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
+    def condition(self, poses: Tensor, audio: Tensor) -> Tensor:
         """c_t of equation 8.
 
         Args:
             poses: (B, F, τ, D), oldest first.
             audio: (B, F, τ + 1 + l, A).
-            style: (B, style) of the whole stretch, for a model that has one.
 
         Returns:
             (B, F, C).
         """
-        parts = [(as_steps(poses) if self.config.steps_seen else poses).flatten(2), audio.flatten(2)]
+        parts = [poses.flatten(2), audio.flatten(2)]
         if self.encoder is not None:
             parts.append(self.encoder(poses, audio))
-        if style is not None:
-            parts.append(style.unsqueeze(1).expand(-1, poses.shape[1], -1))
         return torch.cat(parts, -1)
 
     def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Trained poses (B, F, D), their histories (B, F, τ, D) and the speech about them (B, F, τ + 1 + l, A)."""
-        pose, audio = pose[:, self.style_frames :], audio[:, self.style_frames :]
         tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
         if frames < 1 or audio.shape[1] != pose.shape[1]:
             raise InputError(f"{pose.shape[1]} poses and {audio.shape[1]} frames of speech", f"both {self.window}")
@@ -182,31 +164,19 @@ class StylisedFlow(nn.Module):
         """Exact log-likelihood (equation 5) of each frame after the history.
 
         Args:
-            pose: (B, S + τ + F + l, D); the first S (0 in a model without style codes) and the τ after them are given, the
-                last l are not looked at.
-            audio: (B, S + τ + F + l, A).
+            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
+            audio: (B, τ + F + l, A).
 
         Returns:
             (B, F) nats, of standardised poses.
         """
         x, histories, heard = self._windows(pose, audio)
-        return self.flow.log_prob(
-            x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
-        )
+        return self.flow.log_prob(x, self.condition(histories, heard))
 
     def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
         x, histories, heard = self._windows(pose, audio)
-        return self.flow(x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames])))[
-            0
-        ]
-
-    def _base(self, histories: Tensor) -> Tensor:
-        """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
-        if not self.config.residual:
-            return torch.zeros_like(histories[:, :, -1])
-        last = histories[:, :, -1]
-        return last + self.config.inertia * (last - histories[:, :, -2]) if self.config.inertia else last
+        return self.flow(x, self.condition(histories, heard))[0]
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -216,18 +186,24 @@ class StylisedFlow(nn.Module):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 11, weighted."""
-        pose = batch["pose"]
-        if self.training and self.config.pose_noise:
-            pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
-        x, histories, heard = self._windows(pose, batch["audio"])
-        base = self._base(histories)
+        x, histories, heard = self._windows(batch["pose"], batch["audio"])
         if self.training:
-            drop = blank_history if self.config.steps_seen else drop_history
-            histories = drop(histories, self.config.history_dropout, batch.chance)
-        c = self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
+            histories = drop_history(histories, self.config.history_dropout, batch.chance)
+        return self.losses(x, self.condition(histories, heard), batch.chance, step)
+
+    def losses(self, x: Tensor, c: Tensor, chance: StepRandom, step: int, base: Tensor | float = 0.0) -> dict[str, Tensor]:
+        """The terms of equation 11, weighted.
+
+        Args:
+            x: (B, F, D) poses.
+            c: (B, F, C) what they are conditioned on.
+            chance: draws of the latents of x̂.
+            step: of the loop.
+            base: what the flow's output is added to; the paper has nothing.
+        """
         terms = {"nll": -self.flow.log_prob(x - base, c).mean() / self.config.nll_unit}
         if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
-            z = self.flow.latent.sample(batch.chance.normal, len(x), x.shape[1])
+            z = self.flow.latent.sample(chance.normal, len(x), x.shape[1])
             made = base + self.flow.inverse(z, c)[0]
             terms["reconstruction"] = self.config.reconstruction * (made - x).abs().mean()
             if self.omega:
@@ -240,9 +216,12 @@ class StylisedFlow(nn.Module):
     def step(
         self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
     ) -> tuple[Tensor, list[State]]:
-        """One frame: latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A), states → pose (B, D), states."""
-        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
-        return made[:, 0] + self._base(history[:, None])[:, 0], states
+        """One frame: latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A), states → pose (B, D), states.
+
+        ``style`` is for networks that have style codes; the paper has none.
+        """
+        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None]), states)
+        return made[:, 0], states
 
     @torch.no_grad()
     def sample(self, z: Tensor, history: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
@@ -252,7 +231,7 @@ class StylisedFlow(nn.Module):
             z: (B, F, D) latents, drawn (`Latent.sample`) or those of an example.
             history: (B, τ, D).
             audio: (B, τ + F + l, A).
-            style: (B, style), see `style`.
+            style: see `step`.
 
         Returns:
             (B, F, D).
@@ -271,10 +250,10 @@ class StylisedFlow(nn.Module):
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
-            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu), "residual": c.residual,
-            "inertia": c.inertia, "feature": c.feature if c.encoder else 0, "blocks": c.encoder_blocks if c.encoder else 0,
-            "channels": c.encoder_channels if c.encoder or c.style else 0, "oldest": c.encoder_oldest, "style": c.style,
-            "steps_seen": c.steps_seen,
+            "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu),
+            "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0,
+            "blocks": c.encoder_blocks if c.encoder else 0, "channels": c.encoder_channels if c.encoder else 0,
+            "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

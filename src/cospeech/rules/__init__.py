@@ -1,4 +1,4 @@
-"""The rule-based gesturer: no training, no data, no torch.
+"""The rule-based model: no training, no data, no torch.
 
 analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`, `repertoire`, `lexicon`) → realise (`realise`,
 `arms`, `legs`, `face`). It is the baseline of every table, the fallback, and the teacher of the synthetic corpus.
@@ -32,7 +32,7 @@ __all__ = [
 
 
 class RuleBasedModel:
-    """The rule-based gesturer: face, body and hands from speech, without training.
+    """The rule-based model: face, body and hands from speech, without training.
 
     >>> import numpy as np
     >>> motion = RuleBasedModel().generate(Speech(np.zeros(16000, np.float32), 16000), seed=1)
@@ -64,11 +64,11 @@ class RuleBasedModel:
         options = GenerationOptions.of(options, keywords)
         for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
             if given is not None:
-                raise InputError(f"the rule-based gesturer cannot be given {what}", "chains can, see docs/runtime.md")
+                raise InputError(f"the rule-based model cannot be given {what}", "chains can, see docs/runtime.md")
         if options.look_ahead is not None:
-            raise InputError("the rule-based gesturer's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
+            raise InputError("the rule-based model's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
         if options.takes > 1:
-            raise InputError(f"{options.takes} takes of the rule-based gesturer at once", "one session for each")
+            raise InputError(f"{options.takes} takes of the rule-based model at once", "one session for each")
         mouth = self._mouth() if self._mouth is not None and moving and "face" in options.parts else None
         session = Session(
             _find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
@@ -130,7 +130,7 @@ def _find_style(style: object) -> Style:
     )
     if not parts or any(Path(part.name).suffix for part in parts):
         hint = f"trained models can, see `cospeech list models`; of its own it has {', '.join(STYLES)}"
-        raise InputError("the rule-based gesturer cannot learn a style from an example", hint)
+        raise InputError("the rule-based model cannot learn a style from an example", hint)
     weights: dict[str, float] = {}
     for name, weight, _ in parts:
         if name not in STYLES:

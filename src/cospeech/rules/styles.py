@@ -98,7 +98,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style("an even-tempered conversationalist; the default"),
         "lively": Style(
-            "wide, quick and never still: a show host",
+            "wide and quick gestures, never still: a show host",
             rate=0.95,
             amplitude=1.25,
             height=0.06,
@@ -133,7 +133,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"offer": 1.5, "gather": 1.5, "beat": 1.2, "spread": 0.3},
         ),
         "lecturer": Style(
-            "precise: counts, frames and pinches in front of the chest",
+            "precise gestures: counting, framing and pinching in front of the chest",
             rate=0.8,
             amplitude=0.95,
             height=0.07,
@@ -151,7 +151,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"precision": 3.0, "frame": 2.5, "count": 3.0, "point": 1.2, "chop": 1.6, "spread": 0.4},
         ),
         "orator": Style(
-            "large, slow and high, with held poses: a politician",
+            "large, slow, high gestures with held poses: a politician",
             rate=0.7,
             amplitude=1.3,
             height=0.08,
@@ -169,7 +169,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"chop": 2.5, "point": 2.0, "push": 1.6, "frame": 1.5, "fist": 2.0, "offer": 1.5},
         ),
         "southpaw": Style(
-            "left-handed, turned to one side, the other hand hardly stirs",
+            "left-handed, body turned to one side; the right hand hardly moves",
             rate=0.8,
             amplitude=1.05,
             hand=0.06,
@@ -183,7 +183,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             exempt=("right share of speed", "left–right speed correlation"),
         ),
         "reserved": Style(
-            "hands folded, one hand at a time, eyes often away",
+            "folded hands, gestures with one hand, gaze often averted",
             rate=0.62,
             amplitude=0.85,
             height=0.0,
@@ -207,7 +207,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             exempt=_FOLDED_ROWS,
         ),
         "storyteller": Style(
-            "acts it out: big space, changes of level, body follows",
+            "acts the story out: wide gestures at changing heights; the body moves along",
             rate=0.85,
             amplitude=1.2,
             height=0.03,
@@ -226,7 +226,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
         ),
         "seated": Style(
-            "at ease on a chair, hands in the lap between phrases",
+            "relaxed on a chair, hands in the lap between phrases",
             rate=0.7,
             amplitude=0.95,
             height=-0.02,
@@ -242,7 +242,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             exempt=_SEATED_ROWS,
         ),
         "restless": Style(
-            "fast small beats low in front, weight from foot to foot",
+            "fast, small, low beat gestures; shifts the weight from foot to foot",
             rate=1.0,
             amplitude=0.8,
             height=-0.04,

@@ -13,7 +13,7 @@ from ..motion.rotations import Array
 from .windows import Windows, is_mirror_image
 
 __all__ = [
-    "POSE_FLOOR", "SPREAD_FLOOR", "BatchLoader", "ClipNormaliser", "Normaliser", "check_mirror", "clip_moments", "sizes",
+    "POSE_FLOOR", "SPREAD_FLOOR", "BatchLoader", "ClipNormaliser", "Normaliser", "check_mirror", "clip_moments",
     "standard_audio", "standard_pose",
 ]  # fmt: skip
 
@@ -128,10 +128,3 @@ def check_mirror(store: Store, wanted: bool | None) -> None:
     """
     if wanted and not any(is_mirror_image(clip.name) for clip in store.clips):
         raise InputError(f"the store {str(store.folder)!r} has no mirrored clips", "prepare it with --mirror")
-
-
-def sizes(store: Store, audio: Normaliser | None) -> dict[str, int]:
-    """What a model may be built by: numbers of a pose and of a frame of audio, speakers, words."""
-    heard = 0 if audio is None else len(audio.mean)
-    pose = int(store.arrays["pose"].shape[1])
-    return {"pose": pose, "audio": heard, "speakers": len(store.speakers), "words": len(store.words)}

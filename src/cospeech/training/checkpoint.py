@@ -12,8 +12,8 @@ import json
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
-from inspect import signature
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -27,11 +27,14 @@ from ..errors import CospeechWarning, InputError, nearest
 from ..files import atomic, describe_os_error, read_regular, regular_file
 from ..limits import RUN_BYTES
 from ..models import NETWORKS
+from ..models.nn.trainable import Trainable
 from .recipe import build
+from .renamed import RENAMED
 
 __all__ = [
     "FORMAT",
     "WHICH",
+    "build_config",
     "build_model",
     "load_run",
     "network",
@@ -46,19 +49,43 @@ FORMAT = "cospeech-run-1"
 WHICH = ("best", "last")
 
 
-def network(name: str) -> Any:
+def network(name: str) -> type[Trainable]:
     """The class of a network by its registry name.
 
     Raises:
-        InputError: there is no such network.
+        InputError: there is no such network, or its class says nothing of what it takes.
     """
     if name not in NETWORKS:
         raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
     module, _, attribute = NETWORKS[name].partition(":")
-    return getattr(import_module(module), attribute)
+    kind = getattr(import_module(module), attribute)
+    if not (isinstance(kind, type) and issubclass(kind, Trainable)):
+        raise InputError(f"{NETWORKS[name]} is no network that trains", f"a subclass of {Trainable.__module__}.Trainable is")
+    return kind
 
 
-def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Any:
+def build_config(name: str, values: Mapping[str, Any]) -> Any:
+    """The settings of a network, an instance of its ``Config``.
+
+    Args:
+        name: in the registry.
+        values: by field; what is left out has its default.
+
+    Raises:
+        InputError: no such network, no such setting (the hint names the extension that has it), or a value of the wrong kind.
+    """
+    kind, more = network(name), f"{name}-extended"
+    own = {field.name for field in fields(kind.Config)}
+    unknown = {key: {key, *RENAMED.get(key, ())} for key in values if key not in own}
+    theirs = {field.name for field in fields(network(more).Config)} if unknown and more in NETWORKS else set()
+    if unknown and all(theirs & names for names in unknown.values()):
+        key, names = next(iter(unknown.items()))
+        hint = f'model.name = "{more}" has it' + ("" if key in theirs else f", as {min(theirs & names)!r}")
+        raise InputError(f"the published {name!r} has no key model.{key}", hint)
+    return build(kind.Config, values, "model")
+
+
+def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None = None) -> Trainable:
     """A model with new parameters, from the facts of a run (``model``, ``config``, ``sizes``, ``needs``).
 
     Args:
@@ -66,8 +93,8 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
         needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
     """
     kind = network(facts["model"])
-    config = build(kind.Config, facts["config"], "model")
-    sizes = {name: size for name, size in facts["sizes"].items() if name in signature(kind.__init__).parameters}
+    config = build_config(facts["model"], facts["config"])
+    sizes = {name: facts["sizes"][name] for name in kind.dimensions_for(config) if name in facts["sizes"]}
     parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
     try:
         return kind(config, **sizes, **parts)
@@ -141,11 +168,11 @@ def stands_for(folder: Path, which: str = "best") -> str:
         raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
     there = {name for name in WHICH if (folder / f"{name}.safetensors").exists()}
     if not there:
-        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` goes on with it")
+        raise InputError(f"the run {str(folder)!r} has saved nothing yet", "`cospeech train --resume` continues it")
     return which if which in there or which == "last" else "last"
 
 
-def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[nn.Module, dict[str, Any]]:
+def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[Trainable, dict[str, Any]]:
     """A trained model, ready for use on the CPU.
 
     Args:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -17,8 +16,10 @@ from torch import Tensor, nn
 from .. import __version__
 from ..audio.features.reduce import REDUCTIONS, audio_columns, louder, reduce_audio
 from ..corpora.store import Store
-from ..errors import InputError
+from ..errors import InputError, nearest
+from ..models.nn.trainable import Trainable
 from ..motion.poses.joints import hand_columns
+from ..motion.rotations import Array
 from .batch_loader import (
     BatchLoader,
     ClipNormaliser,
@@ -26,20 +27,19 @@ from .batch_loader import (
     Reduce,
     check_mirror,
     clip_moments,
-    sizes,
     standard_audio,
     standard_pose,
 )
 from .calibration_clips import examples_of
-from .checkpoint import load_run, network, read_tensors
+from .checkpoint import build_config, load_run, network, read_tensors
 from .movement_modes import with_modes
-from .recipe import Data, Recipe, build, list_changes, read_recipe
+from .recipe import Data, Recipe, list_changes, read_recipe
 from .speaker_subset import of_speakers
 from .style_controls import control_quantiles, with_controls
 from .texts import with_text
 from .windows import Windows
 
-__all__ = ["TrainingSet", "check_same", "open_set"]
+__all__ = ["ARRAY_SOURCES", "DIMENSIONS", "ArraySource", "TrainingSet", "check_same", "open_set"]
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,42 @@ class TrainingSet:
         taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
         return {name: torch.from_numpy(array) for name, array in taken.items()}
 
-    def feed(self, model: Any, split: str, balanced: bool) -> BatchLoader:
+    def feed(self, model: Trainable, split: str, balanced: bool) -> BatchLoader:
         """Batches of a split, as a model wants them."""
         windows = Windows(
             self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
-            held_out=self.data.validation, spare=getattr(model, "spare", ()),
+            held_out=self.data.validation, spare=model.optional_arrays,
         )  # fmt: skip
         return BatchLoader(windows, self.standards, self.reduce, self.moments)
+
+
+class ArraySource(NamedTuple):
+    """What a store gains by an array that is worked out of its own."""
+
+    store: Store
+    """The same, with the array."""
+    normaliser: Normaliser | None = None
+    """How the array is standardised; None: it is fed as it is."""
+    statistics: Mapping[str, Array] = {}
+    """What a run keeps besides."""
+
+
+def _control(store: Store, data: Data, config: Any) -> ArraySource:
+    store = with_controls(store)
+    return ArraySource(store, Normaliser(*store.statistics("control")), {"control_quantiles": control_quantiles(store)})
+
+
+def _text(store: Store, data: Data, config: Any) -> ArraySource:
+    return ArraySource(with_text(store, data.words))
+
+
+def _cluster(store: Store, data: Data, config: Any) -> ArraySource:
+    store, centres = with_modes(store, config.modes)
+    return ArraySource(store, statistics={"cluster_centres": centres})
+
+
+ARRAY_SOURCES: dict[str, Callable[[Store, Data, Any], ArraySource]] = {"control": _control, "text": _text, "cluster": _cluster}
+"""Array that a network may want and no store has → (store, [data] of the recipe, settings of the network) → its source."""
 
 
 def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
@@ -78,65 +107,88 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         InputError: they do not fit, or the model has no such settings.
     """
     data, kind = recipe.data, network(recipe.model)
-    config = build(kind.Config, recipe.config, "model")
-    for what, wanted in (("corpus", data.corpus), ("pose", data.pose), ("fps", data.fps)):
-        if wanted and wanted != getattr(store, what):
-            problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {getattr(store, what)!r}"
-            raise InputError(problem, f"prepare one that fits, or set data.{what}")
+    config = build_config(recipe.model, recipe.config)
+    _check_store(data, store)
     if data.speakers:
         store = of_speakers(store, data.speakers)
     check_mirror(store, data.mirror)
-    _check_encoder(config, store)
+    _check_encoder(kind.encoder_for(config), store)
     reduce = _reduction(data.audio, store)
     standards = {"pose": standard_pose(store)}
     if "audio" in store.arrays:
         standards["audio"] = standard_audio(store, reduce)
-    controlled = "control" in getattr(config, "arrays", kind.arrays)
-    if controlled:
-        store = with_controls(store)
-        standards["control"] = Normaliser(*store.statistics("control"))
-    centres = None
-    if "text" in kind.arrays:
-        store = with_text(store, data.words)
-    if "cluster" in kind.arrays:
-        store, centres = with_modes(store, config.modes)
+    own: dict[str, Array] = {}
+    arrays = kind.arrays_for(config)
+    for name in (name for name in ARRAY_SOURCES if name in arrays):
+        store, normaliser, kept = ARRAY_SOURCES[name](store, data, config)
+        own |= kept
+        if normaliser is not None:
+            standards[name] = normaliser
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
-    if controlled:
-        statistics["control_quantiles"] = torch.from_numpy(control_quantiles(store))
-    if centres is not None:
-        statistics["cluster_centres"] = torch.from_numpy(centres)
+    statistics |= {name: torch.from_numpy(array) for name, array in own.items()}
     needs, known = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
-        "sizes": sizes(store, standards.get("audio")) | _own_sizes(kind, config, store, data, standards), "needs": known,
+        "sizes": _dimensions(kind.dimensions_for(config), store, data, standards), "needs": known,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
 
 
-def _own_sizes(kind: Any, config: Any, store: Store, data: Data, standards: Mapping[str, Normaliser]) -> dict[str, Any]:
-    """Sizes that some models alone are built by."""
-    takes = signature(kind.__init__).parameters
-    found: dict[str, Any] = {}
-    if "hands" in takes:
-        found["hands"] = hand_columns(store.names["pose"])
-    if "text" in takes:
-        found["text"] = 0 if data.words is None else int(store.arrays["text"].shape[1])
-    if "louder" in takes and getattr(config, "gain_augmentation", 0.0) > 0 and data.audio is not None:
-        found["louder"] = (np.array(louder(data.audio)) / standards["audio"].std).tolist()
+def _check_store(data: Data, store: Store) -> None:
+    """Whether a store is what a recipe was written for.
+
+    Raises:
+        InputError: it is of another corpus, pose representation or rate.
+    """
+    found = {"corpus": (data.corpus, store.corpus), "pose": (data.pose, store.pose), "fps": (data.fps, store.fps)}
+    for what, (wanted, has) in found.items():
+        if wanted and wanted != has:
+            problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {has!r}"
+            raise InputError(problem, f"prepare one that fits, or set data.{what}")
+
+
+def _louder(store: Store, data: Data, standards: Mapping[str, Normaliser]) -> list[float]:
+    """By how much each standardised number of speech grows with 10 dB; nothing where that is not known."""
+    found: list[float] = [] if data.audio is None else (np.array(louder(data.audio)) / standards["audio"].std).tolist()
     return found
 
 
-def _check_encoder(config: Any, store: Store) -> None:
+DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = {
+    "pose": lambda store, data, standards: int(store.arrays["pose"].shape[1]),
+    "audio": lambda store, data, standards: len(standards["audio"].mean) if "audio" in standards else 0,
+    "speakers": lambda store, data, standards: len(store.speakers),
+    "words": lambda store, data, standards: len(store.words),
+    "hands": lambda store, data, standards: hand_columns(store.names["pose"]),
+    "text": lambda store, data, standards: 0 if data.words is None else int(store.arrays["text"].shape[1]),
+    "louder": _louder,
+}
+"""Keyword that a network may be built by → what the store says of it: D, A, S, different words, the columns of a pose that are
+hands, the width of a word vector (0: ids of subwords), and how the speech grows with its level."""
+_ALWAYS = ("pose", "audio", "speakers", "words")  # what every run keeps, whatever its network is built by
+
+
+def _dimensions(wanted: Sequence[str], store: Store, data: Data, standards: Mapping[str, Normaliser]) -> dict[str, Any]:
+    """Name → value of the dimensions that a run keeps.
+
+    Raises:
+        InputError: a network asks for another.
+    """
+    if unknown := [name for name in wanted if name not in DIMENSIONS]:
+        raise InputError(f"no dimension is called {unknown[0]!r}", nearest(unknown[0], DIMENSIONS))
+    return {name: DIMENSIONS[name](store, data, standards) for name in dict.fromkeys((*_ALWAYS, *wanted))}
+
+
+def _check_encoder(encoder: str | None, store: Store) -> None:
     """Whether a store was heard by the CNN of the wav2vec 2.0 whose transformer is trained.
 
     Raises:
         InputError: by that of another.
     """
     heard = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
-    if getattr(config, "speech_encoder", None) == "wav2vec" and heard and heard != {own := Path(config.encoder).name}:
-        hint = f"prepare it with --wav2vec {config.encoder}, or set model.encoder"
+    if encoder is not None and heard and heard != {own := Path(encoder).name}:
+        hint = f"prepare it with --wav2vec {encoder}, or set model.encoder"
         raise InputError(f"the store {str(store.folder)!r} was heard by {heard.pop()!r}, the recipe has {own!r}", hint)
 
 
@@ -167,10 +219,10 @@ def _facts_of(store: Store) -> dict[str, Any]:
 
 def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dict[str, nn.Module], dict[str, Any]]:
     """The trained models of [needs], frozen, and what has to be known to build them again."""
-    models, known = {}, {}
+    models, known = dict[str, nn.Module](), {}
     for name, folder in recipe.needs.items():
         if not (Path(folder) / "config.json").is_file():
-            first = f"cospeech train recipes/{Path(folder).name}.toml makes it, --set needs.{name}=RUN names another"
+            first = f"`cospeech train {Path(folder).name}` makes it; --set needs.{name}=RUN names another"
             raise InputError(f"the recipe needs the run {folder!r}, which is not there", first)
         model, facts = load_run(folder)
         theirs, _ = read_tensors(Path(folder) / "statistics.safetensors")
@@ -205,7 +257,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
         found += list_changes({part: old[part]}, {part: new[part]})
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise InputError(f"the run began with {found[0]}{more}", "a run goes on as it began; --out begins another")
+        raise InputError(f"the run began with {found[0]}{more}", "a run keeps its recipe and store; --out begins another")
     for name, value in now.items():
         array = name.rpartition("_")[0]
         if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):

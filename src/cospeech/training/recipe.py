@@ -164,7 +164,7 @@ class Recipe:
 def _check(settings: Any, low: Mapping[str, float]) -> None:
     """Numbers are finite and not below what they can be."""
     for name, least in low.items():
-        value = getattr(settings, name)
+        value = vars(settings)[name]
         if not least <= value < float("inf"):
             raise InputError(f"train.{name} is {value}", f"at least {least}")
 

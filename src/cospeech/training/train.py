@@ -70,13 +70,12 @@ class _Run:
         work = open_set(recipe, store, team.device)
         there = (folder / "config.json").exists()
         if there and not resume:
-            raise InputError(f"there is a run in {str(folder)!r} already", "--resume goes on with it; --out names another")
+            raise InputError(f"there is a run in {str(folder)!r} already", "--resume continues it; --out names another folder")
         if there:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
         self.model = build_model(work.facts, work.needs).to(team.device)
-        if hasattr(self.model, "set_statistics"):
-            self.model.set_statistics(work.statistics)
+        self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(
@@ -204,11 +203,8 @@ class _Run:
 
         Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
         """
-        if hasattr(self.model, "validate"):
-            measured: dict[str, Tensor | float] = self.model.validate(batch)
-            return measured
-        found: dict[str, Tensor | float] = {}
-        for part in self.parts:
+        found: dict[str, Tensor | float] = {**self.model.validate(batch)}
+        for part in self.parts if not found else ():
             if part.active(self.done - 1):
                 with self.autocast():
                     terms = part.objective.loss(batch, part.objective.start)

@@ -139,7 +139,7 @@ def synthesise(
     engines = find_voices(seed) if tts else []
     real = _up_to(pieces_of(_find_recordings(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
     if not real and not engines:
-        raise InputError("there is nothing to say", "name a folder of speech, or install espeak-ng or flite")
+        raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
     clips = _clips(replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, seed, made, progress)

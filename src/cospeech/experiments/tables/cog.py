@@ -26,8 +26,8 @@ COLUMNS = {
     "face_mse": "face MSE ↓",
 }  # fmt: skip
 OWN = (
-    "CoG hears and reads; face, emotion and speaker it makes of the speech. CaMN is given all of them. FGD is of a network "
-    "trained on this store: never comparable with the paper's, which is of the first release of BEAT."
+    "CoG takes speech and words, and estimates face, emotion and speaker from the speech. CaMN is given all of them. FGD uses "
+    "a network trained on this store. It is never comparable with the paper's, which uses the first release of BEAT."
 )
 
 
@@ -97,7 +97,7 @@ _TABLE_2 = TableSplit(
         *(Claim(SRGR, b, a, True, "table 2") for a, b in pairwise(_ORDER) if b != "+cw-attn"),  # there the paper's own falls
         *_worse_to_better((_ORDER[0], _ORDER[-1]), "table 2"),
     ),
-    "Each row has what the rows above it have; the first is given the recorded face, and makes none. " + OWN,
+    "Each row adds one part to the row above it. The first row gets the recorded face and generates none. " + OWN,
 )
 
 # table 4 ------------------------------------------------------------------------------------------------------------------

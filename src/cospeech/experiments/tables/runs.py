@@ -27,7 +27,9 @@ __all__ = ["FEATURES", "OMEGA", "SMALL", "PlayableRun", "Runs", "make_folder", "
 OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
 """Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
 SHARED = (OMEGA, FEATURES, CLASSIFIER)
-_UNPLAYED = {"stylised-flow": ("style",), "moglow": ("style",)}  # `PlayableRun` knows neither these nor a clip's own moments
+_UNPLAYED = dict.fromkeys(
+    ("stylised-flow", "stylised-flow-extended", "moglow"), ("style",)
+)  # `PlayableRun` knows neither these nor a clip's own moments
 
 _SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
 _NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
@@ -39,7 +41,13 @@ _CHAIN = {"hidden": 64, "layers": 2, "word_width": 32}
 _LSTM = {"steps": 600, "batch": 32, "lr": 1e-3, "validate_every": 0, "save_every": 600}
 SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "stylised-flow": {
-        "model": {**_NARROW, "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5},
+        "model": {
+            "name": "stylised-flow-extended",
+            **_NARROW,
+            "encoder_channels": 16,
+            "encoder_blocks": 2,
+            "reconstruct_every": 5,
+        },
         "train": _SHORT,
     },
     "moglow": {"model": _NARROW, "train": _SHORT},

@@ -32,9 +32,7 @@ class GainAugmentation(nn.Module):
     def __init__(self, decibels: float, inputs: int, louder: Sequence[float]) -> None:
         super().__init__()
         if decibels < 0 or (decibels > 0 and len(louder) != inputs):
-            raise InputError(
-                f"speech louder by {decibels} dB", "0 or more; and data.audio a reduction of logarithms, which is heard"
-            )
+            raise InputError(f"speech louder by {decibels} dB", "0 or more, with a data.audio that has logarithms")
         self.decibels = decibels
         self.register_buffer("louder", torch.tensor(tuple(louder)), persistent=False)
 

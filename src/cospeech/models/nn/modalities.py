@@ -54,8 +54,7 @@ class ManyInputs(Windowed):
     and poses to begin with are then missing.
     """
 
-    spare = ("text", "face", "emotion", "semantic")
-    """What a clip may lack."""
+    optional_arrays = ("text", "face", "emotion", "semantic")
     speakers: int
     """S."""
     embedding: SubwordTable | WordEmbedding

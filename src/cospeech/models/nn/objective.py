@@ -1,20 +1,21 @@
 """The seam between a model and the training loop: a model says *what* is optimised, the loop does the rest.
 
-A model is a `torch.nn.Module` with ``objectives()``. In every step the loop takes each objective that is due, in order,
-and does zero_grad → loss → backward → average over processes → clip → step for it. That is enough for a flow (one objective), a
-GAN (two, each with parameters of its own) and a cascade (two, one after the other: the first stops where the second starts).
+A model is a `cospeech.models.nn.trainable.Trainable` with ``objectives()``. In every step the loop takes each objective that is
+due, in order, and does zero_grad → loss → backward → average over processes → clip → step for it. That is enough for a flow
+(one objective), a GAN (two, each with parameters of its own) and a cascade (two, one after the other: the first stops where the
+second starts).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-__all__ = ["Batch", "Objective", "StepRandom", "Trainable"]
+__all__ = ["Batch", "Objective", "StepRandom"]
 
 
 class StepRandom:
@@ -86,19 +87,3 @@ class Objective(NamedTuple):
     def is_active_at(self, step: int) -> bool:
         """Whether a step optimises it."""
         return self.start <= step and (self.stop is None or step < self.stop) and (step - self.start) % self.every == 0
-
-
-class Trainable(Protocol):
-    """What the loop needs of a model, which is a `torch.nn.Module` besides."""
-
-    arrays: tuple[str, ...]
-    """Arrays of a store that its batches hold."""
-
-    @property
-    def window(self) -> int:
-        """Frames of a training window."""
-        ...
-
-    def objectives(self) -> dict[str, Objective]:
-        """Name → what is optimised, in the order in which it is done within a step."""
-        ...

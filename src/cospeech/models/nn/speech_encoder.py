@@ -179,9 +179,7 @@ def _load_wav2vec(name: str) -> Any:
         with _quiet():
             config = AutoConfig.from_pretrained(name)
             if config.model_type != "wav2vec2" or config.add_adapter:
-                raise InputError(
-                    f"{name!r} is a {config.model_type} model", "wav2vec2 without an adapter is what we hear through"
-                )
+                raise InputError(f"{name!r} is a {config.model_type} model", "only wav2vec2 without an adapter is supported")
             loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True)
             model, found = loaded
     except InputError:

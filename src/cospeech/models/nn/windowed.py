@@ -6,18 +6,16 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...errors import InputError
+from .trainable import Trainable
 
 __all__ = ["Windowed"]
 
 
-class Windowed(nn.Module):
-    """A network that is played by windows; a subclass sets the numbers and has `make`.
-
-    Where it has a style encoder it also has ``style_of``: (B, T, D) poses, T ≥ 64, → (B, styles).
-    """
+class Windowed(Trainable):
+    """A network that is played by windows; a subclass sets the numbers and has `make`."""
 
     pose: int
     """D, numbers of a pose."""
@@ -27,12 +25,8 @@ class Windowed(nn.Module):
     """What T has to be a multiple of in `make`."""
     shortest: int
     """The least T of `make`, a multiple too."""
-    styles: int
-    """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
     modes: int
     """Sub-generators whose logits can be shifted by noise; 0: none."""
-    literal: bool = False
-    """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.
@@ -62,15 +56,3 @@ class Windowed(nn.Module):
         more = max(-frames % self.multiple, self.shortest - frames)
         heard, style = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, style.expand(-1, frames, -1)))
         return self.make(heard, style, heard.new_zeros(rows, frames + more, self.modes))[:, :frames]
-
-    @torch.no_grad()
-    def speaker_styles(self, stretches: Tensor) -> Tensor:
-        """The style of each speaker, as `generate` takes it.
-
-        Args:
-            stretches: (S, n, T, D) standardised poses of each, T ≥ 64.
-
-        Returns:
-            (S, styles).
-        """
-        return stretches.new_zeros(len(stretches), self.styles)

@@ -48,7 +48,7 @@ def _wrists(vectors: Array, pose: Pose, fps: float) -> Array:
     names = import_module(SKELETONS[skeleton.kind]).NAMES if skeleton.kind in SKELETONS else {}
     hands = [skeleton.index.get(names.get(hand, hand), -1) for hand in ("leftHand", "rightHand")]
     if min(hands) < 0:
-        raise InputError(f"style controls of a {skeleton.kind!r} skeleton", "it has no hands that we know by name")
+        raise InputError(f"style controls of a {skeleton.kind!r} skeleton", "its hands have no names that we know")
     rotations = np.array(body.rotations, np.float64)
     rotations[:, 0] = skeleton.rest[0]
     positions, _ = skeleton.forward(rotations, np.zeros((len(rotations), 3)))

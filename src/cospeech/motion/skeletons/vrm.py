@@ -1,4 +1,4 @@
-"""VRM 1.0's humanoid (``VRMC_vrm-1.0``, "humanoid"): the names are ours. VRM 0.x calls the thumb's bones otherwise."""
+"""VRM 1.0's humanoid (``VRMC_vrm-1.0``, "humanoid"), whose names we use. VRM 0.x has other names for the thumb's bones."""
 
 from .humanoid import ENDS, JOINTS
 

@@ -46,7 +46,7 @@ def bundle_chain(
 
     Args:
         path: file to write.
-        model: `cospeech.models.chain_of_generation.Chain` or `cospeech.models.nn.modalities.ManyInputs`.
+        model: `cospeech.models.chain_of_generation.ChainOfGeneration` or `cospeech.models.nn.modalities.ManyInputs`.
         statistics, examples: of the run folder.
         small: keep weights in float16; the manifest and the card then say by how much that moves its poses (``rounding``).
         facts: for the manifest.

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from ...models.camn import SLOPE as HEARD_SLOPE
 from ...models.camn import Camn, EmotionEncoder, SpeakerEncoder
 from ...models.chain_live import ChainLive
-from ...models.chain_of_generation import Chain, ChainOfGeneration
+from ...models.chain_of_generation import ChainOfGeneration
 from ...models.multi_context import MultiContext
 from ...models.nn.basic_block import BasicBlock
 from ...models.nn.cascade import EMOTIONS, FACE, Cascade
@@ -64,7 +64,7 @@ class Inputs(NamedTuple):
 
 
 @torch.no_grad()
-def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
+def lower_chain(net: ChainOfGeneration | ManyInputs) -> LoweredChain:
     """A network, as it evaluates, as graphs; of a `ChainLive` its teacher's and its own."""
     weights: dict[str, Array] = {}
     whole: Any = net.teacher if isinstance(net, ChainLive) else net
@@ -77,7 +77,7 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
         b = RecurrentGraph(weights, "classify")
         b.as_rows(_classify(b, b.rows("rows", whole.speech_encoder.inputs, many=False), whole.classifier), "logits")
         graphs["classify"] = b.serialise({"rows": (1, "T", whole.speech_encoder.inputs)}, {"logits": (1, "T", whole.styles)})
-    words = (whole.word if isinstance(whole, Chain) else whole.embedding).width
+    words = (whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding).width
     sizes = ChainSizes(
         pose=whole.pose, audio=whole.audio - words, words=words, speakers=whole.styles - EMOTIONS, noise=whole.modes,
         window=whole.window, reach=reach, look_ahead=net.delay if isinstance(net, ChainLive) else 0,
@@ -88,10 +88,9 @@ def lower_chain(net: Chain | ManyInputs) -> LoweredChain:
 
 def _optional(net: Any) -> dict[str, int]:
     """Of `ChainSizes`: numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
-    if not isinstance(net, Chain):
+    if not isinstance(net, ChainOfGeneration):
         return {}
-    c = net.config
-    return {"faces": FACE * (c.face_teacher_forcing > 0), "seeds": c.seeds * (c.seed_dropout < 1)}
+    return {"faces": FACE * net.accepts_face, "seeds": net.config.seeds * net.accepts_seeds}
 
 
 def _graph(net: Any, weights: dict[str, Array], name: str) -> bytes:
@@ -121,10 +120,10 @@ def _poses(net: nn.Module, b: RecurrentGraph, given: Inputs) -> Wave:
 
 
 @_poses.register
-def _(net: Chain, b: RecurrentGraph, given: Inputs) -> Wave:
-    encoder: Any = net.speech_encoder
-    speech, words = b.parts(given.rows, encoder.inputs, net.word.width)
-    heard = _convs(b, speech, encoder.convs)
+def _(net: ChainOfGeneration, b: RecurrentGraph, given: Inputs) -> Wave:
+    speech_encoder: Any = net.speech_encoder
+    speech, words = b.parts(given.rows, speech_encoder.inputs, net.word.width)
+    heard = _convs(b, speech, speech_encoder.convs)
     skipped = (net.pose + 1) * (net.config.seeds > 0) - given.seed.channels
     return _cascade(b, net.cascade, heard, words, given, skipped)
 

@@ -88,7 +88,7 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
         The feedback gain, (D,) mean, (D,) standard deviation.
     """
     wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for feedback_gain in FEEDBACK_GAINS if model.config.residual else FEEDBACK_GAINS[:1]:
+    for feedback_gain in FEEDBACK_GAINS if model.runtime_sizes()["residual"] else FEEDBACK_GAINS[:1]:
         made = _generate_freely(model, examples, codes, feedback_gain)
         made = made[:, min(WARM, made.shape[1] // 2) :]
         found.append((abs((_wandering(made) / wanted).log().item()), feedback_gain, made))

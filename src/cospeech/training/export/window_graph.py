@@ -54,7 +54,7 @@ def lower(net: Windowed) -> Lowered:
     poses = _make(net, b)
     b.as_rows(poses, "poses")
     graphs = {"make": b.serialise(inputs, {"poses": ("N" if len(inputs) > 1 else 1, "T", net.pose)})}
-    if hasattr(net, "style_of"):
+    if net.encodes_style:
         b = ConvGraph(weights, "style", net.multiple)
         _recognise(net, b, b.rows("poses", net.pose))
         graphs["style"] = b.serialise({"poses": (1, "T", net.pose)}, {"style": (1, net.styles)})

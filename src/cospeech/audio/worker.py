@@ -1,0 +1,211 @@
+"""Child processes: how they start, what they may use, and how we talk to them.
+
+The decoder of sound, the reader of HDF5 and LMDB and the renderer are such processes: they may crash, hang or eat memory
+without harm to us. `Worker` is our side. In the child, `main` sets the limits and calls ``serve`` of a script, which iterates
+over `requests` and answers by `send`. A message has the same form both ways: one letter, the length of what follows (uint32,
+little endian), then the bytes. Nothing is pickled, and the script that uses cospeech is not imported again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from importlib.util import module_from_spec, spec_from_file_location
+
+from ..errors import InternalError
+
+__all__ = [
+    "FileRefused", "TooLong", "Worker", "WorkerEnded", "confine", "main", "message", "requests", "send", "send_json",
+    "worker_command",
+]  # fmt: skip
+
+_HEAD = struct.Struct("<cI")
+_START = "import os, sys; sys.path[:] = sys.argv[1].split(os.pathsep); from cospeech.audio.worker import main; main()"
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))  # noqa: PTH120  pathlib takes time to import
+
+
+def message(kind: bytes, payload: bytes | memoryview) -> bytes:
+    """The bytes of one message."""
+    return _HEAD.pack(kind, len(payload)) + payload
+
+
+# ---- our side ----
+
+
+class WorkerEnded(Exception):
+    """The process crashed, or was killed because it was ``late``; ``code`` is its exit status."""
+
+    def __init__(self, code: int, late: bool) -> None:
+        super().__init__(f"exit {code}")
+        self.code, self.late = code, late
+
+
+class TooLong(Exception):
+    """A message is announced with ``size`` bytes, which are not read."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__(f"{size} bytes")
+        self.size = size
+
+
+def worker_command(script: os.PathLike[str], *arguments: object, memory: int = 0, cpu_seconds: int = 0) -> list[str]:
+    """How a script is started: isolated (-I), without site-packages hooks (-S), with our own search path and limits.
+
+    Args:
+        script: it has ``serve(*arguments)``. It runs outside its package, whose imports cost time and memory.
+        arguments: handed on as text.
+        memory: bytes of address space; 0 is no limit.
+        cpu_seconds: seconds of work; 0 is no limit.
+
+    Raises:
+        InternalError: nobody knows where Python is.
+    """
+    if not sys.executable:
+        raise InternalError("no Python executable to start a process with", "run cospeech in an ordinary Python")
+    paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # a numpy.py in the folder we work in is none of ours
+    limits = [str(memory), str(cpu_seconds)]
+    return [sys.executable, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]
+
+
+class Worker:
+    """A running child process.
+
+    Args:
+        command: as `worker_command` gives it.
+        environment: variables to set for the process.
+        quiet: what the process says on standard error is dropped.
+    """
+
+    def __init__(self, command: list[str], environment: Mapping[str, str] | None = None, *, quiet: bool = True) -> None:
+        variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})}  # a thread of BLAS reserves memory
+        pipe, errors = subprocess.PIPE, subprocess.DEVNULL if quiet else None
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=variables)
+        self._deadline: float | None = None
+        self._late, self._done = False, threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        """Kill the process when it keeps us waiting; pipes cannot be read with a timeout on every system."""
+        while not self._done.wait(0.2):
+            deadline = self._deadline
+            if deadline is not None and time.monotonic() > deadline:
+                self._late = True
+                self.process.kill()
+                return
+
+    def request(self, kind: bytes, payload: bytes, *, last: bool = False) -> None:
+        """Send one request; after the ``last`` one the process ends by itself."""
+        assert self.process.stdin is not None
+        with suppress(OSError, ValueError):  # it is dead already: reading will say so
+            self.process.stdin.write(message(kind, payload))
+            self.process.stdin.flush()
+            if last:
+                self.process.stdin.close()
+
+    def receive(self, longest: int, timeout: float | None = None) -> tuple[bytes, bytes]:
+        """The next message: its letter and its bytes.
+
+        Raises:
+            WorkerEnded: there is none, or none within ``timeout`` seconds.
+            TooLong: it has more than ``longest`` bytes.
+        """
+        kind, size = _HEAD.unpack(self._read(_HEAD.size, timeout))
+        if size > longest:
+            raise TooLong(size)
+        return kind, self._read(size, timeout)
+
+    def _read(self, size: int, timeout: float | None) -> bytes:
+        assert self.process.stdout is not None
+        self._deadline = None if timeout is None else time.monotonic() + timeout
+        data = b""
+        with suppress(OSError, ValueError):  # it was closed
+            data = self.process.stdout.read(size)
+        self._deadline = None
+        if len(data) == size:
+            return data
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(1)  # its pipes close a moment before it is gone
+        self.close()
+        raise WorkerEnded(self.process.returncode, self._late)
+
+    def close(self) -> None:
+        """Kill the process if it still runs, and collect it."""
+        self._done.set()
+        self.process.kill()
+        self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            with suppress(OSError):  # what was not yet written cannot be any more
+                pipe.close()  # type: ignore[union-attr]
+
+
+# ---- in the child ----
+
+
+class FileRefused(Exception):
+    """What to tell the user: problem and hint; ours where the file is not to blame; detail, the words of a library."""
+
+    def __init__(self, problem: str, hint: str = "", ours: bool = False, detail: object = "") -> None:
+        self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}
+
+
+def confine(memory: int, cpu_seconds: int) -> None:
+    """Bound memory (bytes) and time, leave no core dump, let Ctrl-C be the parent's business.
+
+    The time ends a process whose parent is gone and that never writes again.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    wanted = {resource.RLIMIT_AS: memory, resource.RLIMIT_CPU: cpu_seconds}
+    limits = {kind: limit for kind, limit in wanted.items() if limit} | {resource.RLIMIT_CORE: 0}
+    for kind, limit in limits.items():
+        with suppress(ValueError, OSError):  # not on this system
+            resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
+
+
+def requests() -> Iterator[tuple[bytes, bytes]]:
+    """Letter and bytes of each request, until there are no more; what was answered is on its way before the next is read."""
+    while len(head := sys.stdin.buffer.read(_HEAD.size)) == _HEAD.size:
+        kind, size = _HEAD.unpack(head)
+        payload = sys.stdin.buffer.read(size)
+        if len(payload) < size:
+            return
+        yield kind, payload
+        sys.stdout.buffer.flush()
+
+
+def send(kind: bytes, payload: bytes | memoryview) -> None:
+    """Answer with bytes."""
+    sys.stdout.buffer.write(_HEAD.pack(kind, len(payload)))
+    sys.stdout.buffer.write(payload)
+
+
+def send_json(kind: bytes, **values: object) -> None:
+    """Answer with JSON, at once."""
+    send(kind, json.dumps(values).encode())
+    sys.stdout.buffer.flush()
+
+
+def main() -> None:
+    """``PATHS SCRIPT MEMORY CPU_SECONDS ARGUMENTS``: serve until there are no more requests."""
+    script, memory, cpu_seconds, *arguments = sys.argv[2:]
+    confine(int(memory), int(cpu_seconds))
+    try:
+        spec = spec_from_file_location("serving", script)
+        assert spec is not None
+        assert spec.loader is not None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        module.serve(*arguments)
+    except BrokenPipeError:  # the parent has read enough, or is gone
+        os._exit(0)

@@ -1,0 +1,92 @@
+"""Mix-StAGE, extended; all of this is ours. The paper is `cospeech.models.mix_stage`, whose equations hold.
+
+With the paper's loss and few steps the generator soon stands nearly still: log(1 − D) has no gradient where D is certain, and
+what is left, the distance to one recording, is least for the mean of all motions. What we add, each off by default:
+
+    reconstruction    weight of L_rec and L_joint
+    adversarial_loss  "squares": least squares, whose gradient does not vanish
+    pose_discriminator
+                      D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
+                      clip count as false too
+    persistence       L_adv and the second term of L_id are of poses as they are played, with priors of H and smooth noise:
+
+        Z ─┬─► H ──► logits + noise ── softmax ──► Φ ─┐
+           └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
+
+What each does for the motion: docs/models/mix_stage.md, "Added".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from .mix_stage import MixStage, MixStageConfig
+from .nn.adversarial_losses import ADVERSARIAL_LOSSES
+from .nn.gumbel import smooth_gumbel
+from .nn.mixture import mix
+from .nn.objective import Batch
+from .nn.pose_discriminator import PoseDiscriminator
+
+__all__ = ["MixStageExtended", "MixStageExtendedConfig"]
+
+
+@dataclass(frozen=True)
+class MixStageExtendedConfig(MixStageConfig):
+    """The paper's, and what is ours."""
+
+    reconstruction: float = 1.0
+    """Weight of L_rec and L_joint; equation 8: 1. [ours]: less, so that what one recording did is not all that counts."""
+    pose_discriminator: bool = False
+    """Whether D sees poses beside velocity, and knows whose they should be and to what speech
+    (models/nn/pose_discriminator.py). [ours]"""
+    persistence: float = 0.0
+    """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
+    that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
+
+
+class MixStageExtended(MixStage):
+    """Mix-StAGE with our additions: a discriminator that knows poses, people and speech, and training on what is played.
+
+    Args:
+        config: sizes and weights.
+        pose, audio, speakers: as of `MixStage`.
+    """
+
+    Config = MixStageExtendedConfig
+    config: MixStageExtendedConfig
+
+    def _make_discriminator(self) -> nn.Module:
+        if not self.config.pose_discriminator:
+            return super()._make_discriminator()
+        return PoseDiscriminator(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
+
+    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
+        """As it is played, with priors of H and noise, where there is ``persistence``."""
+        if not self.config.persistence:
+            return mixed
+        rows, modes, frames = logits.shape
+        noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
+        return mix(made, torch.softmax(logits + noise, 1))
+
+    def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
+        """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
+        if not self.config.pose_discriminator:
+            return super()._score(pose, batch)
+        scores: Tensor = self.discriminator(pose, batch["audio"].roll(shift, 0).mT, batch["speaker"])
+        return scores
+
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """As of the paper, and with ``pose_discriminator`` of recordings to the speech of others, which are false."""
+        terms = super().discriminator_loss(batch, step)
+        if self.config.pose_discriminator and len(batch) > 1:
+            losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
+            terms["mismatched"] = losses.false(self._score(batch["pose"].mT, batch, shift=1))
+        return terms
+
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """As of the paper, L_rec and L_joint weighted."""
+        terms, weight = super().generator_loss(batch, step), self.config.reconstruction
+        return {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}

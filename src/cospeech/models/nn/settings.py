@@ -1,0 +1,27 @@
+"""What the settings of networks have in common: how they are checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...errors import InputError
+
+__all__ = ["check_least"]
+
+
+def check_least(config: Any, what: str, low: Mapping[str, float]) -> None:
+    """Whether numbers of a network's settings are at least as large as they must be.
+
+    Args:
+        config: the settings.
+        what: the network, for the message.
+        low: field → the least that it may be.
+
+    Raises:
+        InputError: one is less, or no number.
+    """
+    for name, least in low.items():
+        value = vars(config)[name]
+        if not value >= least:
+            raise InputError(f"{name} of {what} is {value}", f"{least} at least")

@@ -1,0 +1,96 @@
+"""What a network declares: to the training loop, to what makes its batches, and to what makes its bundle.
+
+A network subclasses `Trainable` and says how it differs from the defaults. The least that it says is its ``Config`` and
+`objectives`; a network of another package does the same (docs/add_a_model.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from torch import Tensor, nn
+
+from .objective import Batch, Objective
+
+__all__ = ["Trainable"]
+
+
+class Trainable(nn.Module):
+    """A network that a recipe trains; it is built as ``Network(config, pose=D, audio=A)``.
+
+    A subclass sets ``self.config`` in its ``__init__``.
+    """
+
+    Config: ClassVar[Any]
+    """The frozen dataclass of its settings: its fields are the keys of [model] in a recipe."""
+    config: Any
+    """An instance of ``Config``."""
+    arrays: tuple[str, ...] = ("pose", "audio")
+    """Arrays of a store that its batches hold; every batch has ``speaker`` (B,) besides."""
+    optional_arrays: tuple[str, ...] = ()
+    """Those of ``arrays`` that a clip may lack: floats are then NaN, labels −1, and there is no word."""
+    dimensions: tuple[str, ...] = ("pose", "audio")
+    """Keywords of ``__init__`` that come from the store, of `cospeech.training.dataset.DIMENSIONS`."""
+    delay: int = 0
+    """Frames that a pose comes after its speech."""
+    controls: tuple[str, ...] = ()
+    """Names of the style controls that it takes, of `cospeech.motion.poses.controls.CONTROLS`."""
+    styles: int = 0
+    """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
+    encodes_style: bool = False
+    """Whether `style_of` says in which style poses are that it is shown."""
+    estimates_speaker: bool = False
+    """Whether it estimates speaker and emotion from the speech."""
+    literal: bool = False
+    """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
+
+    @classmethod
+    def arrays_for(cls, config: Any) -> tuple[str, ...]:
+        """``arrays`` of a network with these settings."""
+        return cls.arrays
+
+    @classmethod
+    def dimensions_for(cls, config: Any) -> tuple[str, ...]:
+        """``dimensions`` of a network with these settings."""
+        return cls.dimensions
+
+    @classmethod
+    def encoder_for(cls, config: Any) -> str | None:
+        """Name or folder of the wav2vec 2.0 whose features a network with these settings hears; None: it hears none."""
+        return None
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window: ``frames`` of the settings, and what is heard after them."""
+        return int(self.config.frames) + self.delay
+
+    def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
+        """Learn what its inputs are standardised by, before training begins; by default it need not know.
+
+        Args:
+            statistics: ``pose_mean``, ``pose_std`` (D,), ``audio_mean``, ``audio_std`` (A,), and what else a run keeps.
+        """
+
+    def objectives(self) -> dict[str, Objective]:
+        """Name → what is optimised, in the order in which it is done within a step."""
+        raise NotImplementedError
+
+    def validate(self, batch: Batch) -> dict[str, Tensor]:
+        """Figures of a validation batch, by name; by default none: the loop then measures the losses."""
+        return {}
+
+    def style_of(self, poses: Tensor) -> Tensor:
+        """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""
+        return poses.new_zeros(len(poses), self.styles)
+
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """The style of each speaker.
+
+        Args:
+            stretches: (S, n, T, D) standardised poses of each speaker, T ≥ 64.
+
+        Returns:
+            (S, styles); by default zeros.
+        """
+        return stretches.new_zeros(len(stretches), self.styles)

@@ -1,0 +1,168 @@
+"""The stylised flow, extended; all of this is ours. The paper is `cospeech.models.stylised_flow`, whose equations hold.
+
+What we add, each off by default. A network of a few hundred thousand weights then learns in hundreds of steps what takes it
+thousands without; all of it is linear in xₜ, so that the likelihood (5) stays exact:
+
+    residual, inertia    the flow gives xₜ − bₜ, bₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂): how the movement goes on by itself
+    steps_seen           the couplings see a history as its last pose and the steps that led there
+    style                c_t has a style code too, of a stretch of poses before the history:
+
+         stretch (style_window) ──3 convolutions, mean and deviation over time──► code ──► c_t
+
+    pose_noise           noise on the poses in training: a density of smooth data has no upper limit
+
+What each does for the motion: docs/models/stylised_flow.md, "Changed, and added".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
+from .nn.flow import State
+from .nn.objective import Batch
+from .stylised_flow import FlowConfig, StylisedFlow
+
+__all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
+
+
+@dataclass(frozen=True)
+class FlowExtendedConfig(FlowConfig):
+    """The paper's, and what is ours."""
+
+    pose_noise: float = 0.0
+    """Deviation of noise on the standardised poses in training; [ours], for data so smooth that a density has no limit."""
+    style: int = 0
+    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. [ours]: what a longer stretch
+    of the same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
+    style_window: int = 80
+    """Frames of that stretch, which lies before the history; [ours]."""
+    residual: bool = False
+    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; [ours], quicker to learn."""
+    inertia: float = 0.0
+    """With ``residual``: share of the last step that is taken off too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …;
+    [ours]."""
+    steps_seen: bool = False
+    """Whether the couplings see a history as its last pose and the steps that led there, not as poses; [ours]: a linear change
+    of their input. ``history_dropout`` then hides all steps of a frame at once."""
+
+
+class StylisedFlowExtended(StylisedFlow):
+    """The stylised flow with our additions: steps in place of poses, and style codes.
+
+    Args:
+        config: sizes and weights.
+        pose, audio, omega: as of `StylisedFlow`.
+    """
+
+    Config = FlowExtendedConfig
+    config: FlowExtendedConfig
+
+    def __init__(self, config: FlowExtendedConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
+        if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
+            raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
+        super().__init__(config, pose=pose, audio=audio, omega=omega)
+
+    def _add_encoders(self) -> int:
+        c = self.config
+        self.stylist = StyleEncoder(self.pose, channels=c.encoder_channels, style=c.style) if c.style else None
+        self.styles, self.encodes_style = c.style, c.style > 0
+        return c.style
+
+    @property
+    def window(self) -> int:
+        """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
+        return self.style_frames + super().window
+
+    @property
+    def style_frames(self) -> int:
+        """Frames before the history that the style is taken from."""
+        return self.config.style_window if self.config.style else 0
+
+    # the density ----------------------------------------------------------------------------------------------------
+
+    def style(self, poses: Tensor) -> Tensor | None:
+        """(B, S, D) any stretch of poses → (B, style) its code; None for a model without."""
+        return None if self.stylist is None else self.stylist(poses)
+
+    def condition(self, poses: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
+        """c_t, with the style code (B, style) of the whole stretch, for a model that has one."""
+        parts = [super().condition(poses, audio)]
+        if self.config.steps_seen:
+            parts = [as_steps(poses).flatten(2), parts[0][..., poses.shape[2] * self.pose :]]
+        if style is not None:
+            parts.append(style.unsqueeze(1).expand(-1, poses.shape[1], -1))
+        return torch.cat(parts, -1)
+
+    def _windows(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        return super()._windows(pose[:, self.style_frames :], audio[:, self.style_frames :])
+
+    def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
+        """As of the paper, of (B, S + τ + F + l, D) poses and as much speech; the first S are the stretch for the style."""
+        x, c = self._condition_poses(pose, audio)
+        return self.flow.log_prob(x, c)
+
+    def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
+        """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
+        return self.flow(*self._condition_poses(pose, audio))[0]
+
+    def _condition_poses(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
+        """What the flow gives for recorded poses, and under which conditions."""
+        x, histories, heard = self._windows(pose, audio)
+        return x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
+
+    def _base(self, histories: Tensor) -> Tensor:
+        """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
+        if not self.config.residual:
+            return torch.zeros_like(histories[:, :, -1])
+        last = histories[:, :, -1]
+        return last + self.config.inertia * (last - histories[:, :, -2]) if self.config.inertia else last
+
+    # what is optimised ----------------------------------------------------------------------------------------------
+
+    def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The terms of equation 11, weighted."""
+        pose = batch["pose"]
+        if self.training and self.config.pose_noise:
+            pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
+        x, histories, heard = self._windows(pose, batch["audio"])
+        base = self._base(histories)
+        if self.training:
+            drop = blank_history if self.config.steps_seen else drop_history
+            histories = drop(histories, self.config.history_dropout, batch.chance)
+        return self.losses(
+            x, self.condition(histories, heard, self.style(pose[:, : self.style_frames])), batch.chance, step, base
+        )
+
+    # generation -----------------------------------------------------------------------------------------------------
+
+    @torch.no_grad()
+    def style_of(self, poses: Tensor) -> Tensor:
+        """(B, T, D) poses → (B, style) their code."""
+        return super().style_of(poses) if self.stylist is None else self.stylist(poses)
+
+    @torch.no_grad()
+    def speaker_styles(self, stretches: Tensor) -> Tensor:
+        """The mean code of each speaker's stretches, (S, n, T, D) → (S, style)."""
+        return self.style_of(stretches.flatten(0, 1)).view(*stretches.shape[:2], -1).mean(1)
+
+    @torch.no_grad()
+    def step(
+        self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
+    ) -> tuple[Tensor, list[State]]:
+        """One frame, as of the paper; ``style``: (B, style)."""
+        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
+        return made[:, 0] + self._base(history[:, None])[:, 0], states
+
+    # the runtime bundle ---------------------------------------------------------------------------------------------
+
+    def runtime_sizes(self) -> dict[str, Any]:
+        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        c = self.config
+        own = {"residual": c.residual, "inertia": c.inertia, "style": c.style, "steps_seen": c.steps_seen}
+        return super().runtime_sizes() | own | {"channels": c.encoder_channels if c.encoder or c.style else 0}

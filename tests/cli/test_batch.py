@@ -1,0 +1,239 @@
+"""Several speeches, folders and standard input; and what would be written in vain is told."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+import soundfile
+
+import cospeech
+from cospeech.cli.batch import generate_speeches
+from cospeech.cli.demo import EXAMPLE
+from cospeech.errors import CospeechWarning, InputError
+from cospeech.export import FORMATS
+from cospeech.models import PARTS
+
+pytestmark = pytest.mark.slow
+
+COSPEECH = [sys.executable, "-m", "cospeech"]
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A working folder with speeches of different lengths, one of them damaged."""
+    monkeypatch.chdir(tmp_path)
+    speech, rate = soundfile.read(EXAMPLE, frames=96_000, dtype="float32")
+    for k, name in enumerate(("rec/me/a", "rec/me/b", "rec/you/a", "talk"), 1):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        soundfile.write(f"{name}.wav", speech[: rate // 4 * k], rate)
+    Path("rec/you/notes.txt").write_text("no sound\n")
+    return tmp_path
+
+
+def files(folder: str) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in Path(folder).rglob("*") if path.is_file())
+
+
+def test_a_folder_goes_into_a_folder(cli, place):
+    code, out, err = cli("generate", "rec", "-o", "out/", "--report", "r.json")
+    assert (code, err) == (0, "")
+    assert files("out") == [f"{name}{suffix}" for name in ("me/a", "me/b", "you/a") for suffix in (".bvh", ".glb")]
+    assert out.startswith("3 speeches: 1.50 s of speech, ")
+    report = json.loads(Path("r.json").read_text())
+    assert [row["outputs"][0] for row in report["speeches"]] == ["out/me/a.bvh", "out/me/b.bvh", "out/you/a.bvh"]
+    assert report["failed"] == []
+    assert cli("generate", "rec/you/a.wav", "-o", "alone.bvh", "-q") == (0, "", "")
+    assert Path("alone.bvh").read_bytes() == Path("out/you/a.bvh").read_bytes()  # each by itself
+
+
+def test_several_files_by_a_pattern_with_takes_and_words(cli, place):
+    Path("words").mkdir()
+    for name in ("a", "talk"):
+        Path(f"words/{name}.txt").write_text("hello all of you\n")
+    line = ["generate", "rec/me/a.wav", "talk.wav", "-o", "out/{name}-new.vrma", "-o", "out/face/{name}.csv"]
+    assert cli(*line, "--takes", 2, "--transcript", "words/{name}.txt", "-q") == (0, "", "")
+    assert files("out") == sorted(
+        f"{name}" for speech in ("a", "talk") for k in (1, 2) for name in (f"{speech}-new.{k}.vrma", f"face/{speech}.{k}.csv")
+    )
+
+
+def test_one_speech_into_a_folder(cli, place):
+    Path("there").mkdir()
+    assert cli("generate", "talk.wav", "-o", "there", "-o", "new/{name}.npz", "-q") == (0, "", "")
+    assert (files("there"), files("new")) == (["talk.bvh", "talk.glb"], ["talk.npz"])
+    report = generate_speeches(["talk.wav"], ["one.bvh"], report="r.json").speeches[0]
+    assert json.loads(Path("r.json").read_text())["outputs"] == report.outputs == ["one.bvh"]
+
+
+def test_a_bad_one_does_not_keep_back_the_others(cli, place):
+    Path("rec/me/b.wav").write_text("this is no sound\n" * 100)
+    code, out, err = cli("generate", "rec", "-o", "out/{name}.bvh", "--report", "r.json")
+    assert code == 2
+    assert err.startswith("error: 1 of 3 speeches failed: rec/me/b.wav: 'b.wav': not a sound file")
+    assert err.count("\n") == 1
+    assert files("out") == ["me/a.bvh", "you/a.bvh"]
+    assert out.startswith("2 speeches: ")
+    report = json.loads(Path("r.json").read_text())
+    assert [row["speech"] for row in report["failed"]] == ["rec/me/b.wav"]
+    for path in Path("rec").rglob("*.wav"):
+        path.write_text("nor this\n" * 100)
+    code, out, err = cli("generate", "rec", "-o", "none/{name}.bvh")
+    assert (code, out) == (2, "")
+    assert "3 of 3 speeches failed" in err
+    assert not Path("none").exists()
+
+
+BAD = [
+    ("generate talk.wav rec/me/a.wav -o x.bvh", "one file 'x.bvh' for several speeches (a folder, -o out/, or -o 'out/{na"),
+    ("generate rec -o out/ --style livly", "did you mean 'lively'"),
+    ("generate rec -o out/ --model rulse", "did you mean 'rules'"),
+    ("generate rec -o out/ --fps 0", "fps 0"),
+    ("generate rec -o out/ --transcript x.srt", "one transcript 'x.srt' for several speeches"),
+    ("generate rec talk.wav -o out/ --face x.csv", "one face 'x.csv' for several speeches"),
+    ("generate rec/me/a.wav rec/you/a.wav -o out/", "are both called 'a'"),
+    ("generate talk.wav rec/me/a.wav -o out/{name}.xyz", "known suffixes"),
+    ("generate talk.wav rec/me/a.wav -o {name}.bvh -o ./{name}.bvh", "overwrite"),
+    ("generate talk.wav rec/me/a.wav -o out/ --report nowhere/r.json", "folder exist"),
+    ("generate empty -o out/", "no sound file is in the folder 'empty'"),
+    ("generate talk.wav - -o out/", "standard input"),
+    ("generate talk.wav -o talk.wav/", "talk.wav"),
+    ("generate talk.wav -o x.bvh --parts face", "'x.bvh' would not move"),
+    ("generate talk.wav -o x.csv --parts body,hands", "'x.csv' would not move"),
+    ("generate talk.wav -o x.glb -o x.json --parts hands", "'x.json' would not move"),
+    ("generate talk.wav -o x.bvh --model speech-to-face", "speech-to-face makes face only"),
+    ("generate talk.wav -o x.glb --model speech-to-face --parts hands", "makes no hands"),
+    ("generate talk.wav -o x.glb --skeleton mixamo", "skeleton 'mixamo' would not be seen"),
+    ("convert talk.bvh x.csv", "holds body and hands only, .csv files hold face"),
+    ("convert talk.bvh x.json", "would not move"),
+    ("convert talk.csv x.bvh", "holds face only, .bvh files hold body and hands"),
+    ("convert talk.bvh x.glb --skeleton mixamo", "would not be seen"),
+    ("render talk.csv x.png --camera hands", "holds a face only"),
+    ("convert rec x.bvh", "it is a folder"),
+    ("convert - x.bvh", "standard input"),
+    ("evaluate rules --corpus x --small", "--small without --table"),
+    ("evaluate --table flow-1 --corpus x --takes 3", "--takes beside --table"),
+    ("prepare folder rec s --scheduler tcp://x:1", "for the backend 'loky'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
+def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, said):
+    Path("empty").mkdir()
+    motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
+    motion.save("talk.bvh")
+    motion.save("talk.csv")
+    before = sorted(place.rglob("*"))
+    code, out, err = cli(*line.split())
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert said in err
+    assert sorted(place.rglob("*")) == before
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("part", PARTS)
+def test_formats_hold_what_they_say(place, suffix, part):
+    """Each part alone: a file that holds it differs from one of nothing, one that does not is refused."""
+    if suffix == ".mp4":
+        pytest.importorskip("av", reason="needs PyAV (cospeech[av])")
+    if part not in FORMATS[suffix].holds:
+        with pytest.raises(InputError, match="would not move"):
+            generate_speeches(["talk.wav"], [f"x{suffix}"], parts=(part,))
+        return
+    for name, intensity in (("moving", 1.0), ("other", 2.0)):
+        generate_speeches(["talk.wav"], [f"{name}{suffix}"], parts=(part,), seed=int(intensity), style="lively")
+    assert Path(f"moving{suffix}").read_bytes() != Path(f"other{suffix}").read_bytes()
+
+
+def test_without_an_output_only_what_moves_is_written(cli, place):
+    assert cli("generate", "talk.wav", "--parts", "face", "-q") == (0, "", "")
+    assert not Path("talk.bvh").exists()
+    assert Path("talk.glb").exists()
+
+
+def test_a_face_alone_is_shown_near(cli, place):
+    assert cli("generate", "talk.wav", "-o", "talk.csv", "-q")[0] == 0
+    assert cli("render", "talk.csv", "near.png") == cli("render", "talk.csv", "near.png", "--camera", "face")
+    assert cli("convert", "talk.csv", "same.png", "-q")[0] == 0
+    assert Path("near.png").read_bytes() == Path("same.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("generate talk.wav -o a.bvh --face-gain 1.5 -q", "face_gain changes nothing"),
+        ("generate talk.wav -o a.glb --parts body --face-gain 1.5 -q", "face_gain changes nothing"),
+        ("render talk.bvh a.gif --audio talk.wav -q", "the speech changes nothing"),
+        ("convert talk.csv a.json --map m.toml -q", "the map changes nothing"),
+    ],
+)
+def test_what_changes_nothing_is_said(cli, place, line, said):
+    motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
+    motion.save("talk.bvh")
+    motion.save("talk.csv")
+    Path("m.toml").write_text('[bones]\nhips = "hips"\n')
+    code, out, err = cli(*line.split())
+    assert (code, out) == (0, "")
+    assert err.startswith("note: ")
+    assert err.count("\n") == 1
+    assert said in err
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        assert cli("generate", "talk.wav", "-o", "b.glb", "--face-gain", "1.5", "-q") == (0, "", "")
+
+
+def test_standard_input(place):
+    sound = Path("talk.wav").read_bytes()
+    done = subprocess.run([*COSPEECH, "generate", "-", "-o", "a.bvh", "-q"], input=sound, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    subprocess.run([*COSPEECH, "generate", "talk.wav", "-o", "b.bvh", "-q"], check=True)
+    assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
+    before = sorted(place.rglob("*"))
+    for given, line, said in (
+        (sound, ["-"], b"no file to write for standard input"),
+        (b"", ["-", "-o", "c.bvh"], b"0 bytes"),
+        (b"no sound" * 1000, ["-", "-o", "c.bvh"], b"'stdin'"),
+    ):
+        done = subprocess.run([*COSPEECH, "generate", *line], input=given, capture_output=True)
+        assert (done.returncode, done.stdout) == (2, b"")
+        assert said in done.stderr
+    ours, theirs = pty.openpty()  # a terminal, at which nobody types a WAV
+    done = subprocess.run([*COSPEECH, "generate", "-", "-o", "c.bvh"], stdin=theirs, capture_output=True, timeout=60)
+    os.close(ours)
+    os.close(theirs)
+    assert b"no sound on standard input" in done.stderr
+    assert sorted(place.rglob("*")) == before
+
+
+def test_standard_input_has_an_end(place, monkeypatch):
+    monkeypatch.setattr("cospeech.cli.batch.PIPED_BYTES", 1000)
+    with Path("talk.wav").open("rb") as sound:
+        monkeypatch.setattr(sys, "stdin", type("Piped", (), {"buffer": sound, "isatty": lambda self: False})())
+        with pytest.raises(InputError, match="on standard input"):
+            generate_speeches(["-"], ["c.bvh"])
+
+
+@pytest.mark.parametrize("columns", [80, 110])
+def test_no_help_is_cut(columns):
+    commands = ["", *(row.split()[0] for row in COMMANDS.splitlines())]
+    for command in commands:
+        done = subprocess.run(
+            [*COSPEECH, *command.split(), "--help"], capture_output=True, text=True, env=os.environ | {"COLUMNS": str(columns)}
+        )
+        assert done.returncode == 0
+        shown = re.sub(r"(\[ARGS\]|\{SPEECH\}|SPEECH|\[SYSTEM\]|\])\.\.\.", "", done.stdout)  # as many as one likes
+        assert "..." not in shown, command
+        plain = [line for line in done.stdout.splitlines() if not re.match(r"  (cospeech|torchrun) ", line)]  # examples
+        assert max(map(len, plain)) <= columns, command
+
+
+COMMANDS = "generate\nconvert\nrender\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle"

@@ -1,0 +1,117 @@
+"""The command line as a process: signals, terminals, closed pipes."""
+
+from __future__ import annotations
+
+import os
+import pty
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cospeech.cli.demo import EXAMPLE
+
+pytestmark = pytest.mark.slow
+
+COSPEECH = [sys.executable, "-m", "cospeech"]
+
+
+def test_help_imports_nothing_heavy():
+    """What keeps ``cospeech --help`` under half a second; the time itself is in the table of benchmarks."""
+    code = (
+        "import sys; sys.argv = ['cospeech', '--help']\nfrom cospeech.cli import main\ntry: main()\nexcept SystemExit: pass\n"
+    )
+    code += "heavy = {'numpy', 'scipy', 'rich', 'pydantic', 'soundfile', 'PIL', 'av', 'onnxruntime'}\n"
+    code += "print(sorted({m.split('.')[0] for m in sys.modules} & heavy))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, code):
+    out = tmp_path / "out"
+    out.mkdir()
+    command = [*COSPEECH, "generate", str(long_speech), "-o", str(out / "a.bvh"), "-o", str(out / "b.npz")]
+
+    def deaf_to_nothing() -> None:  # what runs in the background of a shell may inherit that Ctrl-C is ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=deaf_to_nothing)
+    until = time.monotonic() + 60
+    while not any(path.stat().st_size > 10_000 for path in out.rglob("*.bvh")):  # it is writing now
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    os.killpg(process.pid, number)  # as a terminal does: the decoder gets it too
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "Traceback" not in err
+    assert list(out.iterdir()) == []
+
+
+def read_terminal(handle: int) -> bytes:
+    """What was written; nothing once the other end is closed, which Linux calls an input error."""
+    try:
+        return os.read(handle, 4096)
+    except OSError:
+        return b""
+
+
+def test_a_terminal_sees_progress_and_a_file_does_not(tmp_path, long_speech):
+    """On a terminal a bar appears after a second; not in a pipe, and never on stdout."""
+    command = [*COSPEECH, "generate", str(long_speech), "-o", str(tmp_path / "a.bvh")]
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm"}) as process:
+        os.close(theirs)
+        seen = b"".join(iter(lambda: read_terminal(ours), b""))
+        out = process.stdout.read()
+    os.close(ours)
+    assert process.returncode == 0
+    assert b"generating" in seen
+    assert b"generating" not in out
+    assert b"a.bvh" in out
+
+
+def test_closed_pipe_is_no_crash():
+    process = subprocess.Popen([*COSPEECH, "list", "styles"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert b"Traceback" not in process.stderr.read()
+    process.wait()
+    process.stderr.close()
+
+
+def test_runs_where_the_terminal_speaks_ascii(tmp_path):
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    done = subprocess.run([*COSPEECH, "generate", "--help"], capture_output=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    done = subprocess.run([*COSPEECH, "generate", "käse.wav"], capture_output=True, env=environment, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"error: ")
+
+
+def test_full_disk(tmp_path):
+    """As on a full disk: files cannot grow beyond 50 kB."""
+
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+
+    for suffix in (".bvh", ".glb", ".csv", ".npz", ".png"):
+        command = [*COSPEECH, "generate", str(EXAMPLE), "-o", f"a{suffix}"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
+        assert (done.returncode, done.stdout) == (1, ""), suffix
+        assert done.stderr.startswith("error: File too large"), suffix
+        assert done.stderr.count("\n") == 1
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_unwritable_folder(tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    done = subprocess.run([*COSPEECH, "generate", str(EXAMPLE), "-o", str(Path(folder, "a.bvh"))], capture_output=True)
+    assert (done.returncode, list(folder.iterdir())) == (2, [])

@@ -1,0 +1,106 @@
+"""The commands of training: options arrive, what was done is said, PyTorch's absence is told."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cospeech.cli.train import register
+from cospeech.errors import InputError
+from tests.support.tiny_store import make_store
+
+RECIPE = """
+[model]
+name = "gesture-autoencoder"
+frames = 32
+width = 4
+
+[train]
+steps = 4
+batch = 4
+validate_every = 2
+validate_batches = 1
+threads = 1
+"""
+
+
+@pytest.fixture
+def app():
+    told = []
+
+    @contextmanager
+    def progress(title, quiet):
+        yield None if quiet else lambda *what: told.append((title, *what))
+
+    made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    register(made, progress)
+    made.told = told
+    return made
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    (tmp_path / "mine.toml").write_text(RECIPE)
+    make_store(tmp_path / "store")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_train_and_go_on(app, place):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    line = ["train", "mine.toml", "--store", "store"]
+    done = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "4 steps" in done.stdout
+    assert "best: autoencoder" in done.stdout
+    assert [row[:3] for row in app.told] == [("training", n, 4) for n in (1, 2, 3, 4)]
+    assert app.told[0][3].startswith("autoencoder ")
+    with pytest.raises(InputError, match="there is a run in"):
+        CliRunner().invoke(app, line, catch_exceptions=False)
+    done = CliRunner().invoke(app, [*line, "--set", "train.steps=6", "--resume", "--quiet"], catch_exceptions=False)
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert '"step": 6' in (place / "runs" / "mine" / "log.jsonl").read_text()
+    with pytest.raises(InputError, match=r"train\.lr"):
+        CliRunner().invoke(app, [*line, "--set", "train.lr=1", "--resume"], catch_exceptions=False)
+    with pytest.raises(InputError, match=r"did you mean 'steps'"):
+        CliRunner().invoke(app, [*line, "--set", "train.step=1"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("line", [["train", "mine.toml", "--store", "store"], ["bundle", "run", "-o", "a.cospeech"]])
+def test_without_torch_it_says_what_to_install(app, place, monkeypatch, line):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "torch"]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("train", "export.bundles", "checkpoint", "dataset", "objective_optimiser", "processes"):
+        monkeypatch.delitem(sys.modules, f"cospeech.training.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, "cospeech.models.nn.norm", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [_NoTorch(), *sys.meta_path])
+    with pytest.raises(InputError, match=r"needs torch, which is not installed \(pip install 'cospeech\[train\]'\)"):
+        CliRunner().invoke(app, line, catch_exceptions=False)
+
+
+class _NoTorch:
+    """Finds no torch, whatever is installed."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "torch":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+def test_where_the_store_is_looked_for(app, place):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    with pytest.raises(InputError, match="no store is named"):
+        CliRunner().invoke(app, ["train", "mine.toml"], catch_exceptions=False)
+    with pytest.raises(InputError, match="no store in 'stores/beat'"):
+        CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.corpus=beat"], catch_exceptions=False)
+    done = CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.store=store", "--out", "a"], catch_exceptions=False)
+    assert "4 steps" in done.stdout
+    (place / "stores").mkdir()
+    (place / "store").rename(place / "stores" / "beat")
+    line = ["train", "mine.toml", "--set", "data.corpus=beat", "--out", "b"]
+    assert "4 steps" in CliRunner().invoke(app, line, catch_exceptions=False).stdout
+    moved = ["train", "mine.toml", "--store", "stores/beat", "--out", "a", "--resume", "--set", "train.steps=6"]
+    assert "6 steps" in CliRunner().invoke(app, moved, catch_exceptions=False).stdout

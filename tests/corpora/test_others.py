@@ -1,0 +1,313 @@
+"""BEAT2, ZeroEGGS and any folder: read as they lie on disk, with their gaps and damage."""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import numpy as np
+import pytest
+import soundfile
+
+from cospeech.corpora import CORPORA, Dropped, Semantic, beat2, folder, zeroeggs
+from cospeech.corpora.beat.annotations import semantic_text
+from cospeech.corpora.layout import textgrid, write_bvh
+from cospeech.errors import InputError
+from tests.support.corpus_files import UNUSABLE, WORDS, damaged, same_turns, sort_out, tone, unusable
+from tests.support.motions import gesturing
+
+
+def sound(path, seconds=1.0, rate=16_000):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    soundfile.write(path, tone(seconds, rate).samples, rate, "FLOAT" if path.suffix == ".wav" else None)
+
+
+# ---- BEAT2 ----
+
+
+def smplx(path, frames=30, **changes):
+    """A file as BEAT2's are: the types of a real one, and no arrays of ours."""
+    body = gesturing(frames).retarget("smplx")
+    body.save(path)
+    with np.load(path) as saved:
+        poses, trans = saved["poses"].astype(np.float32), saved["trans"].astype(np.float64)
+    arrays = {
+        "betas": np.linspace(-1, 1, 300, dtype=np.float32), "poses": poses, "trans": trans,
+        "expressions": np.tile(np.linspace(0, 1, 100), (frames, 1)), "model": "smplx2020", "gender": "neutral",
+        "mocap_frame_rate": np.int32(30),
+    }  # fmt: skip
+    np.savez(path, **{key: value for key, value in {**arrays, **changes}.items() if value is not None})
+    return body
+
+
+@pytest.fixture(scope="module")
+def beat2_raw(tmp_path_factory):
+    """BEAT2 with one language and three takes, of which one is only in the list."""
+    root = tmp_path_factory.mktemp("BEAT2")
+    place = root / "beat_english_v2.0.0"
+    for name in ("smplxflame_30", "wave16k", "textgrid", "sem"):
+        (place / name).mkdir(parents=True)
+    for take in ("2_scott_0_1_1", "2_scott_0_73_73"):
+        smplx(place / "smplxflame_30" / f"{take}.npz")
+    sound(place / "wave16k" / "2_scott_0_1_1.wav")
+    (place / "textgrid" / "2_scott_0_1_1.TextGrid").write_text(textgrid({"words": WORDS, "phones": []}, 1.0))
+    (place / "sem" / "2_scott_0_1_1.txt").write_text(semantic_text([Semantic(0, 0.5, 0.8, "08_metaphoric_l", "big")]))
+    rows = ["id,type", "2_scott_0_1_1,test", "2_scott_0_73_73,additional", "3_solomon_0_1_1,train", ""]
+    (place / "train_test_split.csv").write_text("\n".join(rows))
+    return root
+
+
+def test_beat2(beat2_raw):
+    one, two, gone = beat2.read(beat2_raw)
+    body = gesturing(30).retarget("smplx")
+    assert (one.name, one.speaker, one.split, one.emotion) == ("2_scott_0_1_1", "scott", "test", "neutral")
+    assert (one.motion.skeleton.kind, one.motion.fps) == ("smplx", 30)
+    assert same_turns(one.motion.rotations[:, :22], body.rotations[:, :22]) < 1e-5
+    assert np.allclose(one.motion.root, body.root, atol=1e-5)
+    assert one.speech.words == WORDS
+    assert one.semantics == (Semantic(0, 0.5, 0.8, "08_metaphoric_l", "big"),)
+    assert one.extra["betas"].shape == (300,)
+    assert np.allclose(one.extra["expressions"][7], np.linspace(0, 1, 100), atol=1e-6)
+    assert (two.emotion, two.split, two.extra["additional"], two.speech, two.semantics) == ("anger", None, True, None, None)
+    assert isinstance(gone, Dropped)
+    assert gone.reason.startswith("'3_solomon_0_1_1.npz' is not there")
+    again = [item.name for item in beat2.read(beat2_raw / "beat_english_v2.0.0")]
+    assert again == [one.name, two.name, gone.name]
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"poses": None}, "no 'poses'"),
+        ({"poses": np.zeros((30, 165), "U5")}, "2_scott_0_1_1.npz"),
+        ({"poses": np.full((30, 165), np.nan, "f4")}, "not finite"),
+        ({"trans": np.zeros((29, 3))}, "trans (29, 3)"),
+        ({"mocap_frame_rate": np.int32(60)}, "60 frames per second"),
+        ({"expressions": np.zeros((30, 50))}, "'expressions' of '2_scott_0_1_1.npz'"),
+        ({"betas": np.array([{"a": 1}], object)}, "2_scott_0_1_1.npz"),
+    ],
+)
+def test_beat2_damage_is_told(tmp_path, changes, told):
+    (tmp_path / "smplxflame_30").mkdir()
+    smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", **changes)
+    (item,) = beat2.read(tmp_path)
+    assert isinstance(item, Dropped)
+    assert told in item.reason
+
+
+@pytest.mark.parametrize("text", ["", "id\na\n", "id,type\na,b\n", "id,type\n2_scott_0_1_1\n", "\0", "id,type\n\xff"])
+def test_beat2_split_list_that_makes_no_sense(beat2_raw, tmp_path, text):
+    shutil.copytree(beat2_raw / "beat_english_v2.0.0", tmp_path / "b")
+    (tmp_path / "b" / "train_test_split.csv").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=r"train_test_split\.csv"):
+        beat2.read(tmp_path / "b")
+
+
+def test_beat2_damaged_files_are_drops_or_sound(beat2_raw, tmp_path):
+    rng = np.random.default_rng(5)
+    source = beat2_raw / "beat_english_v2.0.0"
+    smplx(tmp_path / "short.npz", frames=3)
+    parts = {
+        "smplxflame_30": (".npz", 130, (tmp_path / "short.npz").read_bytes()),
+        "sem": (".txt", 60, (source / "sem" / "2_scott_0_1_1.txt").read_bytes()),
+        "textgrid": (".TextGrid", 8, (source / "textgrid" / "2_scott_0_1_1.TextGrid").read_bytes()),
+        "wave16k": (".wav", 8, (source / "wave16k" / "2_scott_0_1_1.wav").read_bytes()),
+    }
+    names = []
+    for part, (_, count, _) in parts.items():
+        for _ in range(count):
+            name = f"2_scott_{len(names) // 100}_{len(names) % 100}_1"
+            names.append(name)
+            kinds = {"smplxflame_30", part} | ({"wave16k"} if part == "textgrid" else set())
+            for kind in kinds:
+                suffix, _, data = parts[kind]
+                (tmp_path / "raw" / kind).mkdir(parents=True, exist_ok=True)
+                (tmp_path / "raw" / kind / (name + suffix)).write_bytes(damaged(data, rng) if kind == part else data)
+    assert len(names) >= 200
+    clips, reasons = sort_out(beat2.read(tmp_path / "raw"), names)
+    assert len(reasons) > 100
+    assert all(name in reason for name, reason in reasons.items())
+    assert len(clips) > 10
+
+
+# ---- ZeroEGGS ----
+
+
+def egg(path, frames=30, fps=60):
+    body = gesturing(frames, fps).retarget("mixamo")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bvh(path, body, order="ZYX", root=body.root, frame_time=f"{1 / fps:.6f}")
+    return body
+
+
+@pytest.fixture(scope="module")
+def eggs(tmp_path_factory):
+    root = tmp_path_factory.mktemp("zeggs")
+    for name in ("001_Neutral_0_x_1_0", "001_Neutral_0_mirror_x_1_0", "005_Neutral_4_x_1_0", "067_Speech_2"):
+        egg(root / "clean" / f"{name}.bvh", 60)
+    sound(root / "clean" / "001_Neutral_0_x_1_0.wav", 1.0, 48_000)
+    rows = ["audio_filename,style,anim_bvh,validation", "001_Neutral_0.wav,Neutral,001_Neutral_0.bvh,FALSE", ""]
+    (root / "info.csv").write_text("\n".join([*rows, "005_Neutral_4.wav,Neutral,005_Neutral_4.bvh,TRUE"]))
+    return root
+
+
+def test_zeroeggs(eggs):
+    got, reasons = sort_out(zeroeggs.read(eggs), [p.stem for p in (eggs / "clean").glob("*.bvh")])
+    assert reasons == {}
+    one, mirrored = got["001_Neutral_0_x_1_0"], got["001_Neutral_0_mirror_x_1_0"]
+    assert (one.speaker, one.split, one.extra) == ("zeroeggs", "train", {"style": "Neutral", "take": "001_Neutral_0"})
+    assert (one.motion.fps, one.speech.rate, one.speech.seconds) == (60, 16_000, 1.0)
+    assert same_turns(one.motion.rotations, gesturing(60, 60).retarget("mixamo").rotations) < 1e-6
+    assert mirrored.extra["mirrored"] is True
+    assert mirrored.speech is not None
+    assert (got["005_Neutral_4_x_1_0"].split, got["005_Neutral_4_x_1_0"].speech) == ("validation", None)
+    assert (got["067_Speech_2"].split, got["067_Speech_2"].extra["style"]) == (None, "Speech")
+    assert [item.name for item in zeroeggs.read(eggs / "clean")] == sorted(got)
+
+
+def test_zeroeggs_gaps_and_other_files(tmp_path):
+    egg(tmp_path / "walk.bvh", 2)
+    egg(tmp_path / "002_Sad_0_x_1_0.bvh", 2, fps=30)
+    sound(tmp_path / "003_Old_0_x_1_0.wav")
+    _, reasons = sort_out(zeroeggs.read(tmp_path), ["walk", "002_Sad_0_x_1_0", "003_Old_0_x_1_0"])
+    assert "not the name of a take" in reasons["walk"]
+    assert "30 frames per second" in reasons["002_Sad_0_x_1_0"]
+    assert "'003_Old_0_x_1_0.bvh' is not there" in reasons["003_Old_0_x_1_0"]
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n", "anim_bvh,validation\n001_Neutral_0.bvh,perhaps\n", "anim_bvh,validation\nx\n"])
+def test_zeroeggs_list_that_makes_no_sense(eggs, tmp_path, text):
+    shutil.copytree(eggs, tmp_path / "z")
+    (tmp_path / "z" / "info.csv").write_text(text)
+    with pytest.raises(InputError, match=r"info\.csv"):
+        zeroeggs.read(tmp_path / "z")
+
+
+def test_zeroeggs_damaged_files_are_drops_or_sound(tmp_path):
+    rng = np.random.default_rng(6)
+    egg(tmp_path / "one.bvh", 3)
+    sound(tmp_path / "one.wav")
+    bvh, wav = (tmp_path / "one.bvh").read_bytes(), (tmp_path / "one.wav").read_bytes()
+    names = []
+    (tmp_path / "clean").mkdir()
+    for k in range(204):
+        names.append(f"{k:03d}_Tired_{k}_x_1_0")
+        (tmp_path / "clean" / f"{names[-1]}.bvh").write_bytes(damaged(bvh, rng) if k < 190 else bvh)
+        if k >= 190:
+            (tmp_path / "clean" / f"{names[-1]}.wav").write_bytes(damaged(wav, rng))
+    clips, reasons = sort_out(zeroeggs.read(tmp_path), names)
+    assert len(reasons) > 60
+    assert all(name in reason for name, reason in reasons.items())
+    assert len(clips) > 5
+
+
+# ---- any folder ----
+
+
+def test_folder(tmp_path):
+    root = tmp_path / "mine"
+    sound(root / "a.wav")
+    gesturing(30).save(root / "a.bvh")
+    gesturing(30).save(root / "a.json")
+    (root / "a.TextGrid").write_text(textgrid({"words": WORDS}, 1.0))
+    (root / "a.txt").write_text("not looked at, as there is a TextGrid")
+    sound(root / "Ana" / "b.flac")
+    gesturing(30).save(root / "Ana" / "b.glb")
+    (root / "Ana" / "b.tsv").write_text("0.1\t0.3\twell\n")
+    sound(root / "Ana" / "day 2" / "c.ogg")
+    gesturing(30).save(root / "Ana" / "day 2" / "c.npz")
+    (root / "Ana" / "day 2" / "c.json").write_text('[{"word": "well", "start": 0.1, "end": 0.3}]')
+    sound(root / "Ben" / "d.wav")
+    sound(root / "Ben" / "d.flac")
+    gesturing(30).save(root / "Ben" / "d.vrma")
+    (root / "Ben" / "d.srt").write_text("1\n00:00:00,100 --> 00:00:00,300\nwell\n")
+    sound(root / "Ben" / "e.wav")
+    (root / "Ben" / "e.txt").write_text("Well, don't relax.")
+    (root / "Ben" / "alone.bvh").write_text("no sound, not looked at")
+    (root / "Ben" / "._d.wav").write_text("what macOS leaves on a stick")
+    names = ["a", "Ana/b", "Ana/day 2/c", "Ben/d.flac", "Ben/d", "Ben/e"]
+    items = list(folder.read(root))
+    assert [item.name for item in items] == names
+    got, reasons = sort_out(items, names)
+    assert "'d.wav' is the sound of this name already" in reasons["Ben/d.flac"]
+    assert {n: c.speaker for n, c in got.items()} == {
+        "a": "mine",
+        "Ana/b": "Ana",
+        "Ana/day 2/c": "Ana",
+        "Ben/d": "Ben",
+        "Ben/e": "Ben",
+    }
+    assert {n: c.motion and c.motion.skeleton.kind for n, c in got.items()}["Ana/day 2/c"] == "smplx"
+    assert same_turns(got["a"].motion.rotations, gesturing(30).rotations) < 1e-6
+    assert (got["a"].face.shape, got["a"].face_fps) == ((30, 52), 30)
+    assert got["a"].speech.words == WORDS
+    assert [w.text for w in got["Ben/e"].speech.words] == ["Well", "don't", "relax"]
+    for name in ("Ana/b", "Ana/day 2/c", "Ben/d"):
+        ((word),) = got[name].speech.words
+        assert (word.text, word.start) == ("well", 0.1)
+        assert len(got[name].motion) == 30
+    assert got["Ben/e"].motion is None
+
+
+def test_folder_damaged_files_are_drops_or_sound(tmp_path):
+    rng = np.random.default_rng(7)
+    root, body = tmp_path / "raw", gesturing(3)
+    files = {}
+    for suffix in (".bvh", ".glb", ".npz", ".vrma", ".json"):
+        body.save(tmp_path / f"one{suffix}")
+        files[suffix] = (tmp_path / f"one{suffix}").read_bytes()
+    files[".srt"] = b"1\n00:00:00,100 --> 00:00:00,300\nwell\n\n2\n00:00:00,300 --> 00:00:00,500\nrelax\n"
+    files[".tsv"] = b"0.1\t0.3\twell\n0.3\t0.5\trelax\n"
+    sound(tmp_path / "one.wav", 0.5)
+    files[".wav"] = (tmp_path / "one.wav").read_bytes()
+    counts = {".bvh": 55, ".glb": 45, ".npz": 45, ".vrma": 30, ".json": 15, ".srt": 5, ".tsv": 5, ".wav": 10}
+    names = []
+    (root / "who").mkdir(parents=True)
+    for suffix, count in counts.items():
+        for _ in range(count):
+            names.append(f"who/take{len(names):03d}")
+            (root / f"{names[-1]}.wav").write_bytes(files[".wav"])
+            (root / f"{names[-1]}{suffix}").write_bytes(damaged(files[suffix], rng))
+    assert len(names) >= 200
+    clips, reasons = sort_out(folder.read(root), names)
+    assert len(reasons) > 60
+    assert all(name.removeprefix("who/") in reason for name, reason in reasons.items())
+    assert len(clips) > 5
+
+
+def test_a_sub_folder_that_cannot_be_listed_is_told(tmp_path, monkeypatch):
+    for name in ("a", "b"):
+        sound(tmp_path / name / "x.wav")
+    listed = os.scandir
+    locked = PermissionError(13, "Permission denied", str(tmp_path / "b"))
+
+    def scandir(place):
+        if str(place).endswith("b"):
+            raise locked
+        return listed(place)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    _, reasons = sort_out(folder.read(tmp_path), ["a/x", "b"])
+    assert reasons == {"b": "cannot list it: Permission denied"}
+
+
+@pytest.mark.parametrize("kind", UNUSABLE)
+@pytest.mark.parametrize("reader", [beat2, zeroeggs, folder])
+def test_an_unusable_folder_is_an_error(tmp_path, reader, kind):
+    with pytest.raises(InputError, match="root"):
+        reader.read(unusable(tmp_path, kind))
+
+
+def test_lengths_that_do_not_belong_together(tmp_path):
+    sound(tmp_path / "a.wav", 20)
+    gesturing(30).save(tmp_path / "a.bvh")
+    (item,) = folder.read(tmp_path)
+    assert "1.0 s of motion, 20.0 s of speech" in item.reason
+
+
+def test_writable_corpora_are_those_with_a_writer():
+    import importlib
+
+    for name in ("beat", "beat2", "trinity", "zeroeggs", "folder"):
+        module = importlib.import_module(CORPORA[name].module)
+        assert hasattr(module, "write") == CORPORA[name].writable

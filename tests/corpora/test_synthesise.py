@@ -1,0 +1,288 @@
+"""The synthetic corpus: varied speakers, words, scores, and the whole way from speech to a store in every layout."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+import soundfile
+
+from cospeech.audio.features import analyse
+from cospeech.audio.speech import Speech, Word
+from cospeech.cli.demo import EXAMPLE
+from cospeech.corpora import CORPORA
+from cospeech.corpora.clip import Clip
+from cospeech.corpora.prepare import DEFAULT_POSES, prepare
+from cospeech.corpora.store import Store
+from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
+from cospeech.corpora.synthetic.speakers import choose_speakers
+from cospeech.errors import CospeechWarning, InputError, InternalError
+
+pytestmark = pytest.mark.slow
+
+ENGINES = [name for name in voices.ENGINES if shutil.which(name)]
+NEEDS = {"ted": "lmdb", "pats": "h5py"}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Our example cut in two: one half with words, the other without; and a file that is no sound."""
+    folder = tmp_path_factory.mktemp("speech")
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    soundfile.write(folder / "one.wav", samples[: 9 * rate], rate)
+    soundfile.write(folder / "two.wav", samples[9 * rate : 16 * rate], rate)
+    (folder / "one.txt").write_text("well I never saw such a huge thing in all my life and you know it")
+    (folder / "three.wav").write_bytes(b"RIFF nothing")
+    return folder
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_from_speech_to_a_store(layout, recordings, tmp_path):
+    """A minute of each layout is synthesised, prepared and opened."""
+    module = CORPORA[layout].module
+    if find_spec(module) is None:
+        pytest.skip(f"needs the reader of {layout}, which is not there yet")
+    if layout in NEEDS:
+        pytest.importorskip(NEEDS[layout])
+    seen = []
+    made = synthesise(
+        tmp_path / "raw", layout, speech=recordings, hours=1 / 60, speakers=2, seed=4, tts=False,
+        progress=lambda done, total: seen.append((done, total)),
+    )  # fmt: skip
+    assert made.takes == len(seen) >= 2 * 3
+    assert 60 <= made.seconds < 60 + 2 * LAYOUTS[layout].take
+    assert seen[-1] == (made.seconds, 60.0)
+    assert made.speeches < made.takes  # several takes per speech
+    clips = list(import_module(module).read(tmp_path / "raw"))
+    assert all(isinstance(clip, Clip) for clip in clips), [c for c in clips if not isinstance(c, Clip)]
+    assert len(clips) == made.takes
+    report = prepare(layout, tmp_path / "raw", tmp_path / "store", filters=False)
+    store = Store(tmp_path / "store")
+    assert report.seconds == pytest.approx(made.seconds, abs=0.2 * made.takes)
+    assert store.pose == DEFAULT_POSES[layout]
+    assert {clip.split for clip in store.clips} == {"train", "validation", "test"} - (
+        {"validation"} if layout == "trinity" else set()
+    )
+    assert all({"pose", "audio"} <= {*clip.has} for clip in store.clips)
+    assert np.isfinite(store.arrays["pose"]).all()
+    assert np.isfinite(store.arrays["audio"]).all()
+    assert {"never", "huge"} <= set(store.words)
+    assert len(store.speakers) == (1 if layout == "trinity" else 2)
+    std = store.statistics()[1]
+    assert (std > 0).all()
+    if layout == "beat":
+        assert np.nanmax(store.arrays["semantic"]) >= 0.5
+        assert len(set(store.arrays["emotion"].tolist())) >= 2
+
+
+def test_the_speakers_differ_visibly():
+    """Wrist height, speed, use of the right hand, body turn and hip height: no two of eight agree in all of them."""
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    speech = Speech(samples[: 12 * rate], rate)
+    rows = []
+    for person in choose_speakers(8, 0):
+        motion = perform(speech, person.style, emotion="neutral", seed=1, fps=15.0).motion
+        points, index = motion.positions(), motion.skeleton.index
+        left, right = (points[:, index[side + "Hand"]] for side in ("left", "right"))
+        speed = [np.linalg.norm(np.diff(hand, axis=0), axis=-1).mean() * 15 for hand in (left, right)]
+        across = (points[:, index["leftUpperArm"]] - points[:, index["rightUpperArm"]]).mean(0)
+        high = ((left + right) / 2 - points[:, index["upperChest"]])[:, 1]
+        turn = np.degrees(np.arctan2(across[2], across[0]))
+        rows.append([high.mean(), np.std(high), sum(speed), speed[1] / sum(speed), turn / 40, points[:, 0, 1].mean()])
+    rows = np.array(rows)
+    assert len({person.style.what for person in choose_speakers(8, 0)}) == 8
+    apart = np.abs(rows[:, None] - rows[None]).max(-1)[~np.eye(8, dtype=bool)]
+    assert apart.min() > 0.03
+    assert np.median(apart) > 0.15
+
+
+def test_a_cast_of_many_is_mixed_and_the_seed_s():
+    many, again, other = choose_speakers(20, 1), choose_speakers(20, 1), choose_speakers(20, 2)
+    assert many == again
+    assert len({person.name for person in many}) == 20
+    assert len({person.style.what for person in many}) == 20
+    assert many[15].style != other[15].style
+    with pytest.raises(InputError, match="0 speakers"):
+        choose_speakers(0, 0)
+
+
+def test_a_take_has_everything(recordings):
+    speech = next(speech for speech in voices.recordings(recordings) if speech.words)
+    takes = [perform(speech, choose_speakers(1, 0)[0].style, emotion="anger", seed=seed, fps=25.0) for seed in (1, 1, 2)]
+    clip = takes[0]
+    assert len(clip.motion) == 225
+    assert clip.face.shape == (225, 52)
+    assert clip.emotion == "anger"
+    assert clip.semantics
+    assert all(0 <= s.start < s.end <= 9 and 0 <= s.score <= 1 for s in clip.semantics)
+    assert all(a.end <= b.start + 1e-9 for a, b in zip(clip.semantics, clip.semantics[1:], strict=False))
+    assert any(s.words and s.score > 0.1 for s in clip.semantics)
+    np.testing.assert_array_equal(clip.motion.rotations, takes[1].motion.rotations)
+    assert np.abs(clip.motion.rotations - takes[2].motion.rotations).max() > 0.1  # another take of the same speech
+
+
+def test_recordings_come_with_their_words(recordings):
+    found = {speech.name: speech for speech in voices.recordings(recordings)}
+    assert sorted(found) == ["one.wav", "two.wav"]
+    assert found["two.wav"].words is None
+    assert [word.text for word in found["one.wav"].words][:3] == ["well", "I", "never"]
+
+
+def test_lj_speech_s_table_is_read(recordings, tmp_path):
+    shutil.copy(recordings / "two.wav", tmp_path / "LJ001.wav")
+    (tmp_path / "metadata.csv").write_text("LJ001|Dr. No|doctor no\n")
+    (speech,) = voices.recordings(tmp_path)
+    assert [word.text for word in speech.words] == ["doctor", "no"]
+
+
+def test_pieces_are_cut_and_joined():
+    def speech(seconds: float, known: bool = True) -> Speech:
+        words = tuple(Word(f"w{k}", k + 0.1, k + 0.9) for k in range(int(seconds))) if known else None
+        return Speech(np.full(round(seconds * 16_000), 0.1, np.float32), 16_000, words)
+
+    pieces = list(voices.pieces_of([speech(25), speech(3), speech(4), speech(2, False)], 10))
+    assert all(float(piece.duration) <= 10 for piece in pieces)
+    assert [piece.words is None for piece in pieces] == [False] * (len(pieces) - 1) + [True]
+    assert sum(len(piece.words or ()) for piece in pieces) >= 25 + 7 - 2 - 4  # words that a cut goes through are left out
+    assert all(word.end <= float(piece.duration) + 1e-6 for piece in pieces for word in piece.words or ())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_engines_speak_with_words(engine):
+    voice = next(v for v in voices.find_voices(3) if v.engine == engine)
+    speech = voices.say(voice, 4.0, seed=5)
+    assert 4 <= float(speech.duration) + 0.6 < 12
+    assert len(speech.words) >= 8
+    assert all(a.end <= b.start + 1e-6 for a, b in zip(speech.words, speech.words[1:], strict=False))
+    assert (analyse(speech).voicing > 0.5).mean() > 0.2
+
+
+def test_voices_are_varied():
+    if "espeak-ng" not in ENGINES:
+        pytest.skip("needs espeak-ng")
+    found = [voice for voice in voices.find_voices(0) if voice.engine == "espeak-ng"]
+    assert len({(v.name, round(v.speed, 2), v.pitch) for v in found}) >= 15
+    pitches = []
+    for timbre in ("f5", "m1"):
+        voice = next(v for v in found if v.name.endswith(timbre))
+        heard = analyse(voices.say(voice, 1.0, 0)).pitch
+        pitches.append(np.median(heard[heard > 0]))
+    assert abs(np.log2(pitches[0] / pitches[1])) > 0.15
+
+
+def test_an_engine_that_fails_is_reported(monkeypatch):
+    failed = subprocess.CompletedProcess([], 1, b"", b"no such voice\n")
+    monkeypatch.setattr(voices.subprocess, "run", lambda *a, **k: failed)
+    with pytest.raises(InternalError, match="no such voice"):
+        voices.say(voices.Voice("espeak-ng", "en", 1.0), 2.0, 0)
+
+
+def test_without_speech_and_engines_there_is_nothing_to_say(tmp_path, monkeypatch):
+    monkeypatch.setattr(voices.shutil, "which", lambda name: None)
+    with pytest.raises(InputError, match="install espeak-ng or flite"):
+        synthesise(tmp_path / "raw", "trinity", hours=0.01, tts=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_speech_and_engines_the_example_is_performed(tmp_path, monkeypatch):
+    monkeypatch.setattr(voices.shutil, "which", lambda name: None)
+    with pytest.warns(CospeechWarning, match="everybody performs the example speech"):
+        report = synthesise(tmp_path / "raw", "trinity", hours=0.005)
+    assert report.takes >= 1
+
+
+def test_wrong_options_are_answered_in_one_line(recordings, tmp_path):
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "a").write_text("mine")
+    for options, words in [
+        ({"layout": "bat"}, "did you mean 'beat'"),
+        ({"hours": 0}, "0 hours"),
+        ({"hours": float("nan")}, "nan hours"),
+        ({"speakers": 0}, "0 speakers"),
+        ({"speech": tmp_path / "nowhere"}, "nowhere"),
+        ({"raw": full}, "not empty"),
+    ]:
+        arguments = {"raw": tmp_path / "raw", "layout": "trinity", "speech": recordings, "hours": 0.001, "tts": False} | options
+        with pytest.raises(InputError, match=words) as error:
+            synthesise(**arguments)
+        assert "\n" not in str(error.value)
+    assert (full / "a").read_text() == "mine"
+    assert not (tmp_path / "raw").exists()
+
+
+def test_a_writer_that_fails_leaves_nothing(recordings, tmp_path, monkeypatch):
+    def broken(clips, raw):
+        raw.mkdir()
+        next(iter(clips))
+        raise InputError("the disk is full")
+
+    monkeypatch.setattr("cospeech.corpora.trinity.read.write", broken)
+    with pytest.raises(InputError, match="full"):
+        synthesise(tmp_path / "raw", "trinity", speech=recordings, hours=0.001, tts=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def speeches(count: int, seconds: float, reader: str) -> list[Speech]:
+    rng = np.random.default_rng(len(reader))
+    samples = (0.05 * rng.normal(size=round(seconds * 16_000))).astype(np.float32)
+    return [Speech(samples, name=f"{reader}/{k}.wav") for k in range(count)]
+
+
+def test_readers_are_told_apart_by_folder(recordings, tmp_path):
+    for reader in ("ann", "bob"):
+        shutil.copytree(recordings, tmp_path / reader)
+    found = list(voices.recordings(tmp_path))
+    assert [speech.name for speech in found] == ["ann/one.wav", "ann/two.wav", "bob/one.wav", "bob/two.wav"]
+    assert [voices.reader_of(speech) for speech in found] == ["ann", "ann", "bob", "bob"]
+    pieces = list(voices.pieces_of([*speeches(3, 2.0, "ann"), *speeches(2, 2.0, "bob")], 30.0))
+    assert [voices.reader_of(piece) for piece in pieces] == ["ann", "bob"]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Performing is not what is tested: takes are speeches without motion to speak of."""
+    seen: list[Clip] = []
+
+    def still(speech, style, *, emotion, seed, fps):
+        return Clip("take", "speaker", "synthetic", speech, emotion=emotion)
+
+    def keep(clips, raw):
+        raw.mkdir()
+        seen.extend(clips)
+
+    monkeypatch.setattr("cospeech.corpora.synthetic.perform", still)
+    monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
+    for layout in ("beat", "trinity"):
+        monkeypatch.setattr(f"cospeech.corpora.{layout}.read.write", keep)
+    return seen
+
+
+@pytest.mark.parametrize("layout", ["beat", "trinity"])
+def test_emotions_are_dealt_evenly_and_speakers_have_voices(layout, quick, recordings, tmp_path):
+    for reader in ("ann", "bob", "cy"):
+        shutil.copytree(recordings, tmp_path / "speech" / reader)
+    made = synthesise(tmp_path / "raw", layout, speech=tmp_path / "speech", hours=0.2, speakers=3, tts=False, seed=1)
+    counts = [made.emotions[e] for e in sorted(set(made.emotions) - {"neutral"})]
+    assert len(counts) == 7
+    neutral = made.emotions["neutral"] / made.takes
+    assert 0.1 < neutral < 0.35 if layout == "beat" else 0.35 < neutral < 0.65
+    if layout == "beat":
+        assert min(counts) >= 0.4 * max(counts)
+        readers = {(clip.speaker, voices.reader_of(clip.speech)) for clip in quick}
+        assert len(readers) == 3  # one reader each
+        assert {split for clip in quick if (split := clip.split)} == {"train", "validation", "test"}
+
+
+def test_only_beat_s_voices_act_and_only_when_asked(quick, recordings, tmp_path):
+    given = {len(speech.samples) for speech in voices.pieces_of(voices.recordings(recordings), 30.0)}
+    for name, layout, options in [("a", "beat", {}), ("b", "beat", {"act": False}), ("c", "trinity", {})]:
+        quick.clear()
+        synthesise(tmp_path / name, layout, speech=recordings, hours=0.1, speakers=1, tts=False, **options)
+        lengths = {len(clip.speech.samples) for clip in quick}
+        assert (lengths <= given) == (name != "a")
+        assert (len(lengths) > len(given)) == (name == "a")

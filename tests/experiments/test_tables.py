@@ -1,0 +1,480 @@
+"""Tables of the papers: what they claim, how rows are made and kept, verdicts, pictures; on a store of a few seconds."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cospeech.audio.features.frames import AUDIO_NAMES
+from cospeech.cli.main import app
+from cospeech.corpora.store import Entry
+from cospeech.corpora.store_writer import Piece, write_store
+from cospeech.errors import InputError
+from cospeech.experiments.figures.scatter import Panel, draw_map
+from cospeech.experiments.figures.sticks import Sticks, draw_sticks
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables.designs import Claim
+from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
+from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
+from cospeech.experiments.tables.tsne import tsne
+from cospeech.metrics.clustering import silhouette_coefficient
+from cospeech.motion.points import Points
+from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
+from cospeech.training.recipe import SHIPPED, build, load_recipe
+from tests.support.tiny_recipes import cut_off, write_tiny_recipes
+
+torch = pytest.importorskip("torch")
+
+ROOT = Path(__file__).resolve().parents[2]
+FPS, SPEAKERS = 15.0, ("ann", "bob", "cleo")
+FLOW = [table for table in TABLES if table.startswith("flow")]
+ROWS = [row for name in FLOW for part in TABLES[name].parts for row in part.rows]
+RECIPES = sorted({row.recipe for row in ROWS if row.recipe})
+
+
+def poses(frames: int, seed: int) -> np.ndarray:
+    """(T, 27) bones that swing about, of unit length."""
+    rng = np.random.default_rng(seed)
+    bones = rng.normal(size=(9, 3)) + 0.5 * np.sin(np.arange(frames)[:, None, None] / 5 + rng.normal(size=(9, 3)) * 3)
+    points = np.zeros((frames, 10, 3))
+    for k, (start, end, length) in enumerate(BONES):
+        points[:, end] = points[:, start] + length * bones[:, k] / np.linalg.norm(bones[:, k], axis=-1, keepdims=True)
+    return DIRECTION_VECTORS.encode(Points(FPS, points, "ted"))
+
+
+def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
+    audio = np.random.default_rng(seed).normal(size=(frames, len(AUDIO_NAMES))).astype(np.float32)
+    words = (np.arange(frames) // 9 % 3).astype(np.int32)  # 0: silence
+    values = {"pose": poses(frames, seed).astype(np.float32), "audio": audio, "word": words}
+    return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(values)), ("hello", "there"), lambda: dict(values))
+
+
+@pytest.fixture(scope="session")
+def store(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("store") / "ted"
+    pieces = [piece(f"{n}-{s}", n, s, 200, k * 7 + len(s)) for k, n in enumerate(SPEAKERS) for s in ("train", "test")]
+    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
+    write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
+    return folder
+
+
+SIZES = {"steps": 2, "hidden": 8, "layers": 1, "encoder_channels": 4, "encoder_blocks": 1, "feature": 4, "frames": 8}
+TINY = {
+    "stylised-flow": SIZES,
+    "moglow": {"steps": 2, "hidden": 8, "layers": 1, "frames": 8},
+    "gesture-autoencoder": {"width": 8, "code": 4, "frames": 16},
+    "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
+}
+
+
+@pytest.fixture(scope="session")
+def recipes(tmp_path_factory) -> Path:
+    """The repository's recipes, made tiny."""
+    names = (*(r for r in RECIPES if "_ted" in r), f"{OMEGA}_ted", f"{FEATURES}_ted")
+    return write_tiny_recipes(tmp_path_factory.mktemp("recipes"), names, TINY.__getitem__)
+
+
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture
+def table_runs(store, recipes, runs) -> Runs:
+    return Runs(store, runs, recipes, threads=1, about="made up")
+
+
+# what the papers say ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", sorted({*TABLES} - {"mix-3", "cog-figure-1"}))  # which have no figures
+def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
+    judged = 0
+    for part in TABLES[table].parts:
+        figures = {row.name: row.published for row in part.rows}
+        for claim in part.claims:
+            assert {claim.better, claim.worse} <= {*figures}
+            if claim.metric in figures[claim.better]:
+                gap = figures[claim.better][claim.metric] - figures[claim.worse][claim.metric]
+                assert gap * (1 if claim.higher else -1) > 0, claim
+                judged += 1
+    assert judged >= 2
+
+
+def test_published_figures_are_the_papers(shared):
+    paper = (shared / "papers" / "stylised-flow_ye-2022.txt").read_text("utf-8")
+    tables = paper[paper.index("Dataset\tMethod") :]
+    figures = {f"{value:g}" for row in ROWS for value in row.published.values()}
+    printed = {f"{float(word):g}" for word in tables.replace("\n", "\t").split("\t") if word.replace(".", "", 1).isdigit()}
+    assert len(figures) > 40
+    assert figures <= printed
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_every_row_has_a_recipe_that_builds(name):
+    from cospeech.training.checkpoint import network
+
+    recipe = load_recipe(SHIPPED / f"{name}.toml")
+    config = build(network(recipe.model).Config, recipe.config, "model")
+    assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
+    assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
+    small = dict(SMALL[recipe.model]["model"])
+    kind = network(small.pop("name", recipe.model))
+    assert build(kind.Config, {**recipe.config, **small}, "model").hidden < config.hidden
+
+
+def test_recipes_of_the_flow_are_at_the_papers_values():
+    ted, trinity = (load_recipe(SHIPPED / f"flow_{corpus}.toml") for corpus in ("ted", "trinity"))
+    assert (ted.train.batch, ted.train.steps, trinity.train.batch, trinity.train.steps) == (200, 80_000, 100, 30_000)
+    assert ted.config["reconstruction"] == 1
+    assert ted.config["perceptual"] == 0.1
+    authors = load_recipe(SHIPPED / "flow_trinity_authors.toml")
+    assert (authors.config["history"], authors.config["look_ahead"], authors.train.steps) == (10, 10, 40_000)
+    assert authors.config["nll_unit"] == pytest.approx(math.log(2))
+
+
+# verdicts -----------------------------------------------------------------------------------------------------------------
+
+
+def row(*values: float) -> dict:
+    return {"cells": {"fgd": summary([{"fgd": {"value": v, "interval": None, "note": ""}} for v in values], "fgd")}}
+
+
+CLAIM = Claim("fgd", "ours", "theirs", False, "table 0")
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "expected", "word"),
+    [
+        ((1.0, 1.1, 0.9), (3.0, 3.1, 2.9), REPRODUCED, "±"),
+        ((3.0, 3.1, 2.9), (1.0, 1.1, 0.9), NOT, "other way round"),
+        ((1.0, 2.0, 3.0), (2.0, 3.0, 4.0), NOT, "overlap"),
+        ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), NOT, "other way round"),
+        ((1.0, 1.1), (3.0, 3.1), OPEN, "fewer than 3 seeds"),
+    ],
+)
+def test_verdicts(ours, theirs, expected, word):
+    told = verdict(CLAIM, {"ours": row(*ours), "theirs": row(*theirs)}, {"fgd": "FGD ↓"})
+    assert told["verdict"] == expected
+    assert word in told["because"]
+    assert told["claim"].startswith("FGD: ours < theirs")
+
+
+def test_no_verdict_on_what_was_not_run():
+    assert verdict(CLAIM, {"ours": row(1, 2, 3), "theirs": {"published": {}}}, {"fgd": "FGD ↓"}) is None
+    assert verdict(CLAIM, {"ours": row(1, 2, 3), "theirs": row(1, 2, 3)}, {"pck": "PCK ↑"}) is None
+
+
+def test_intervals_are_students():
+    stats = pytest.importorskip("scipy.stats")
+    for count in (2, 3, 5, 20):
+        values = np.random.default_rng(count).normal(size=count)
+        cell = row(*values)["cells"]["fgd"]
+        low, high = stats.t.interval(0.95, count - 1, values.mean(), values.std(ddof=1) / count**0.5)
+        assert cell["mean"] - cell["half"] == pytest.approx(low, abs=1e-3)
+        assert cell["mean"] + cell["half"] == pytest.approx(high, abs=1e-3)
+    assert row(1.0)["cells"]["fgd"]["half"] is None
+
+
+def test_a_seed_without_a_score_leaves_the_cell_empty():
+    assert summary([{"fgd": {"value": 1.0}}, {"fgd": {"why": "too short"}}], "fgd") == {"why": "too short"}
+
+
+# windows ------------------------------------------------------------------------------------------------------------------
+
+
+def test_windows_lie_in_test_clips_with_room_on_both_sides(store):
+    excerpts = Excerpts(store)
+    assert len(excerpts) == 3 * 14
+    for clip, start in zip(excerpts.clips, excerpts.starts, strict=True):
+        entry = excerpts.store.clips[clip]
+        assert entry.split == "test"
+        assert entry.offset <= start - BEFORE
+        assert start + excerpts.protocol.made + AFTER <= entry.offset + entry.frames
+    long, short = excerpts.rows("pose", 12, 20), excerpts.rows("pose", 5, 0)
+    np.testing.assert_array_equal(long[:, 7:42], short)
+    with pytest.raises(InputError, match="13"):
+        excerpts.rows("pose", 13, 0)
+
+
+def test_true_frames_make_perfect_samples(store):
+    excerpts = Excerpts(store)
+    again = excerpts.samples(excerpts.rows("pose", 0, 0))
+    for a, b in zip(again, excerpts.truth, strict=True):
+        np.testing.assert_allclose(a.positions, b.positions, atol=1e-9)
+        assert a.positions.shape == (34, 10, 3)
+        assert (a.seed_frames, a.condition, a.label) == (4, b.name, b.label)
+
+
+def test_control_rows_keep_their_places_and_other_clips_are_far(store):
+    excerpts = Excerpts(store)
+    rows = excerpts.controls()
+    for sample, true, other in zip(rows["ground truth"], excerpts.truth, rows["another clip"], strict=True):
+        np.testing.assert_array_equal(sample.positions, true.positions)
+        assert other.condition == true.condition
+        assert np.abs(other.positions - true.positions).max() > 0.05
+
+
+def test_other_corpora_have_no_protocol(store, tmp_path):
+    write_store(
+        tmp_path / "pats", [piece("a", "a", "test", 110, 0)], corpus="pats", pose="direction-vectors", fps=FPS,
+        names={"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES},
+    )  # fmt: skip
+    with pytest.raises(InputError, match="pats"):
+        Excerpts(tmp_path / "pats")
+
+
+# playing ------------------------------------------------------------------------------------------------------------------
+
+
+@cache
+def flow():
+    from cospeech.models.stylised_flow import FlowConfig, StylisedFlow
+
+    with torch.random.fork_rng():
+        torch.random.manual_seed(0)
+        return StylisedFlow(FlowConfig(**SIZES, history=5), pose=6, audio=4).eval()
+
+
+def test_performances_do_not_depend_on_the_batch(monkeypatch):
+    from cospeech.experiments import playing
+
+    rng = np.random.default_rng(0)
+    history, audio = rng.normal(size=(7, 5, 6)), rng.normal(size=(7, 5 + 4, 4))
+    whole = playing.perform(flow(), history, audio, seed=1)
+    assert whole.shape == (7, 4, 6)
+    assert np.abs(whole - playing.perform(flow(), history, audio, seed=2)).max() > 0.1
+    monkeypatch.setattr(playing, "BATCH", 3)
+    np.testing.assert_allclose(playing.perform(flow(), history, audio, seed=1), whole, atol=1e-5)
+    with pytest.raises(InputError, match="2 poses"):
+        playing.perform(flow(), history[:, :2], audio, seed=1)
+    with pytest.raises(InputError, match="Linear"):
+        playing.perform(torch.nn.Linear(1, 1), history, audio, seed=1)
+
+
+def test_codes_lead_back_to_the_poses():
+    from cospeech.experiments import playing
+
+    rng = np.random.default_rng(0)
+    pose, audio = rng.normal(size=(4, 5 + 4, 6)).astype(np.float32), rng.normal(size=(4, 5 + 4, 4)).astype(np.float32)
+    codes = playing.codes(flow(), pose, audio)
+    made = flow().sample(torch.from_numpy(codes), torch.from_numpy(pose[:, :5]), torch.from_numpy(audio))
+    np.testing.assert_allclose(made.numpy(), pose[:, 5:], atol=1e-4)
+
+
+# the way as a whole -------------------------------------------------------------------------------------------------------
+
+
+def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_path):
+    heard: list[str] = []
+    table = make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append)
+    assert len(table["rows"]) == 4
+    for cells in (row["cells"] for row in table["rows"].values()):
+        for metric in ("fgd", "pck_gfge", "pck", "diversity"):
+            assert len(cells[metric]["values"]) == 2
+            assert np.isfinite(cells[metric]["mean"])
+        assert 0 < cells["pck"]["mean"] < cells["pck_gfge"]["mean"] <= 1  # what was given is right
+    truth, noise = table["controls"]["ground truth"], table["controls"]["white noise"]
+    assert truth["fgd"]["mean"] == pytest.approx(0, abs=1e-9)
+    assert noise["fgd"]["mean"] > 1e-6  # of a network of two steps
+    assert truth["pck"]["mean"] == 1
+    assert "made up" in table["head"]
+    assert any("step 2 of 2" in text for text in heard)
+    assert {told["verdict"] for told in table["verdicts"]} == {OPEN}  # two seeds
+
+    del heard[:]
+    assert make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
+    assert not any("step" in text for text in heard)
+
+    part = make_table("flow-2", table_runs, seeds=(0, 1), only=("baseline", "global"), tell=lambda text: None)
+    assert {name for name, row in part["rows"].items() if "cells" in row} == {"without global encoder", "baseline"}
+    assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
+        k: v for k, v in part["rows"].items() if "cells" in v
+    }
+    assert "(left out)" in to_text(part)
+    assert "(left out)" not in to_text(table)
+
+    data, page = write_table(table, tmp_path)
+    assert json.loads(data.read_text()) == table
+    for text in (page.read_text(), to_text(table)):
+        assert "(4.62)" in text
+        assert "not comparable" in text
+        assert OPEN in text
+    draw_table(table, table_runs, tmp_path / "strip.png")
+    with Image.open(tmp_path / "strip.png") as picture:
+        assert picture.width == 1600
+        assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
+
+
+def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):
+    net = table_runs.player("flow_ted").net
+    assert type(net.omega[0]).__name__ == "Omega"
+    assert table_runs.player("flow_ted_no_perceptual").net.omega == []
+
+
+@pytest.mark.parametrize("change", ["data.per_clip_normalisation=true", "model.style=8"])
+def test_what_tables_cannot_play_is_not_trained(table_runs, change):
+    with pytest.raises(InputError, match=r"per_clip_normalisation or model\.style"):
+        replace(table_runs, overrides=(change,)).recipe("flow_ted")
+
+
+def test_a_changed_recipe_is_another_run(table_runs):
+    other = replace(table_runs, overrides=("model.hidden=9",))
+    assert other.place("flow_ted", 0) != table_runs.place("flow_ted", 0)
+    assert table_runs.place("flow_ted", 1) != table_runs.place("flow_ted", 0)
+    assert other.place(f"{FEATURES}_ted", 0) == table_runs.place(f"{FEATURES}_ted", 0)
+    assert replace(table_runs, threads=2).place("flow_ted", 0) == table_runs.place("flow_ted", 0)
+
+
+def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
+    import shutil
+
+    whole = table_runs.run("flow_ted_baseline", 5)
+    other = replace(table_runs, runs=tmp_path)
+    folder = other.place("flow_ted_baseline", 5)
+    cut_off(other, "flow_ted_baseline", 5)
+    assert (folder / "last.safetensors").exists()
+    assert other.run("flow_ted_baseline", 5) == folder
+    assert (folder / "best.safetensors").read_bytes() == (whole / "best.safetensors").read_bytes()
+    shutil.rmtree(tmp_path)
+
+
+def test_clusters_of_latents_and_their_map(table_runs, tmp_path):
+    table = make_table("flow-3", table_runs, seeds=(0,), tell=lambda text: None)
+    assert [*table["controls"]] == ["mean pose, no model", "white noise"]
+    for cells in [row["cells"] for row in table["rows"].values()] + [*table["controls"].values()]:
+        assert cells["chi"]["mean"] > 0
+        assert -1 <= cells["silhouette"]["mean"] <= 1
+    draw_table(table, table_runs, tmp_path / "map.png")
+    with Image.open(tmp_path / "map.png") as picture:
+        assert picture.width > 1000
+    with pytest.raises(InputError, match="png"):
+        draw_table(table, table_runs, tmp_path / "map.gif")
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_on_the_command_line(store, recipes, runs, tmp_path):
+    out = tmp_path / "table.json"
+    common = ["evaluate", "--store", store, "--recipes", recipes, "--runs", runs, "--threads", "1"]
+    made = run(*common, "--table", "flow-2", "--seeds", "0,1", "--about", "made up", "--out", out)
+    assert made.exit_code == 0, made.output
+    assert "without global encoder" in made.output
+    assert json.loads(out.read_text())["seeds"] == [0, 1]
+    assert (runs / "flow-2-direction-vectors.md").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--table", "flow-9"], "flow-9"),
+        (["--table", "flow-2", "--seeds", "0,a"], "--seeds"),
+        (["--table", "flow-2", "--seeds", "0,0"], "each once"),
+        (["--table", "flow-2", "--rows", "basement"], "baseline"),
+        (["rules", "--table", "flow-2"], "rules"),
+        (["--table", "flow-2", "--recipes", "nowhere"], "--recipes"),
+        (["--table", "flow-2", "--set", "model.widht=3", "--seeds", "7"], "widht"),
+    ],
+)
+def test_wrong_words_on_the_command_line(store, recipes, runs, arguments, said):
+    common = ["--store", store, "--runs", runs, "--threads", "1"]
+    recipes_too = [] if "--recipes" in arguments else ["--recipes", recipes]
+    result = CliRunner().invoke(app, [str(a) for a in ["evaluate", *arguments, *common, *recipes_too]])
+    told = result.output + str(result.exception)
+    assert result.exit_code != 0
+    assert said in told
+
+
+def test_markdown_has_a_cell_for_every_column(table_runs):
+    page = to_markdown(make_table("flow-2", table_runs, seeds=(0,), tell=lambda text: None))
+    rows = [line for line in page.splitlines() if line.startswith("|")]
+    assert {line.count("|") for line in rows} == {len(TABLES["flow-2"].columns) + 2}
+
+
+# pictures -----------------------------------------------------------------------------------------------------------------
+
+
+def test_tsne_keeps_groups_apart():
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(4), 25)
+    points = rng.normal(size=(4, 12))[labels] * 4 + rng.normal(size=(100, 12))
+    picture = tsne(points)
+    assert picture.shape == (100, 2)
+    assert silhouette_coefficient(picture, labels) > 0.7
+    np.testing.assert_array_equal(tsne(points), picture)
+    assert np.isfinite(tsne(points[:8])).all()
+    assert np.isfinite(tsne(np.zeros((10, 3)))).all()
+    for bad in (points[:3], np.full((9, 2), np.nan), points[0]):
+        with pytest.raises(InputError, match="t-SNE"):
+            tsne(bad)
+
+
+def test_stick_figures():
+    body = DIRECTION_VECTORS.decode(poses(40, 1)).values
+    from cospeech.motion.skeletons.ted import JOINTS, PARENTS
+
+    one = Sticks("one", body, PARENTS, JOINTS)
+    assert [JOINTS[k] for k in one.hands] == ["leftWrist", "rightWrist"]
+    assert JOINTS[one.head] == "head"
+    assert one.colour(5) != one.colour(8) != one.colour(2)
+    sheet = draw_sticks([one, replace(one, label="two\nlines")], FPS, cells=4, width=700)
+    assert sheet.shape[1:] == (700, 3)
+    np.testing.assert_array_equal(sheet, draw_sticks([one, replace(one, label="two\nlines")], FPS, cells=4, width=700))
+    with pytest.raises(InputError, match="rows of one length"):
+        draw_sticks([one, replace(one, positions=body[:30])], FPS)
+    with pytest.raises(InputError, match="name and parent"):
+        Sticks("one", body, PARENTS, JOINTS[:3])
+
+
+@pytest.mark.parametrize("name", ["expmap-upper", "expmap-full"])
+def test_stick_figures_of_rotations_have_no_loose_bones(name):
+    from types import SimpleNamespace
+
+    from cospeech.experiments.tables.figures import _sticks
+    from cospeech.motion.poses import find_pose
+
+    pose = find_pose(name)
+    excerpts = SimpleNamespace(pose=pose, store=SimpleNamespace(fps=20.0, pose=name))
+    sticks = _sticks(excerpts, "x", np.zeros((12, pose.dimensions)))
+    assert len(sticks.names) == len(pose.joints) + 1
+    assert [*sticks.parents].count(-1) == 1
+    assert all(parent < k for k, parent in enumerate(sticks.parents))
+    assert len(sticks.hands) == 2
+    assert sticks.head is not None
+
+
+def test_maps_show_every_group():
+    points, groups = np.random.default_rng(0).normal(size=(40, 2)), [f"s{k % 20:02}" for k in range(40)]
+    sheet = draw_map([Panel("a", "", points, groups), Panel("b", "x", points * 100, groups)])
+    assert sheet.shape[0] > 500
+    colours = {tuple(c) for c in sheet[:, -160:].reshape(-1, 3)}
+    assert len(colours) > 20
+    with pytest.raises(InputError, match="group"):
+        Panel("a", "", points, groups[:3])
+    with pytest.raises(InputError, match="panel"):
+        draw_map([])
+
+
+# the page -----------------------------------------------------------------------------------------------------------------
+
+
+def test_results_on_the_page_are_those_that_are_kept():
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    spec = spec_from_file_location("write_tables", ROOT / "tools" / "write_tables.py")
+    tool = module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    assert tool.page() == tool.PAGE.read_text("utf-8"), "run tools/write_tables.py"
+    how = (ROOT / "docs" / "tables.md").read_text("utf-8")
+    assert all(f"| `{name}` |" in how for name in TABLES)

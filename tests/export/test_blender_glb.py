@@ -1,0 +1,60 @@
+"""Blender imports our GLB: an armature, a skinned mesh, shape keys by name, moving as our forward kinematics says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cospeech.export import save
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT
+from tests.support.motions import gesturing
+
+SCRIPT = Path(__file__).parents[1] / "blender" / "check_glb.py"
+FRAMES = (0, 13, 30, 89)
+
+
+@pytest.fixture(scope="module")
+def imported(blender_python, tmp_path_factory) -> dict:
+    path = tmp_path_factory.mktemp("blender") / "a.glb"
+    save(gesturing(90), path)
+    command = [blender_python, str(SCRIPT), str(path), "30", *map(str, FRAMES)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
+    assert lines, (done.stdout + done.stderr)[-3000:]
+    return json.loads(lines[0].removeprefix("RESULT "))
+
+
+def test_armature_mesh_and_shape_keys(imported):
+    assert len(imported["armatures"]) == 1
+    ours = {name: mesh for name, mesh in imported["meshes"].items() if name != "Icosphere"}  # Blender's own bone shape
+    assert all(mesh["skinned"] and mesh["vertices"] > 0 for mesh in ours.values())
+    keyed = [mesh["keys"] for mesh in ours.values() if mesh["keys"]]
+    assert keyed == [list(ARKIT)]
+    assert imported["frame_range"] == [0, 89]
+
+
+def test_bones_move_as_ours(imported):
+    positions = gesturing(90).positions()
+    for frame, sample in zip(FRAMES, imported["samples"], strict=True):
+        theirs = np.array([sample["positions"][name] for name in humanoid().names])
+        assert np.linalg.norm(theirs - positions[frame], axis=1).max() < 1e-4
+
+
+def test_shape_keys_move_as_ours(imported):
+    face = gesturing(90).face
+    for frame, sample in zip(FRAMES, imported["samples"], strict=True):
+        (weights,) = sample["weights"].values()
+        np.testing.assert_allclose([weights[name] for name in ARKIT], face[frame], atol=1e-4)
+
+
+def test_skin_follows_the_bones(imported):
+    """The raised right hand lifts the figure's right side: the mesh is not left behind, nor inside out."""
+    low, high = np.array(imported["samples"][0]["boxes"]["body"])
+    assert 1.3 < high[1] - low[1] < 1.9  # it stands, metres
+    assert 0.3 < high[0] - low[0] < 1.1  # arms hang: far narrower than the T-pose's 1.7 m
+    assert abs(low[1]) < 0.06

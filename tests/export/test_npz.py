@@ -1,0 +1,139 @@
+"""SMPL-X npz in BEAT2's layout: opens without pickle, turns as SMPL-X turns, and is read with distrust."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.export import load, save
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from tests.support.motions import gesturing
+
+# SMPL-X joint numbers, typed from the model's own list
+PELVIS, HEAD, LEFT_SHOULDER, RIGHT_ELBOW, JAW, LEFT_INDEX_1, RIGHT_THUMB_3 = 0, 15, 16, 19, 22, 25, 54
+
+
+def arrays(path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as data:
+        return dict(data)
+
+
+def test_layout_is_beat2s(tmp_path):
+    motion = gesturing(40)
+    save(motion, tmp_path / "a.npz")
+    data = arrays(tmp_path / "a.npz")
+    shapes = {key: (value.shape, value.dtype.kind) for key, value in data.items()}
+    assert shapes == {
+        "betas": ((300,), "f"), "poses": ((40, 165), "f"), "expressions": ((40, 100), "f"), "trans": ((40, 3), "f"),
+        "model": ((), "U"), "gender": ((), "U"), "mocap_frame_rate": ((), "i"),
+        "arkit": ((40, 52), "f"), "arkit_names": ((52,), "U"),
+    }  # fmt: skip
+    assert (str(data["model"]), str(data["gender"]), int(data["mocap_frame_rate"])) == ("smplx2020", "neutral", 30)
+    np.testing.assert_allclose(data["arkit"], motion.face, atol=1e-6)
+    assert tuple(data["arkit_names"]) == ARKIT
+
+
+def test_joints_turn_under_smplx_numbers(tmp_path):
+    """Each joint alone: its axis-angle stands in SMPL-X's place for it, and nowhere else."""
+    index = humanoid().index
+    rest = np.zeros((1, 55, 4)) + (0, 0, 0, 1)
+    for ours, number in (
+        ("hips", PELVIS), ("head", HEAD), ("leftUpperArm", LEFT_SHOULDER), ("rightLowerArm", RIGHT_ELBOW),
+        ("leftIndexProximal", LEFT_INDEX_1), ("rightThumbDistal", RIGHT_THUMB_3),
+    ):  # fmt: skip
+        q = rest.copy()
+        q[0, index[ours]] = axis_angle_to_quat((0, 0.6, 0.8), 0.7)
+        save(Motion(fps=30, rotations=q, root=humanoid().offsets[:1]), tmp_path / "a.npz")
+        poses = arrays(tmp_path / "a.npz")["poses"].reshape(55, 3)
+        expected = np.zeros((55, 3))
+        expected[number] = 0.7 * np.array([0, 0.6, 0.8])
+        np.testing.assert_allclose(poses, expected, atol=2e-6)
+
+
+def test_jaw_opens_with_the_face(tmp_path):
+    motion = gesturing(30)
+    save(motion, tmp_path / "a.npz")
+    jaw = arrays(tmp_path / "a.npz")["poses"].reshape(30, 55, 3)[:, JAW]
+    np.testing.assert_allclose(jaw[:, 0], 0.35 * motion.face[:, ARKIT_INDEX["jawOpen"]], atol=1e-6)
+    assert np.abs(jaw[:, 1:]).max() == 0
+
+
+@pytest.mark.parametrize("fps", [30, 60, 29.97])
+def test_round_trip(tmp_path, fps):
+    motion = gesturing(70, fps=fps)
+    save(motion, tmp_path / "a.npz")
+    read = load(tmp_path / "a.npz")
+    assert (read.skeleton.kind, len(read), read.fps) == ("smplx", 70, fps)
+    back = read.retarget("humanoid")
+    others = [k for k, name in enumerate(humanoid().names) if name != "jaw"]  # the jaw is in the face
+    assert quat_angle(back.rotations, motion.rotations)[:, others].max() < 1e-5
+    np.testing.assert_allclose(back.root, motion.root, atol=1e-6)
+    np.testing.assert_allclose(back.face, motion.face, atol=1e-6)
+
+
+def foreign(**changes: object) -> bytes:
+    """A file as another program writes it: no face of ours, strings as numpy makes them."""
+    poses = np.zeros((5, 165), np.float32)
+    poses[:, JAW * 3] = 0.175
+    data = {
+        "betas": np.zeros(300), "poses": poses, "expressions": np.zeros((5, 100)), "trans": np.ones((5, 3)),
+        "model": np.array("smplx2020"), "gender": np.array("neutral"), "mocap_frame_rate": np.array(30),
+    } | changes  # fmt: skip
+    out = io.BytesIO()
+    np.savez(out, **{key: value for key, value in data.items() if value is not None})
+    return out.getvalue()
+
+
+def test_files_of_others(tmp_path):
+    (tmp_path / "a.npz").write_bytes(foreign())
+    motion = load(tmp_path / "a.npz")
+    np.testing.assert_allclose(motion.face[:, ARKIT_INDEX["jawOpen"]], 0.5, atol=1e-6)
+    (tmp_path / "b.npz").write_bytes(foreign(poses=np.zeros((5, 165)), mocap_frame_rate=None, mocap_framerate=np.array(120.0)))
+    motion = load(tmp_path / "b.npz")
+    assert (motion.face, motion.fps) == (None, 120)
+
+
+def bomb() -> bytes:
+    """A few kilobytes that say they unpack to 3 GiB."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("poses.npy", bytes(12 << 20))
+    data = bytearray(out.getvalue())
+    at = data.rindex(b"PK\x01\x02")
+    data[at + 24 : at + 28] = (3 << 30).to_bytes(4, "little")
+    return bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        (b"", "empty"),
+        (b"PK\x05\x06" + bytes(18), "no 'poses'"),
+        (b"hello", "not a readable"),
+        (foreign()[:-30], "not a readable"),
+        (foreign(poses=None), "no 'poses'"),
+        (foreign(trans=None), "no 'trans'"),
+        (foreign(mocap_frame_rate=None), "mocap_frame_rate"),
+        (foreign(poses=np.zeros((5, 156))), "165"),
+        (foreign(trans=np.zeros((4, 3))), "165"),
+        (foreign(poses=np.full((5, 165), np.nan)), "not finite"),
+        (foreign(poses=np.zeros((5, 165), "<U3")), "165"),
+        (foreign(mocap_frame_rate=np.array(0)), "frames per second"),
+        (foreign(mocap_frame_rate=np.array([30, 30])), "165|frames"),
+        (foreign(arkit=np.zeros((5, 3)), arkit_names=np.array(ARKIT)), "arkit"),
+        (foreign(poses=np.array([{"a": 1}], object)), "object"),
+        (bomb(), "unpacks"),
+    ],
+)
+def test_bad_files(tmp_path, data, problem):
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(InputError, match=problem) as caught:
+        load(tmp_path / "a.npz")
+    assert "\n" not in str(caught.value)

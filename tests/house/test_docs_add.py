@@ -1,0 +1,67 @@
+"""The pages *Add a metric* and *Add a corpus*: their files are saved as a reader would save them, and run."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import soundfile
+
+from cospeech.cli.demo import EXAMPLE
+from tests.house.test_docs import ROOT, run
+
+pytestmark = pytest.mark.slow
+
+TITLED = re.compile(r'^```python title="([\w.]+)"\n(.*?)^```', re.S | re.M)
+
+
+def files(page: str) -> dict[str, str]:
+    """Name → text of the files that a page tells to save."""
+    return dict(TITLED.findall((ROOT / "docs" / page).read_text("utf-8")))
+
+
+def follow(page: str, place: Path) -> str:
+    """Save the files of a page, run `try_it.py`, give what it prints."""
+    soundfile.write(place / "talk.wav", *soundfile.read(EXAMPLE, frames=96_000))
+    run("generate talk.wav -o talk.bvh -q", place)
+    for name, text in files(page).items():
+        (place / name).write_text(text, "utf-8")
+    done = subprocess.run(
+        [sys.executable, "try_it.py"], cwd=place, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_add_a_metric(tmp_path):
+    pytest.importorskip("scipy", reason="metrics need scipy (cospeech[corpora])")
+    table = follow("add_a_metric.md", tmp_path)
+    assert "! wrist_height: white noise is not worse" in table, "the page says so"
+    rows = {line.split("  ")[0].strip(): line for line in table.splitlines()}
+    for row in ("calm", "ground truth", "frozen pose", "white noise", "shuffled speech", "another clip"):
+        assert row in rows, table
+
+
+def test_add_a_corpus(tmp_path):
+    for name in ("h5py", "scipy"):
+        pytest.importorskip(name, reason=f"corpora need {name} (cospeech[corpora])")
+    said = follow("add_a_corpus.md", tmp_path)
+    assert "'calm_1', 'lively_2', 'orator_3', 'seated_4'" in said
+    assert "lost_5 dropped: 'lost_5.bvh' is not there" in said
+
+
+def test_code_of_the_pages_is_as_tidy_as_ours(tmp_path):
+    ruff = Path(sys.executable).parent / "ruff"
+    if not ruff.is_file():
+        pytest.skip("needs ruff")
+    for page in ("add_a_metric.md", "add_a_corpus.md"):
+        for name, text in files(page).items():
+            (tmp_path / f"{page[:-3]}_{name}").write_text(text, "utf-8")
+    options = ["--line-length", "128", "--isolated"]
+    done = subprocess.run([ruff, "format", "--check", *options, str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout

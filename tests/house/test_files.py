@@ -1,0 +1,133 @@
+"""Files appear whole or not at all, and what a killed process leaves goes with the next run, never what a running one needs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import soundfile
+
+from cospeech.cli.demo import EXAMPLE
+from cospeech.files import ABANDONED, PREFIX, atomic, sweep, workplace
+from tests.support.leftovers import abandoned
+
+pytestmark = pytest.mark.slow
+
+COSPEECH = [sys.executable, "-m", "cospeech"]
+
+
+@pytest.fixture
+def begun(long_speech):
+    """Starts runs, and returns when they are writing."""
+    started: list[subprocess.Popen] = []
+
+    def begin(target: Path) -> subprocess.Popen:
+        before = {*target.parent.rglob("*.bvh")}
+        started.append(subprocess.Popen([*COSPEECH, "generate", str(long_speech), "-o", str(target), "-q"]))
+        until = time.monotonic() + 60
+        while not any(path.stat().st_size > 10_000 for path in {*target.parent.rglob("*.bvh")} - before):
+            assert started[-1].poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_killed_its_leftovers_go_with_the_next_run_and_a_running_one_is_left_alone(tmp_path, begun):
+    out = tmp_path / "out"
+    out.mkdir()
+    killed = begun(out / "a.bvh")
+    killed.kill()
+    killed.wait()
+    left = {path.name for path in out.iterdir()}
+    assert len(left) == 1
+    running = begun(out / "b.bvh")
+    beside = {path.name for path in out.iterdir()}
+    assert not left & beside  # the second has swept
+    soundfile.write(tmp_path / "short.wav", soundfile.read(EXAMPLE, frames=48_000)[0], 48_000)
+    subprocess.run([*COSPEECH, "generate", str(tmp_path / "short.wav"), "-o", str(out / "c.bvh"), "-q"], check=True)
+    assert {path.name for path in out.iterdir()} == beside | {"c.bvh"}
+    assert running.wait(timeout=120) == 0
+    assert {path.name for path in out.iterdir()} == {"b.bvh", "c.bvh"}
+
+
+def test_only_what_is_abandoned_goes(tmp_path):
+    ours, theirs = abandoned(tmp_path), abandoned(tmp_path, machine="another", name="b1b2b3b4")
+    (ours / "deep").mkdir()
+    (ours / "deep" / "0.bvh").write_text("half")
+    notes = tmp_path / f"{PREFIX}notes"
+    notes.mkdir()
+    (notes / "mine.txt").write_text("a folder of the user's")
+    marked = tmp_path / f"{PREFIX}c1c2c3c4"
+    marked.mkdir()
+    (marked / "lock").write_text("of somebody else's program")
+    empty = tmp_path / f"{PREFIX}d1d2d3d4"
+    empty.mkdir()  # its process is about to lock it
+    link = tmp_path / f"{PREFIX}link"
+    link.symlink_to(notes)
+    with workplace(tmp_path) as own:
+        sweep(tmp_path)
+        assert own.is_dir()
+        kept = {theirs, notes, marked, empty, link, own}
+        assert {*tmp_path.iterdir()} == kept
+        long_ago = time.time() - ABANDONED - 60
+        for path in (theirs, theirs / "lock", notes, notes / "mine.txt", marked, marked / "lock", empty):
+            os.utime(path, (long_ago, long_ago))
+        sweep(tmp_path)
+        assert {*tmp_path.iterdir()} == {notes, marked, link, own}
+        assert (notes / "mine.txt").exists()
+    assert not own.exists()
+
+
+def test_where_nothing_can_be_locked_age_tells(tmp_path, monkeypatch):
+    monkeypatch.setattr("cospeech.files.fcntl", None)
+    with workplace(tmp_path) as own:
+        assert (own / "lock").exists()
+        young = abandoned(tmp_path)
+        sweep(tmp_path)
+        assert {*tmp_path.iterdir()} == {own, young}
+        for path in (young / "lock", young):
+            os.utime(path, (0, 0))
+        sweep(tmp_path)
+        assert {*tmp_path.iterdir()} == {own}
+    assert not own.exists()
+
+
+def test_a_program_that_was_started_meanwhile_holds_no_lock(tmp_path):
+    """The decoder, say, that outlives its parent for a moment."""
+    with workplace(tmp_path) as place:
+        code = "import fcntl, sys; fcntl.flock(open(sys.argv[1]), fcntl.LOCK_SH | fcntl.LOCK_NB)"
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], close_fds=False)
+        held = tmp_path / "held"
+        held.hardlink_to(place / "lock")
+        assert subprocess.run([sys.executable, "-c", code, held], stderr=subprocess.DEVNULL, check=False).returncode != 0
+    try:
+        subprocess.run([sys.executable, "-c", code, held], check=True)
+    finally:
+        child.kill()
+        child.wait()
+
+
+def _interrupted(target: Path) -> None:
+    with atomic(target) as path:
+        path.write_text("half")
+        raise KeyboardInterrupt
+
+
+def test_atomic_leaves_no_trace(tmp_path):
+    target = tmp_path / "a.txt"
+    with atomic(target) as path:
+        path.write_text("whole")
+        assert not target.exists()
+    assert [*tmp_path.iterdir()] == [target]
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted(target)
+    assert ([*tmp_path.iterdir()], target.read_text()) == ([target], "whole")

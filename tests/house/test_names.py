@@ -1,0 +1,141 @@
+"""Functions are verbs, and names that were given up stay out of code, recipes, tests and documents."""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.models.chain_of_generation import ChainConfig
+from cospeech.models.registry import ENTRIES
+from cospeech.models.speech2gesture import Speech2GestureConfig
+from cospeech.training.recipe import Data, build, read_recipe
+from cospeech.training.renamed import RENAMED, suggest_key
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "src" / "cospeech"
+
+IRREGULAR = frozenset({
+    "begun", "bent", "born", "bought", "bound", "broken", "brought", "built", "caught", "chosen", "dealt", "done", "drawn",
+    "driven", "eaten", "fallen", "fed", "felt", "forgotten", "fought", "found", "frozen", "given", "gone", "grown", "heard",
+    "held", "hidden", "hung", "kept", "known", "laid", "learnt", "led", "left", "lent", "lost", "made", "meant", "met",
+    "paid", "ridden", "risen", "said", "seen", "sent", "shown", "slept", "sought", "spent", "spoken", "stood", "stolen",
+    "sung", "swept", "swum", "taken", "taught", "thought", "thrown", "told", "torn", "understood", "won", "worn", "woken",
+    "wound", "written",
+})  # fmt: skip
+"""Past participles without -ed that are no infinitive; "cut", "put", "read", "run", "set", "spread" and the like are one."""
+NO_PARTICIPLE = frozenset({"bed", "bleed", "embed", "exceed", "feed", "need", "proceed", "red", "seed", "shed", "speed", "ted"})
+"""Words in -ed that are none; "ted" is the corpus."""
+PREDICATES = ("is", "has", "was")
+PUBLISHED = "published"
+"""The last word of functions of `cospeech.metrics` that follow a paper's code to the letter: they carry the metric's name."""
+
+
+def participle(word: str) -> bool:
+    """Whether a word is a past participle and no infinitive."""
+    return word in IRREGULAR or (word.endswith("ed") and word not in NO_PARTICIPLE)
+
+
+def bare_participle(name: str) -> bool:
+    """Whether a function's name is a participle, or begins or ends with one, and is no predicate."""
+    words = [word for word in name.strip("_").split("_") if not word.isdigit()]
+    return bool(words) and words[0] not in PREDICATES and (participle(words[0]) or participle(words[-1]))
+
+
+def is_property(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    names = [ast.unparse(decorator).rsplit(".", 1)[-1] for decorator in function.decorator_list]
+    return any(name in ("property", "cached_property") for name in names)
+
+
+def functions(source: str) -> Iterator[tuple[str, bool]]:
+    """Name of each function of a source, nested ones and methods too, and whether it is a property."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node.name, is_property(node)
+
+
+@pytest.mark.parametrize(
+    "name", ["made", "_told", "nothing_given", "kept", "_kept_1", "named_chain", "shipped", "made_by", "mirrored"]
+)
+def test_the_rule_finds_participles(name):
+    assert bare_participle(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["embed", "read_ted", "is_shared", "has_moved", "speed", "spread", "seed", "_find_files", "put_back"]
+)
+def test_the_rule_leaves_verbs_and_nouns(name):
+    assert not bare_participle(name)
+
+
+def test_no_function_is_named_by_a_past_participle():
+    found = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for name, noun in functions(path.read_text("utf-8")):
+            words = name.strip("_").split("_")
+            allowed = (words[-1] == PUBLISHED and path.parent.name == "metrics") or (noun and len(words) > 1)
+            if bare_participle(name) and not allowed and name != "_remove_abandoned":  # a verb, and whom it is about
+                found.append(f"{path.relative_to(PACKAGE)}: {name}")
+    assert not found, "\n".join(found)
+
+
+OLD = (
+    r"\bwordless\b", r"\bunseeded\b", r"\bby_clip\b", r"\bjudge_poses\b", r"\bjudge_channels\b", r"\bjudge_loss\b",
+    r"\bJUDGINGS\b", r"\bPoseJudge\b", r"\bEARS\b", r"\b(Own|Wav2Vec)Ear\b", r"\bEarConfig\b", r"\bspeech_ears\b",
+    r"\bnudged?s?\b", r"\bfooled\b", r"\bblend_manners\b", r"\bheard_of\b", r"\btwin_of\b", r"\btwin_maker\b", r"\bTWINS\b",
+    r"\|twin-", r"\b[Vv]aults?\b", r"\bcasting\b", r"\bCasting\b", r"\b[Aa]rtist\b", r"\bFilm\b", r"\b_understood\b",
+    r"\bwish(es)?\b(?!\.)", r"\bnothing_given\b", r"\bread_given\b", r"\bunpacked\(", r"\bnamed_(chain|window|skeleton)\b",
+    r"\bmade_by\b", r"\bcounted_from\b", r"\bstored_clips\b(?<!load_stored_clips)", r"\bview_named\b",
+    r"\bspoken_setting\b", r"\bshipped_(mouth|bundle)\b", r"\.units\(", r"\.due\(", r"\bstrays\b(?! |$)",
+    r"\blive_(made|gains)\b", r"\bmade_(mean|std)\b", r"\bPULLS\b", r"\bAvatarStage\b", r"\bCharacterStage\b",
+    r"\b[Hh]eeding\b", r"\bHeed\b", r"model\.(ear|judge|manner|gain|faced|labelled|borrowed|taught)\b", r"train\.judge\b",
+    r"tables\.stages\b", r"\brules\.(places|track|rests)\b", r"on stage\b", r"\bthe ear\b(?! [^'])",
+)  # fmt: skip
+"""Names that were given up, so that they cannot come back."""
+FREE = (
+    "CHANGELOG.md",
+    "tests/house/test_names.py",
+    "src/cospeech/training/renamed.py",
+    "benchmarks/tables/",
+    "tools/mannequin/",
+    "uv.lock",
+    "src/cospeech/assets/",
+)
+"""What may hold them: the history, this test and its table, tables as they were made, and the anatomy of the mannequin."""
+ENDINGS = (".py", ".md", ".toml", ".yml")
+
+
+def test_old_names_are_gone():
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    pattern, found = re.compile("|".join(OLD)), []
+    for name in listed:
+        if name.startswith(FREE) or not name.endswith(ENDINGS) or not (ROOT / name).is_file():
+            continue
+        for number, line in enumerate((ROOT / name).read_text("utf-8").splitlines(), 1):
+            if not line.endswith("# old name"):  # an error speaks of it
+                found += [f"{name}:{number}: {match.group()}" for match in pattern.finditer(line)]
+    assert not found, "\n".join(found)
+
+
+def test_an_old_key_of_a_recipe_is_refused_with_its_new_name():
+    with pytest.raises(InputError, match=r"no key data\.by_clip .*'per_clip_normalisation' now"):
+        read_recipe({"model": {"name": "mix-stage"}, "data": {"by_clip": True}})
+    with pytest.raises(InputError, match=r"no key model\.ear .*'speech_encoder' now"):
+        build(ChainConfig, {"ear": "own"}, "model")
+    with pytest.raises(InputError, match=r"no key model\.judge .*'discriminator_channels' now"):
+        build(Speech2GestureConfig, {"judge": 8}, "model")
+    assert "'discriminator' now" in suggest_key("judge", ["classifier", "discriminator", "gestures"])
+
+
+def test_every_renamed_key_is_a_key_of_a_model_or_an_objective():
+    """The table of old keys is about keys that there are."""
+    known = {*Data.__dataclass_fields__, "discriminator"}
+    for entry in ENTRIES.values():
+        if entry.trains and entry.where.startswith("cospeech."):
+            module, _, attribute = entry.where.partition(":")
+            known |= {*getattr(import_module(module), attribute).Config.__dataclass_fields__}
+    assert {new for names in RENAMED.values() for new in names} <= known

@@ -1,0 +1,222 @@
+"""Formats and models of other packages: the ones in examples/plugins are found, listed and used; broken ones are told of."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cospeech
+from cospeech.audio.features import AUDIO_NAMES, audio_features
+from cospeech.audio.speech import Speech
+from cospeech.cli.demo import EXAMPLE
+from cospeech.corpora.store import Entry
+from cospeech.corpora.store_writer import Piece, write_store
+from cospeech.errors import CospeechWarning
+from cospeech.export import FORMATS, Format
+from cospeech.export.plugins import Registry
+from cospeech.models import ENTRIES
+from cospeech.motion.poses import find_pose
+from cospeech.rules import RuleBasedModel
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parents[2]
+TOYS = ROOT / "examples" / "plugins"
+FPS = 15.0
+
+
+def install(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
+    """What an installer writes of a package: its metadata, entry points among it."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = [f"[{group}]\n" + "".join(f"{key} = {value}\n" for key, value in rows.items()) for group, rows in groups.items()]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+
+
+@pytest.fixture(scope="module")
+def toys(tmp_path_factory):
+    """A folder that has the package of examples/plugins, as if it were installed there."""
+    place = tmp_path_factory.mktemp("toys")
+    for path in TOYS.glob("*.py"):
+        shutil.copy(path, place)
+    project = tomllib.loads((TOYS / "pyproject.toml").read_text("utf-8"))["project"]
+    install(place, project["name"].replace("-", "_"), project["entry-points"])
+    return place
+
+
+def run(place: Path, *arguments: str, cwd: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+    """``cospeech`` where ``place`` is on the path."""
+    path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-m", "cospeech", *arguments], cwd=cwd, capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": path, "PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def test_a_format_of_another_package_is_listed_and_written(toys, tmp_path):
+    rows = json.loads(run(toys, "list", "formats", "--json", cwd=tmp_path).stdout)
+    assert [row["name"] for row in rows] == [*FORMATS.ours, ".hands"]
+    assert (rows[-1]["holds"], rows[-1]["access"]) == ("body", "write")
+    done = run(toys, "generate", str(EXAMPLE), "-o", "talk.hands", "-o", "talk.bvh", cwd=tmp_path)
+    assert "numpy.loadtxt" in done.stdout
+    motion = cospeech.Motion.load(tmp_path / "talk.bvh")
+    hands = motion.positions()[:, [motion.skeleton.index[name] for name in ("leftHand", "rightHand")]]
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "talk.hands").reshape(-1, 2, 3), hands, atol=2e-3)
+    run(toys, "convert", "talk.bvh", "again.hands", cwd=tmp_path)
+    assert (tmp_path / "again.hands").stat().st_size
+
+
+def test_traits_of_another_package_count(toys, tmp_path):
+    err = run(toys, "generate", str(EXAMPLE), "-o", "talk.hands", "--parts", "face", cwd=tmp_path, code=2).stderr
+    assert "'talk.hands' would not move" in err
+    assert list(tmp_path.iterdir()) == []
+    err = run(toys, "render", "talk.bvh", "talk.hands", cwd=tmp_path, code=2).stderr
+    assert "is not a picture" in err
+    err = run(toys, "convert", "talk.hands", "talk.bvh", cwd=tmp_path, code=2).stderr
+    assert "can be written but not read" in err
+
+
+def test_without_the_package_there_is_no_such_format(tmp_path):
+    assert "known suffixes: .bvh" in run(tmp_path, "convert", "a.bvh", "a.hands", cwd=tmp_path, code=2).stderr
+
+
+# the registry ---------------------------------------------------------------------------------------------------------
+
+ROW = Format("some.module", "a row", "nothing opens it")
+
+
+def registry(group: str) -> Registry[Format]:
+    return Registry({".ours": ROW}, group=group, kind=Format, prefix=".")
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package of one module in a group of its own; gives the name of the group."""
+
+    def make(entries: dict[str, str], source: str) -> str:
+        group = f"cospeech.test{len(sys.path)}"
+        (tmp_path / "strange_rows.py").write_text("from cospeech.export import Format\n" + source)
+        install(tmp_path, "strange", {group: entries})
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.delitem(sys.modules, "strange_rows", raising=False)
+        return group
+
+    return make
+
+
+def test_a_broken_plug_in_is_one_line_and_harms_no_other(package):
+    rows = {
+        "bad": "strange_rows:NOTHING",
+        "worse": "no_such_module:ROW",
+        "odd": "strange_rows:text",
+        "good": "strange_rows:ROW",
+    }
+    formats = registry(package(rows, "text = 'no row'\nROW = Format(__name__, 'theirs', 'nothing')\n"))
+    with pytest.warns(CospeechWarning) as told:
+        assert list(formats) == [".ours", ".good"]
+    texts = [str(warning.message) for warning in told]
+    assert len(texts) == 3
+    assert all("of strange (cospeech.test" in text and "cannot be used: " in text and "\n" not in text for text in texts)
+    assert "no_such_module" in texts[2]
+    assert list(formats) == [".ours", ".good"], "and nobody is told twice"
+    assert ".bad" not in formats
+    assert formats[".good"].what == "theirs"
+
+
+def test_ours_win_and_so_does_the_first_of_two(package):
+    formats = registry(package({"ours": "strange_rows:ROW"}, "ROW = Format(__name__, 'theirs', 'nothing')\n"))
+    assert formats[".ours"] is ROW
+    with pytest.warns(CospeechWarning, match=r"plug-in 'ours' of strange .* is not used: cospeech has '\.ours' already"):
+        assert list(formats) == [".ours"]
+
+
+def test_nothing_is_imported_for_a_name_of_ours(package):
+    formats = registry(package({"good": "strange_rows:ROW", "bad": "strange_rows:ROW"}, "raise SystemError('imported')\n"))
+    assert formats[".ours"] is ROW
+    assert "strange_rows" not in sys.modules
+    assert ".nobody" not in formats
+    assert "strange_rows" not in sys.modules
+    with pytest.warns(CospeechWarning, match="SystemError: imported"), pytest.raises(KeyError):
+        _ = formats[".good"]
+
+
+# models ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Two clips of our rules, as `cospeech prepare` would store them."""
+    speech, pose = Speech.load(EXAMPLE), find_pose("expmap-humanoid")
+    pieces = []
+    for seed, split in enumerate(["train", "validation"]):
+        vectors = pose.encode(RuleBasedModel().generate(speech, seed=seed, fps=FPS)).astype(np.float32)
+        values = {"pose": vectors, "audio": audio_features(speech, len(vectors), FPS)}
+        entry = Entry(f"clip{seed}", "ada", split, 0, len(vectors), 0.0, ("pose", "audio"))
+        pieces.append(Piece(entry, (), lambda values=values: dict(values)))
+    folder = tmp_path_factory.mktemp("plugins") / "store"
+    names = {"pose": pose.names, "audio": AUDIO_NAMES}
+    write_store(folder, pieces, corpus="folder", pose=pose.name, fps=FPS, names=names)
+    return folder
+
+
+def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys, tmp_path):
+    rows = json.loads(run(toys, "list", "models", "--json", cwd=tmp_path).stdout)
+    ours = [name for name, entry in ENTRIES.ours.items() if entry.plays]
+    assert [row["name"] for row in rows] == [*ours, "toy-net"]
+    assert rows[-1]["what"].startswith("A toy: two convolutions")
+    assert "no weights ship" in rows[-1]["what"]
+    err = run(toys, "generate", str(EXAMPLE), "-o", "a.bvh", "--model", "toy-net", cwd=tmp_path, code=2).stderr
+    assert err.startswith("error: no weights of 'toy-net' ship")
+    err = run(tmp_path, "generate", str(EXAMPLE), "-o", "a.bvh", "--model", "toy-net", cwd=tmp_path, code=2).stderr
+    assert err.startswith("error: no model is called 'toy-net'")
+
+
+def test_a_model_of_another_package_is_trained_by_its_recipe(toys, store, tmp_path):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    recipe = str(TOYS / "toy_net.toml")
+    done = run(toys, "train", recipe, "--store", str(store), "--out", "run", cwd=tmp_path)
+    assert "20 steps" in done.stdout
+    facts = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert (facts["model"], facts["config"]["channels"], facts["config"]["reach"]) == ("toy-net", 32, 4)
+    losses = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert losses
+    wrong = run(toys, "train", recipe, "--store", str(store), "--set", "model.reach=-1", cwd=tmp_path, code=2).stderr
+    assert wrong.startswith("error: frames, channels, reach of a ToyNet")
+    wrong = run(tmp_path, "train", recipe, "--store", str(store), cwd=tmp_path, code=2).stderr
+    assert wrong.startswith("error: no network is called 'toy-net'")
+
+
+GESTURER = """
+from dataclasses import replace
+
+from cospeech.models import ModelEntry
+from cospeech.rules import GenerationOptions, RuleBasedModel
+
+MODEL = ModelEntry(f"{__name__}:Calm", "Our rules at half their size", trains=False)
+
+
+class Calm(RuleBasedModel):
+    def session(self, options=None, /, **keywords):
+        options = GenerationOptions.of(options, keywords)
+        return super().session(replace(options, intensity=options.intensity / 2))
+"""
+
+
+def test_a_model_without_a_network_plays_at_once(tmp_path):
+    (tmp_path / "calm_model.py").write_text(GESTURER)
+    install(tmp_path, "calm", {"cospeech.models": {"calm-rules": "calm_model:MODEL"}})
+    for name, options in {"theirs": ("--model", "calm-rules"), "ours": ("--intensity", "0.5")}.items():
+        run(tmp_path, "generate", str(EXAMPLE), "-o", f"{name}.bvh", *options, cwd=tmp_path)
+    assert (tmp_path / "theirs.bvh").read_bytes() == (tmp_path / "ours.bvh").read_bytes()
+    assert "calm-rules" in run(tmp_path, "list", "models", cwd=tmp_path).stdout

@@ -1,0 +1,243 @@
+"""Chains under way: frame by frame and in sections, against the same worked out by hand; styles, emotions, noise, pieces."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack
+from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder, ChainPlayer, OverlapAddDecoder, sections
+from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain
+from cospeech.runtime.chain_style import embed_chain_speaker, mixture_chain
+from cospeech.runtime.crossfade import FADE
+from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
+from tests.support.chain_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
+
+KINDS = [CausalStreamDecoder, OverlapAddDecoder]
+
+
+@cache
+def system(**kind) -> ChainSystem:
+    folder = Path(mkdtemp(prefix="cospeech-test-"))
+    return open_chain(read_bundle(write_small_chain(folder / "chain.cospeech", small=False, **kind)))
+
+
+FPS, SIZES = system().fps, system().engine.sizes
+QUIET = np.zeros((1, SIZES.rows), np.float32)
+
+
+def blend(**shares: float):
+    return tuple((share, embed_chain_speaker(system(), name)) for name, share in shares.items())
+
+
+ADA, BEN, VOICED = blend(ada=1.0), blend(ben=1.0), blend(**{VOICE: 1.0})
+
+
+def speech(frames: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(frames, SIZES.rows)).astype(np.float32)
+
+
+def player(kind: type[ChainPlayer], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> ChainPlayer:
+    of = of or system()
+    tracker = SpeakerEmotionTracker(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
+    return kind(of, style, seeds, QUIET, tracker, **options)
+
+
+def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
+    """All poses of this speech, pushed in pieces of these sizes, the last one again and again."""
+    made, at, sizes = [], 0, list(sizes or [len(rows)])
+    while at < len(rows):
+        size = sizes.pop(0) if len(sizes) > 1 else max(1, sizes[0])
+        made.append(who.push(rows[at : at + size]))
+        at += size
+    return np.concatenate([*made, who.finish(QUIET)], 1)
+
+
+def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(n, S + 8) what the voice says of these frames; silence follows the speech."""
+    tracker = SpeakerEmotionTracker(system().engine, FPS, QUIET[0, : SIZES.audio])
+    tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, : SIZES.audio])
+    return tracker.shares(frames)
+
+
+@pytest.mark.parametrize("frames", [1, 2, LOOK_AHEAD, 40])
+def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
+    rows = speech(frames)
+    made = played(player(CausalStreamDecoder, VOICED, seeds=(3, 4)), rows)
+    style = heard(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
+    drawn = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
+    noise = system().statistics.noise_gain[1] * drawn
+    live, wanted = system().engine.live(2), []
+    for k, row in enumerate(np.concatenate([rows, np.repeat(QUIET, LOOK_AHEAD, 0)])):
+        wanted.append(live.frame(row, np.broadcast_to(style[k], (2, SIZES.style)), noise[:, k]))
+    assert made.tobytes() == np.stack(wanted[LOOK_AHEAD:], 1).tobytes()
+    assert made.shape == (2, frames, SIZES.pose)
+
+
+def test_sections_are_windows_as_in_training():
+    rows, setting = speech(61), sections(WINDOW)
+    who = player(OverlapAddDecoder, ADA, emotion=EmotionTrack.constant("anger"), temperature=0.0)
+    made = played(who, rows)[0]
+    style = np.zeros((1, WINDOW, SIZES.style), np.float32)
+    style[..., [0, SIZES.speakers + EMOTIONS.index("anger")]] = 1
+    padded = np.concatenate([np.repeat(QUIET, WINDOW, 0), rows, np.repeat(QUIET, 2 * WINDOW, 0)])
+    wanted, before = [], None
+    for first in range(0, 61, setting.hop):
+        window = padded[WINDOW + first - setting.past :][:WINDOW]
+        poses = system().engine.windows.make(window, style, np.zeros((1, WINDOW, SIZES.noise)))[0, setting.past :]
+        new = poses[: setting.hop].copy()
+        for k in range(setting.fade if before is not None else 0):
+            new[k] = before[k] + (k + 1) / (setting.fade + 1) * (new[k] - before[k])
+        wanted.append(new)
+        before = poses[setting.hop :]
+    np.testing.assert_allclose(made, np.concatenate(wanted)[:61], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("style", [ADA, VOICED], ids=["ada", "voice"])
+def test_pieces_do_not_show(kind, style):
+    rows = speech(150)
+    who = player(kind, style, seeds=(3, 4))
+    whole = played(who, rows)
+    assert whole.shape == (2, 150, SIZES.pose)
+    at = np.arange(0, 149, 0.5)
+    units = who.denormalise(whole[:, :1].repeat(len(at), 1), at)
+    for sizes in ([1], [7], [0, 1, 2, 0, 90, 5], [149, 1]):
+        other = player(kind, style, seeds=(3, 4))
+        assert played(other, rows, sizes).tobytes() == whole.tobytes()
+        assert other.denormalise(whole[:, :1].repeat(len(at), 1), at).tobytes() == units.tobytes()
+        assert other.speaker == who.speaker
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_takes_together_are_takes_alone(kind):
+    rows = speech(70)
+    whole = played(player(kind, seeds=(3, 4, 5)), rows)
+    for k, seed in enumerate((3, 4, 5)):
+        assert played(player(kind, seeds=(seed,)), rows).tobytes() == whole[k].tobytes()
+    assert np.abs(whole[0] - whole[1]).max() > 1e-3
+    still = played(player(kind, seeds=(3, 4), temperature=0.0), rows)
+    assert np.array_equal(still[0], still[1])
+    plain = system(noise=0)
+    alike = played(player(kind, seeds=(3, 4), of=plain), rows)
+    assert np.array_equal(alike[0], alike[1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_frame_waits_longer_than_said(kind):
+    who, rows, made, late = player(kind), speech(200), 0, []
+    for n in range(1, 201):
+        made += who.push(rows[n - 1 : n]).shape[1]
+        late.append(n - made)
+    waits = who.latency * FPS
+    assert max(late) < waits <= max(late) + 1 + 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_speech_no_poses(kind):
+    who = player(kind, seeds=(1, 2))
+    assert who.push(speech(0)).shape == (2, 0, SIZES.pose)
+    assert who.finish(QUIET).shape == (2, 0, SIZES.pose)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_speakers_emotions_and_words_are_played(kind):
+    rows, anger, joy = speech(60), EmotionTrack.constant("anger"), EmotionTrack.constant("happiness")
+    first = played(player(kind, ADA, emotion=anger), rows)
+    for other in (player(kind, BEN, emotion=anger), player(kind, ADA, emotion=joy)):
+        assert np.abs(played(other, rows) - first).max() > 1e-3
+    said = rows.copy()
+    said[30:, SIZES.audio :] = 0
+    silent = played(player(kind, ADA, emotion=anger), said)
+    assert np.abs(silent - first)[:, 35:].max() > 1e-3
+    turning = EmotionTrack([0, 2, 2.2, 9], np.eye(8)[[2, 2, 1, 1]])
+    turned = played(player(CausalStreamDecoder, ADA, emotion=turning), rows)
+    angry = played(player(CausalStreamDecoder, ADA, emotion=anger), rows)
+    assert np.array_equal(turned[:, : 30 - LOOK_AHEAD], angry[:, : 30 - LOOK_AHEAD])
+    assert np.abs(turned - angry)[:, 34:].max() > 1e-3
+
+
+def test_what_is_not_asked_for_is_the_voice_s():
+    """Its share, of a style that leaves some open."""
+    rows, seen = speech(60), []
+    live = system().engine.live
+    half = blend(ada=0.5, **{VOICE: 0.5})
+
+    class Watched:
+        def __init__(self, takes):
+            self._live = live(takes)
+
+        def frame(self, row, style, noise):
+            seen.append(style[0].copy())
+            return self._live.frame(row, style, noise)
+
+    system().engine.live = Watched
+    try:
+        played(player(CausalStreamDecoder, half), rows)
+    finally:
+        del system().engine.live
+    voice = heard(rows, np.arange(60))
+    found = np.array(seen[:60])
+    np.testing.assert_allclose(found[:, : SIZES.speakers], 0.5 * voice[:, : SIZES.speakers] + [0.5, 0], atol=1e-6)
+    np.testing.assert_allclose(found[:, SIZES.speakers :], voice[:, SIZES.speakers :], atol=1e-6)
+    assert mixture_chain(system(), half) == {"ada": 0.5, VOICE: 0.5}
+    assert mixture_chain(system(), blend(ada=0.75, ben=0.25)) == {"ada": 0.75, "ben": 0.25}
+    assert mixture_chain(system(), ADA) is mixture_chain(system(), VOICED) is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_another_style_is_faded_in(kind):
+    rows, calm = speech(120), EmotionTrack.constant("neutral")
+    who = player(kind, ADA, emotion=calm)
+    made = [who.push(rows[:60])]
+    who.restyle(BEN, 60)
+    at = np.arange(58, 70)
+    u = np.clip((at - 60) / (FADE * FPS), 0, 1)
+    np.testing.assert_allclose(who._style(at)[:, 0], 1 - (3 * u**2 - 2 * u**3), atol=1e-6)
+    made = np.concatenate([*made, who.push(rows[60:]), who.finish(QUIET)], 1)
+    ada, ben = (played(player(kind, style, emotion=calm), rows) for style in (ADA, BEN))
+    waits = round(who.latency * FPS)
+    assert np.array_equal(made[:, : 60 - waits], ada[:, : 60 - waits])
+    settled = 60 + round(FADE * FPS) + 3 * WINDOW  # an LSTM that goes on remembers a little
+    assert np.abs(made - ben)[:, settled:].max() < 0.02 < np.abs(made - ada)[:, settled:].max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
+    who, s = (
+        player(kind, blend(ada=0.25, ben=0.75), emotion=EmotionTrack.constant("neutral"), intensity=0.5),
+        system().statistics,
+    )
+    played(who, speech(30))
+    poses = np.random.default_rng(0).normal(size=(1, 4, SIZES.pose)).astype(np.float32)
+    shares = np.array([0.25, 0.75])
+    made, gains = (s.live_model_mean, s.live_style_gain) if kind is CausalStreamDecoder else (s.model_mean, s.style_gain)
+    wanted = shares @ s.speaker_mean + 0.5 * (shares @ gains) * (poses - shares @ made)
+    np.testing.assert_allclose(who.denormalise(poses, np.arange(4)), wanted * s.pose_std + s.pose_mean, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_kept_does_not_grow(kind):
+    who, rows = player(kind, VOICED), speech(3000)
+    for at in range(0, 3000, 100):
+        who.push(rows[at : at + 100])
+        who.restyle(BEN if at % 200 else ADA, at + 100)
+        assert len(who._tracker._course) < 10 * FPS + 150
+        assert len(who._asked.layers) < 8
+
+
+def test_who_knows_no_emotion_says_so():
+    assert player(CausalStreamDecoder).moods is None  # what it hears is reported, and not played
+    plain = system(adversarial=False)
+    assert player(CausalStreamDecoder, of=plain).moods is None
+    assert player(CausalStreamDecoder, of=plain).speaker is None
+    assert player(CausalStreamDecoder, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None
+    assert set(player(CausalStreamDecoder).speaker) == set(NAMES)

@@ -1,0 +1,349 @@
+"""Bundles that play: the calls of every model, streams and takes to the bit, parts, options."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+from cospeech.audio.speech import Speech
+from cospeech.errors import InputError
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
+from cospeech.rules import RuleBasedModel
+from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
+from cospeech.runtime.model import TrainedModel
+from cospeech.runtime.mouth import open_default_mouth
+from cospeech.runtime.pose_resampler import PoseResampler
+from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
+from tests.support.runtime_bundles import changed, cut, same, talk, write_small
+
+pytestmark = pytest.mark.slow
+
+EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
+FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
+BODY = [k for k in range(len(humanoid())) if k not in {*FINGERS, *EYES}]
+
+
+@cache
+def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> TrainedModel:
+    folder = Path(mkdtemp(prefix="cospeech-test-"))
+    return TrainedModel.open(write_small(folder / "small.cospeech", pose, audio, fps))
+
+
+def source(style: object, seed: int = 0):
+    system = gesturer().system
+    return CodeSource(system, Styles(system).blend(style), seed=seed)
+
+
+@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
+def test_frames_and_clothes(fps):
+    speech = talk()
+    motion = gesturer().generate(speech, fps=fps, seed=1)
+    assert len(motion) == speech.frames(fps)
+    assert motion.fps == fps
+    assert motion.skeleton == humanoid()
+    assert motion.rotations.dtype == np.float32
+    assert motion.face is not None
+    assert motion.face.shape == (len(motion), 52)
+    assert motion.rotations[:, BODY].std(0).max() > 0.01  # it moves
+
+
+@pytest.mark.parametrize(
+    ("pose", "fps", "audio"),
+    [("expmap-humanoid", 20.0, "mel20-prosody"), ("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")],
+)
+def test_pieces_do_not_show(pose, fps, audio):
+    speech = talk()
+    whole = gesturer(pose, fps, audio).generate(speech, seed=3)
+    for edges in ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600))):
+        pieces = list(gesturer(pose, fps, audio).stream(cut(speech, edges), seed=3))
+        assert same(Motion.concatenate(pieces), whole)
+        starts = [piece.start for piece in pieces]
+        np.testing.assert_allclose(starts, np.cumsum([0, *map(len, pieces)])[:-1] / 30)
+    assert len(pieces) > 3  # it does stream
+
+
+def test_pieces_at_another_rate():
+    speech = talk(2.5, rate=44_100)
+    whole = gesturer().generate(speech)
+    assert same(Motion.concatenate(list(gesturer().stream(cut(speech, [999, 30_000, 30_441, 80_000])))), whole)
+
+
+def test_seeds_and_takes():
+    speech = talk(2.0)
+    first = gesturer().generate(speech, seed=5)
+    assert same(first, gesturer().generate(speech, seed=5))
+    takes = gesturer().generate_takes(speech, takes=4, seed=4)
+    assert same(takes[1], first)
+    assert not np.allclose(takes[2].rotations, takes[3].rotations, atol=1e-3)
+
+
+def test_it_hears():
+    a, b = (gesturer().generate(s, seed=1, parts=("body",)) for s in (talk(2.0), Speech(np.zeros(32_000, np.float32))))
+    assert np.abs(a.rotations - b.rotations).max() > 1e-3
+
+
+def test_parts_rest():
+    speech = talk(2.0)
+    whole = gesturer().generate(speech)
+    rest = np.array([0, 0, 0, 1], np.float32)
+    body = gesturer().generate(speech, parts=("body",))
+    assert body.face is None
+    assert np.array_equal(body.rotations[:, BODY], whole.rotations[:, BODY])
+    assert (body.rotations[:, FINGERS] == rest).all()
+    hands = gesturer().generate(speech, parts="hands")
+    assert (hands.rotations[:, BODY] == rest).all()
+    assert np.ptp(hands.root, 0).max() == 0
+    assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
+    face = gesturer().generate(speech, parts=("face",))
+    assert (face.rotations[:, BODY + FINGERS] == rest).all()
+    ruled = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
+    assert np.array_equal(face.face, ruled.face)
+    assert np.array_equal(face.rotations[:, EYES], ruled.rotations[:, EYES])
+
+
+def test_intensity_scales_from_the_mean_pose():
+    speech = talk(2.0)
+    still, half, full = (gesturer().generate(speech, intensity=k, parts=("body",)).root for k in (0.0, 0.5, 1.0))
+    assert np.ptp(still, 0).max() < 1e-6
+    s = gesturer().system.statistics
+    away = (still[0] - humanoid().offsets[0])[[0, 2]]  # not the height: legs may be too short for it
+    mean = s.speaker_mean[0] * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(away, mean[[0, 2]], atol=1e-5)
+    np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
+
+
+def test_styles_are_speakers_and_mixtures():
+    speech = talk(2.0)
+    plain, ada, ben = (gesturer().generate(speech, style=s, parts=("body",)) for s in (None, "ada", "ben"))
+    assert same(plain, ada)
+    assert not np.allclose(ada.rotations, ben.rotations, atol=1e-2)
+    mixed, other = (source(s) for s in ("ada:3, ben:1", "ben"))
+    s = gesturer().system.statistics
+    np.testing.assert_allclose(mixed.style, 0.75 * s.styles[0] + 0.25 * s.styles[1], atol=1e-6)
+    np.testing.assert_allclose(other.speaker_mean, s.speaker_mean[1])
+    begun = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
+    assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
+    assert gesturer().styles == ("ada", "ben")
+
+
+def test_style_controls(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
+    controlled, speech = TrainedModel.open(path), talk(1.5)
+    median, high, both = (
+        controlled.generate(speech, style=s, parts=("body",)) for s in (None, "hand_height:0.95", "ben, hand_height:0.95")
+    )
+    assert same(median, controlled.generate(speech, style="hand_height:0.5,hand_speed:0.5", parts=("body",)))
+    assert not np.allclose(median.rotations, high.rotations, atol=1e-3)
+    assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
+    session = controlled.session(style="hand_speed:0.25")
+    table = controlled.system.statistics.controls
+    np.testing.assert_allclose(session._frontend.silence[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
+    for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
+        with pytest.raises(InputError):
+            controlled.session(style=wrong)
+
+
+def test_temperature_and_emotion():
+    speech = talk(2.0)
+    a, b = (gesturer().generate(speech, temperature=0.0, seed=1, parts=("hands",)) for _ in range(2))
+    assert same(a, b)
+    warm = gesturer().generate(speech, temperature=2.0, seed=1, parts=("hands",))
+    assert not same(a, warm)
+    happy, sad = (gesturer().generate(speech, emotion=e) for e in ("happiness", "sadness"))
+    assert np.abs(happy.face - sad.face).max() > 0.05
+    assert np.array_equal(happy.rotations[:, BODY], sad.rotations[:, BODY])
+    session = gesturer().session()
+    list(session.push(speech))
+    assert sum(session.emotion.values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("fps", [20.0, 47.0])
+def test_resampling_keeps_poses_and_holds_ends(fps):
+    """A straight line stays one; smoothing and the cubic add up to one everywhere."""
+    sampled = PoseResampler(2, 3, smooth=1, step=20 / fps)
+    line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones((2, 1, 3), np.float32)
+    count = int(40 * fps / 20)
+    made, at = sampled.push(line, count, 39)
+    np.testing.assert_allclose(at, np.arange(count) * 20 / fps)
+    inner = (at > 3) & (at < 36)
+    np.testing.assert_allclose(made[0, inner, 0], at[inner], atol=2e-4)
+    assert made[1, 0, 2] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
+    assert (np.diff(made[0, :, 0]) >= -1e-4).all()
+
+
+def test_odd_speech():
+    tiny = gesturer().generate(Speech(np.zeros(1, np.float32)))
+    assert len(tiny) == 1
+    silent = gesturer().generate(Speech(np.zeros(48_000, np.float32)))
+    assert np.isfinite(silent.rotations).all()
+    loud = gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)))
+    assert len(loud) == 30
+    with pytest.raises(InputError, match="no speech"):
+        list(gesturer().session().finish())
+    session = gesturer().session()
+    list(session.push(talk(0.5)))
+    with pytest.raises(InputError, match="Hz"):
+        list(session.push(talk(0.5, rate=8000)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"},
+        {"style": "ada:nan"}, {"style": ""},
+        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
+        {"temperature": 3},
+        {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_options(options):
+    with pytest.raises(InputError):
+        gesturer().session(**options)
+
+
+def test_poses_that_add_up_are_refused(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", "expmap-full", "mel27")
+    with pytest.raises(InputError, match="expmap-full"):
+        TrainedModel.open(path)
+
+
+def test_no_torch_and_no_onnx(tmp_path):
+    path = write_small(tmp_path / "a.cospeech")
+    code = (
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)));"
+        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+# a style that changes ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transfer", [CodeSource, SegmentSource, NormalSource])
+def test_changes_do_not_depend_on_the_pieces(transfer):
+    speech, player = talk(4.0), TrainedModel(gesturer().system, transfer)
+    clip = gesturer().generate(talk(3.0), style="ben", seed=8, parts=("body", "hands"))
+    changes = {20_000: "ben", 23_333: {clip: 0.6, "ada": 0.4}, 41_000: "ada:0.5,ben:0.5"}
+    made = changed(player, speech, [], changes, seed=2)
+    for edges in ([1, 2, 7, 9000, 9001, 40_000], list(range(1600, 60_000, 1600))):
+        assert same(changed(player, speech, edges, changes, seed=2), made)
+    assert not same(made, player.generate(speech, seed=2))
+
+
+def test_nothing_is_foreseen_of_a_change():
+    """A flow hears ahead, but plays every frame in its own style: only smoothing and the cubic look one and two poses on."""
+    speech, samples, options = talk(5.0), 40_000, {"parts": ("body", "hands"), "fps": 20.0, "seed": 1}
+    made = changed(gesturer(), speech, [], {samples: "ben"}, **options)
+    plain = gesturer().generate(speech, **options)
+    differs = np.flatnonzero((made.rotations != plain.rotations).any((1, 2)))
+    frame = samples // 800
+    assert frame + 1 - (gesturer().system.smooth + 2) <= differs[0] <= frame + 2
+    assert len(differs) > 0.9 * (len(made) - frame)
+
+
+def test_a_change_is_a_code_and_a_place_for_each_frame():
+    """Frame by frame on the engine, with codes and mean poses that are faded by hand."""
+    system, frames, start, seeds = gesturer().system, 60, 21, (3, 4)
+    sizes, s = system.engine.sizes, system.statistics
+    rng, after = np.random.default_rng(0), sizes.speech_frames - 1 - sizes.history
+    rows, silence = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
+
+    def make_sources(blend):
+        return [CodeSource(system, blend, seed=seed) for seed in seeds]
+
+    ada, mixed = (Styles(system).blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
+    player = AutoregressiveDecoder(system, make_sources, ada, silence, intensity=0.5)
+    made = [player.push(rows[:start])]
+    player.restyle(mixed, start)
+    made += [player.push(rows[start:40])]
+    placed = player.denormalise(np.concatenate(made, 1), at := np.arange(40 - after))
+    made = np.concatenate([*made, player.push(rows[40:]), player.finish(silence)], 1)
+
+    sources = make_sources(ada)
+    takes = system.engine.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
+    heard = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
+    windows, z = system.engine.windows(heard), np.stack([x.draw(frames) for x in sources])
+    u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
+    share = 0.75 * (3 * u**2 - 2 * u**3)
+    for f in range(frames):
+        takes.styles[:] = (1 - share[f]) * s.styles[0] + share[f] * s.styles[1]
+        np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
+    centres = (1 - share) * s.speaker_mean[0] + share * s.speaker_mean[1]
+    wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(placed, wanted[:, at], atol=1e-5)
+
+
+def test_a_change_brings_the_speaker_s_own_deviation():
+    """Of a system that knows poses by their recording's own mean and deviation: both are faded, and what is made by itself."""
+    system = gesturer().system
+    rng, width = np.random.default_rng(0), system.engine.sizes.pose
+    own = {
+        "style_gain": rng.uniform(0.5, 2, (2, width)),
+        "model_mean": rng.normal(size=width),
+        "model_std": rng.uniform(1, 2, width),
+    }
+    s = replace(system.statistics, **{name: value.astype(np.float32) for name, value in own.items()})
+    system = replace(system, statistics=s)
+
+    def make_sources(blend):
+        return [CodeSource(system, blend, seed=1)]
+
+    ada, ben = (Styles(system).blend(name) for name in ("ada", "ben"))
+    player = AutoregressiveDecoder(system, make_sources, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
+    player.restyle(ben, 0)
+    at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
+    found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
+    for k, share in enumerate((0.0, 0.5, 1.0)):
+        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.style_gain))
+        wanted = centre + (poses[:, k] - s.model_mean) / s.model_std * spread
+        np.testing.assert_allclose(found[:, k], wanted, atol=1e-4)
+
+
+def test_style_controls_change_with_the_style(tmp_path):
+    path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
+    player, speech = TrainedModel.open(path), talk(4.0)
+    changes = {16_000: "hand_height:0.95", 33_000: "ben"}
+    made = changed(player, speech, [], changes, parts=("body",))
+    assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
+    table, session = player.system.statistics.controls, player.session()
+    list(session.push(cut(speech, [16_000])[0]))
+    session.restyle("hand_height:0.95")
+    frontend = session._frontend
+    rows = np.concatenate([frontend.push(cut(speech, [16_000])[1]), frontend.finish()])
+    first = frontend.frames - len(rows)
+    assert rows[20 - first, -1] == table[50, 1]  # at the change itself nothing has changed yet
+    assert (rows[30 - first :, -1] == table[95, 1]).all()
+    assert rows[25 - first, -1] == pytest.approx((table[50, 1] + table[95, 1]) / 2, abs=1e-5)
+    assert (rows[:, -2] == table[50, 0]).all()
+
+
+def test_a_wrong_change_changes_nothing():
+    speech, session = talk(2.0), gesturer().session(seed=1)
+    made = list(session.push(speech))
+    for wrong in ("bem", 7, "ada:nan", "hand_height:0.5"):
+        with pytest.raises(InputError):
+            session.restyle(wrong)
+    assert same(Motion.concatenate([*made, *session.finish()]), gesturer().generate(speech, seed=1))
+    assert session.style_mixture is None
+
+
+def test_flows_hear_as_far_ahead_as_they_were_trained_to():
+    with pytest.raises(InputError, match="look-ahead"):
+        gesturer().session(look_ahead=1.0)
+    speech, session = talk(6.0), gesturer().session(parts=("body",))
+    heard, made, late = 0, 0, []
+    for chunk in cut(speech, list(range(160, len(speech), 160))):
+        heard += len(chunk)
+        made += sum(len(piece) for piece in session.push(chunk))
+        late.append(heard / 16_000 - made / 30)
+    assert session.latency - 0.06 < max(late) <= session.latency

@@ -1,0 +1,100 @@
+"""Options are checked in one place, whoever is asked; ``name:0.7,other:0.3`` is read by one function."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.generate import check_request
+from cospeech.motion.named_numbers import read_named_numbers
+from cospeech.motion.parts import PARTS
+from cospeech.rules import GenerationOptions, RuleBasedModel
+from cospeech.runtime.model import TrainedModel
+from tests.support.runtime_bundles import write_small
+
+WRONG = [
+    ({"emotion": "hapy"}, "no emotion is called 'hapy' (known: auto, neutral, happiness"),
+    ({"face_gain": 3}, "face gain 3"),
+    ({"parts": ("feet",)}, "no part is called 'feet' (some of face,body,hands)"),
+    ({"parts": ()}, "no part to generate"),
+    ({"intensity": 2.1}, "intensity 2.1 is out of range (0 … 2)"),
+    ({"intensity": None}, "intensity None is no number (0 … 2)"),
+    ({"temperature": float("nan")}, "temperature nan is out of range"),
+    ({"fps": 0}, "fps 0 is out of range (1 … 240 frames per second)"),
+    ({"fps": "30"}, "fps '30' is no number"),
+    ({"seed": 1.5}, "seed 1.5 is no whole number"),
+    ({"seed": -1}, "seed -1 is out of range (0 … 9223372036854775807)"),
+]
+
+
+@pytest.mark.parametrize(("options", "said"), WRONG, ids=str)
+def test_whoever_is_asked_says_the_same(options, said, tmp_path):
+    for ask in (
+        lambda: GenerationOptions(**options),
+        lambda: RuleBasedModel().session(**options),
+        lambda: TrainedModel.open(write_small(tmp_path / "a.cospeech")).session(**options),
+        lambda: check_request(RuleBasedModel(), **options),
+    ):
+        with pytest.raises(InputError) as told:
+            ask()
+        assert str(told.value).startswith(said)
+
+
+def test_options_become_what_models_work_with():
+    options = GenerationOptions(seed=np.int64(3), takes=2, fps=np.float32(25), intensity=1, parts="face,body,face")
+    assert (options.seeds, options.fps, options.parts) == ([3, 4], 25.0, ("face", "body"))
+    assert [type(value) for value in (options.seed, options.fps, options.intensity)] == [int, float, float]
+    assert GenerationOptions().parts == PARTS
+    assert GenerationOptions().track is None
+    assert GenerationOptions(emotion="anger").track.at(np.zeros(()))[2] == 1
+    with pytest.raises(FrozenInstanceError):
+        options.seed = 4
+    with pytest.raises(TypeError, match="speed"):
+        RuleBasedModel().session(speed=2)
+
+
+def test_the_last_take_has_a_seed_too():
+    assert GenerationOptions(seed=2**63 - 2, takes=2).seeds[-1] == 2**63 - 1
+    with pytest.raises(InputError, match="seed"):
+        GenerationOptions(seed=2**63 - 1, takes=2)
+    with pytest.raises(InputError, match="takes 0"):
+        GenerationOptions(takes=0)
+
+
+def test_a_session_takes_them_whole_or_with_changes():
+    options = GenerationOptions(fps=20, parts=("body",))
+    assert GenerationOptions.of(options, {}) is options
+    changed = RuleBasedModel().session(options, seed=7)
+    assert (changed.fps, changed.parts, changed.seed) == (20.0, ("body",), 7)
+    for more in ({"takes": 2}, {"look_ahead": 1.0}):
+        with pytest.raises(InputError, match="rule-based"):
+            RuleBasedModel().session(options, **more)
+
+
+# the grammar ----------------------------------------------------------------------------------------------------------
+
+
+def parts(text: str, **options):
+    return [part[:2] for part in read_named_numbers(text, number="weight", of="style", hint="a number", **options)]
+
+
+def test_names_and_numbers():
+    assert parts("calm:0.7, lively : .3") == [("calm", 0.7), ("lively", 0.3)]
+    assert parts("calm") == [("calm", None)]
+    assert parts("1.2,jawOpen:8e-1") == [("1.2", None), ("jawOpen", 0.8)]
+    assert parts("") == [("", None)]
+    assert parts("a,,b") == [("a", None), ("", None), ("b", None)]
+    text = " calm : 0.7 "
+    assert read_named_numbers(text, number="", of="", hint="")[0].text == "calm : 0.7"
+
+
+def test_a_colon_of_a_path_is_its_own():
+    known = {"is_name": lambda name: name == "ada"}
+    assert parts(r"C:\clips\a.bvh:0.5,C:\b.bvh", **known) == [(r"C:\clips\a.bvh", 0.5), (r"C:\b.bvh", None)]
+    with pytest.raises(InputError, match=r"weight 'x' of style 'ada' \(a number\)"):
+        parts("ada:x", **known)
+    with pytest.raises(InputError, match="weight '' of style 'ada'"):
+        parts("ada:", **known)

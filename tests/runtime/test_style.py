@@ -1,0 +1,411 @@
+"""Styles of bundles: examples of any skeleton and length, mixtures, strength; three ways of transfer."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from functools import cache, partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+import soundfile as sf
+
+from cospeech.audio.speech import Speech
+from cospeech.errors import InputError
+from cospeech.generate import generate_files
+from cospeech.models import BUNDLE, SHIPPED
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
+from cospeech.motion.skeleton import humanoid
+from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.flow_bundle import FlowSystem, open_flow
+from cospeech.runtime.model import TrainedModel
+from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
+from cospeech.runtime.style_measures import embed_flow_speaker, example, latents_of
+from tests.support.runtime_bundles import write_small
+
+pytestmark = pytest.mark.slow
+
+WAYS = {
+    "code": CodeSource,
+    "segments": SegmentSource,
+    "normal": NormalSource,
+    "segments-alone": partial(SegmentSource, coded=False),
+    "normal-alone": partial(NormalSource, coded=False),
+}
+BODY = ("body", "hands")
+
+
+@cache
+def system(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> FlowSystem:
+    """Random weights: nothing has been learnt, but every way from example to motion is there."""
+    return open_flow(read_bundle(write_small(Path(mkdtemp(prefix="cospeech-test-")) / "small.cospeech", pose, audio, fps)))
+
+
+def gesturer(way: str = "code") -> TrainedModel:
+    return TrainedModel(system(), WAYS[way])
+
+
+def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
+    """Noise in bursts, such as syllables are."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
+    return Speech((0.3 * sound + 0.001 * rng.normal(size=len(t))).astype(np.float32), rate)
+
+
+@cache
+def acted(hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0) -> Motion:
+    """The rule-based gesturer with one hand only, the left one (0) or the right one (1), low or high."""
+    one = replace(STYLES["lively"], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low")
+    return RuleBasedModel().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
+
+
+def same(a: Motion, b: Motion) -> bool:
+    return a.rotations.tobytes() == b.rotations.tobytes() and a.root.tobytes() == b.root.tobytes()
+
+
+def wrists(motion: Motion) -> np.ndarray:
+    """(T, 2, 3): left, right."""
+    index = humanoid().index
+    return motion.positions()[:, [index["leftHand"], index["rightHand"]]]
+
+
+def code(motion: Motion) -> np.ndarray:
+    return example(system(), motion).code
+
+
+# what an example does ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_two_examples_give_two_motions(way):
+    speech, left, right = talk(), acted(0.0), acted(1.0)
+    a, b, again = (gesturer(way).generate(speech, style=s, parts=BODY, seed=1) for s in (left, right, left))
+    assert same(a, again)
+    assert np.abs(a.rotations - b.rotations).max() > 0.01
+    assert len(a) == speech.frames(30)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_streams_are_wholes_and_takes_are_seeds(way):
+    speech, style = talk(3.3), {acted(0.0): 0.6, "ben": 0.4}
+    whole = gesturer(way).generate(speech, style=style, seed=3, parts=BODY)
+    for edges in ([1, 9000, 9001, 40_000], list(range(1600, 51_000, 1600))):
+        bounds = [0, *edges, len(speech)]
+        pieces = [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
+        assert same(Motion.concatenate(list(gesturer(way).stream(pieces, style=style, seed=3, parts=BODY))), whole)
+    takes = gesturer(way).generate_takes(speech, takes=3, style=style, seed=2, parts=BODY)
+    assert same(takes[1], whole)
+    assert not np.allclose(takes[0].rotations, takes[2].rotations, atol=1e-2)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_of_an_example_is_the_default(way):
+    speech = talk()
+    plain = gesturer(way).generate(speech, seed=4, parts=BODY)
+    assert same(gesturer(way).generate(speech, style={acted(0.0): 0}, seed=4, parts=BODY), plain)
+    assert same(gesturer(way).generate(speech, style="ada", seed=4, parts=BODY), plain)
+    assert same(gesturer(way).generate(speech, style="ben:0", seed=4, parts=BODY), plain)
+
+
+def test_weights():
+    known, a, b = Styles(system()), acted(0.0), acted(1.0)
+    half = known.blend({a: 0.5})
+    assert [share for share, _ in half] == [0.5, 0.5]
+    np.testing.assert_array_equal(half[1][1].code, embed_flow_speaker(system(), "ada").code)
+    assert [share for share, _ in known.blend({a: 3, "ben": 1})] == [0.75, 0.25]
+    assert [share for share, _ in known.blend({a: 0.7, b: 0.3})] == [0.7, 0.3]
+    assert [share for share, _ in known.blend({a: 0.7, b: 0.2, "ben": 0.1})] == pytest.approx([0.7, 0.2, 0.1])
+    assert [share for share, _ in known.blend("ben:0.25")] == [0.25, 0.75]
+    assert [share for share, _ in known.blend("ada:0.1,ben,ada:0.1")] == pytest.approx([0.2 / 1.2, 1 / 1.2])
+    mixed, parts = CodeSource(system(), known.blend({a: 0.7, b: 0.3}), seed=0), (example(system(), a), example(system(), b))
+    np.testing.assert_allclose(mixed.style, 0.7 * parts[0].code + 0.3 * parts[1].code, atol=1e-6)
+
+
+def test_mixtures_lie_between():
+    """Without movement what is left is the mean pose, which follows the examples even where nothing was learnt."""
+    speech, low, high = talk(1.5), acted(1.0, -0.2), acted(1.0, 0.25)
+    heights = []
+    for weight in (0.0, 0.25, 0.5, 0.75, 1.0):
+        style = {high: weight, low: 1 - weight}
+        motion = gesturer().generate(speech, style=style, intensity=0, parts=BODY, seed=1)
+        heights.append(wrists(motion)[:, 1, 1].mean())
+    assert (np.diff(heights) > 0.005).all()
+    assert heights[-1] - heights[0] > 0.05
+    posture = [gesturer().generate(speech, style=s, intensity=0, parts=BODY, seed=1) for s in (acted(0.0), acted(1.0))]
+    above = [wrists(motion).mean(0)[:, 1] for motion in posture]
+    assert above[0][0] > above[0][1] + 0.05  # the hand that gestures is the higher one
+    assert above[1][1] > above[1][0] + 0.05
+
+
+def test_five_minutes_with_an_example():
+    began = time.process_time()
+    motion = gesturer("segments").generate(talk(300.0), style=acted(0.0), fps=20, parts=BODY)
+    assert len(motion) == 6000
+    assert np.abs(np.diff(wrists(motion[-400:]), axis=0)).max() > 1e-3  # it still moves
+    assert time.process_time() - began < 60
+
+
+# latents -----------------------------------------------------------------------------------------------------------------
+
+
+def test_latents_of_an_example_make_it_again():
+    embedding = example(system(), acted(0.0))
+    (poses,), sizes = embedding.poses, system().engine.sizes
+    (z,) = latents_of(system(), embedding, embedding.code)
+    assert z.shape == (len(poses) - sizes.history, sizes.pose)
+    takes = system().engine.begin(poses[None, : sizes.history], embedding.code[None])
+    windows = np.zeros((40, sizes.speech_frames, sizes.audio), np.float32)
+    np.testing.assert_allclose(takes.frames(windows, z[None, :40])[0], poses[sizes.history :][:40], atol=0.02)
+
+
+def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
+    embedding = example(system(), acted(0.0))
+    (z,) = latents_of(system(), embedding, embedding.code)
+    source = SegmentSource(system(), ((1.0, embedding),), seed=5)
+    drawn = np.concatenate([source.draw(n) for n in (1, 3, 76, len(z) - 80 + 200)])
+    np.testing.assert_allclose(drawn[: len(z)], z, atol=1e-4)
+    seconds = drawn[len(z) :].reshape(10, 20, -1)
+    places = [np.abs(z[None] - second[0]).max(-1).argmin() for second in seconds]
+    for place, second in zip(places, seconds, strict=True):
+        np.testing.assert_allclose(second, z[place : place + 20], atol=1e-4)
+    assert len(set(places)) > 5
+    still = SegmentSource(system(), ((1.0, embedding),), seed=5, temperature=0.0).draw(300)
+    np.testing.assert_allclose(still, np.broadcast_to(z.mean(0), still.shape), atol=1e-4)
+
+
+def test_normal_latents_have_the_examples_mean_and_covariance():
+    embedding = example(system(), acted(0.0, seconds=30.0))
+    (z,) = latents_of(system(), embedding, embedding.code)
+    drawn = NormalSource(system(), ((1.0, embedding),), seed=0).draw(40_000)
+    np.testing.assert_allclose(drawn.mean(0), z.mean(0), atol=0.1 * z.std(0).max())
+    trust = len(z) / (len(z) + z.shape[1])
+    wanted = trust * np.cov(z.T, bias=True) + (1 - trust) * 50 / 48 * np.eye(z.shape[1])
+    np.testing.assert_allclose(np.cov(drawn.T), wanted, atol=0.06 * np.diag(wanted).max())
+    plain = NormalSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200)
+    np.testing.assert_allclose(
+        plain, CodeSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200), atol=1e-5
+    )
+
+
+# any skeleton, any length, any place ------------------------------------------------------------------------------------
+
+
+def away(a: np.ndarray, b: np.ndarray) -> float:
+    """Difference of two codes in units of how far two styles are apart."""
+    return float(np.linalg.norm(a - b) / np.linalg.norm(code(acted(0.0)) - code(acted(1.0))))
+
+
+@pytest.mark.parametrize("skeleton", ["mixamo", "beat", "vrm", "trinity", "smplx"])
+def test_any_skeleton(skeleton):
+    assert away(code(acted(0.0).retarget(skeleton)), code(acted(0.0))) < 0.1
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".glb", ".npz", ".vrma"])
+def test_any_file(suffix, tmp_path):
+    path = tmp_path / f"my clip, left{suffix}"  # a comma in the name of a file that is there
+    acted(0.0).save(path)
+    known = Styles(system())
+    ((share, embedding),) = known.blend(str(path))
+    assert share == 1
+    assert away(embedding.code, code(acted(0.0))) < 0.1
+    assert known.blend(path)[0][1] is embedding  # not read again
+    plain = path.rename(tmp_path / f"C:clip{suffix}")
+    assert [share for share, _ in known.blend(f"{plain}:0.25, ben:0.5")] == [0.25, 0.5, 0.25]
+    np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, embedding.code)
+
+
+def test_rate_place_and_heading_do_not_matter():
+    motion = acted(0.0)
+    assert away(code(acted(0.0, fps=60.0)), code(motion)) < 0.15
+    turn = axis_angle_to_quat([0, 1, 0], 2.0)
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
+    root = quat_rotate(turn, np.asarray(motion.root, float)) + np.array([5.0, 0, -3.0])
+    elsewhere = Motion(motion.fps, rotations, root.astype(np.float32))
+    there, here = (example(system(), m).poses[0] for m in (elsewhere, motion))
+    assert np.abs(there - here).mean() < 0.02  # of a deviation: what is left is that the mean heading was not quite 0
+    ahead = example(system(), Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
+    assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
+
+
+def test_long_examples_are_seen_in_pieces():
+    motion = acted(0.0)
+    long = Motion.concatenate([motion] * 40)  # six minutes
+    embedding = example(system(), long)
+    assert sum(map(len, embedding.poses)) == 120 * 20
+    assert len(embedding.poses) == 12
+    assert away(embedding.code, code(motion)) < 0.3
+    half = Motion.concatenate([long] * 5)
+    began = time.process_time()
+    assert sum(map(len, example(system(), half).poses)) == 120 * 20
+    assert time.process_time() - began < 5
+
+
+def test_the_shortest_example():
+    embedding = example(system(), acted(0.0)[:30])
+    assert np.isfinite(embedding.code).all()
+    speech = talk(5.0)
+    for way in WAYS:
+        assert len(gesturer(way).generate(speech, style=acted(0.0)[30:60], parts=BODY)) == 150
+    with pytest.raises(InputError, match=r"0\.97 s"):
+        example(system(), acted(0.0)[:29])
+
+
+@pytest.mark.parametrize(
+    ("pose", "fps", "audio"), [("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")]
+)
+def test_other_poses(pose, fps, audio):
+    other = TrainedModel(system(pose, fps, audio))
+    a, b = (other.generate(talk(), style=acted(hand), parts=BODY) for hand in (0.0, 1.0))
+    assert np.abs(a.rotations - b.rotations).max() > 0.005
+
+
+# what cannot be ----------------------------------------------------------------------------------------------------------
+
+
+def test_bad_examples(tmp_path):
+    known = Styles(system())
+    broken = tmp_path / "broken.bvh"
+    broken.write_text("HIERARCHY\nROOT hips\n{")
+    stick = tmp_path / "stick.bvh"
+    stick.write_text(
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+        "JOINT b\n{\nOFFSET 0 10 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 10 0\n}\n}\n}\n"
+        "MOTION\nFrames: 60\nFrame Time: 0.033333\n" + "0 0 0 0 0 0 0 0 0\n" * 60
+    )
+    short = tmp_path / "short.npz"
+    acted(0.0)[:10].save(short)
+    told_of = {
+        "broken.bvh": broken, "stick.bvh": stick, "short.npz": short, "none.bvh": tmp_path / "none.bvh", "clip.mp3": "clip.mp3",
+        "did you mean 'ada'": "adda", "weight 'x' of style 'ada'": "ada:x", "weight 'x' of style 'clip.bvh'": "clip.bvh:x",
+        "style ''": "", "style ' '": " ", "is called ''": ",", "null": "a\0.bvh",
+    }  # fmt: skip
+    for word, wrong in told_of.items():
+        with pytest.raises(InputError, match=r"^[^\n]*$") as told:
+            known.blend(str(wrong))
+        assert word in str(told.value)
+    for wrong in ("ada:nan", "ada:-1,ben:3", "ada:1e300,ben:1e300", "ada:inf"):
+        with pytest.raises(InputError, match="style weights"):
+            known.blend(wrong)
+    for odd in (7, {}, {7: 1.0}, {"ada": "x"}, {"ada": True}, {"ada": np.nan}, ["ada"], b"ada"):
+        with pytest.raises(InputError):
+            known.blend(odd)
+
+
+def test_a_file_that_changes_is_read_again(tmp_path):
+    path, known = tmp_path / "a.bvh", Styles(system())
+    acted(0.0).save(path)
+    first = known.blend(path)[0][1]
+    acted(1.0, seconds=5.0).save(path)
+    assert not np.allclose(known.blend(path)[0][1].code, first.code, atol=1e-3)
+
+
+# from the command line -----------------------------------------------------------------------------------------------
+
+
+def test_files_named_by_a_style(tmp_path):
+    comma = tmp_path / "a,b.bvh"
+    comma.touch()
+    for style, files in {
+        "ada": [], "a.bvh": ["a.bvh"], "a.bvh:0.5, ada , x/B.GLB:2": ["a.bvh", "x/B.GLB"], "C:\\a.npz:1": ["C:\\a.npz"],
+        str(comma): [str(comma)],
+    }.items():  # fmt: skip
+        assert example_files(style) == [Path(file) for file in files]
+    assert example_files({Path("a.bvh"): 1, "ada": 2, acted(0.0): 3}) == [Path("a.bvh")]
+    assert example_files(None) == example_files(acted(0.0)) == example_files(7) == []
+
+
+def test_generate_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_small(tmp_path / "small.cospeech")
+    acted(0.0).save("clip.bvh")
+    sf.write("talk.wav", talk(1.5).samples, 16_000)
+    options = {"model": "small.cospeech", "parts": BODY, "takes": 2, "seed": 1}
+    plain = generate_files("talk.wav", ["plain.bvh"], **options)
+    assert plain.style == "ada"
+    told = generate_files("talk.wav", ["by_text.bvh"], style="clip.bvh:0.5,ben:0.25", report="r.json", **options)
+    assert told.style == "clip.bvh:0.5,ben:0.25"
+    assert json.loads(Path("r.json").read_text())["style"] == told.style
+    by_dict = generate_files("talk.wav", ["by_dict.bvh"], style={Path("clip.bvh"): 0.5, "ben": 0.25}, **options)
+    assert by_dict.style == "clip.bvh:0.5,ben:0.25"
+    assert generate_files("talk.wav", ["by_motion.bvh"], style=acted(0.0), **options).style == "example"
+    texts = [Path(f"{name}.2.bvh").read_text() for name in ("plain", "by_text", "by_dict", "by_motion")]
+    assert texts[1] == texts[2]
+    assert len(set(texts)) == 3
+    before = Path("clip.bvh").read_bytes()
+    with pytest.raises(InputError, match="overwrite"):
+        generate_files("talk.wav", ["clip.bvh"], style="clip.bvh:0.5", model="small.cospeech")
+    with pytest.raises(InputError, match="cannot learn a style from an example"):
+        generate_files("talk.wav", ["other.bvh"], style="clip.bvh", model="rules")
+    assert Path("clip.bvh").read_bytes() == before
+    assert not Path("other.bvh").exists()
+
+
+# learnt: the bundle that ships -----------------------------------------------------------------------------------------
+
+
+@cache
+def learnt() -> TrainedModel:
+    path = SHIPPED / f"stylised-flow{BUNDLE}"
+    if not path.is_file():
+        pytest.skip("needs the weights that ship, and there are none (tools/build_weights.py)")
+    return TrainedModel.open(path)
+
+
+@cache
+def one_armed(hand: float) -> Motion:
+    """Still more so: the other arm hangs still."""
+    motion, idle = acted(hand), "right" if hand == 0 else "left"
+    rotations = motion.rotations.copy()
+    arm = [k for k, name in enumerate(humanoid().names) if name.startswith((f"{idle}Upper", f"{idle}Lower", f"{idle}Hand"))]
+    arm = [k for k in arm if "Leg" not in humanoid().names[k]]
+    rotations[:, arm] = rotations[:1, arm]
+    return replace(motion, rotations=rotations)
+
+
+@cache
+def performed(hand: float, seed: int = 0) -> np.ndarray:
+    """(T, 2, 3) wrists on eight seconds of speech."""
+    return wrists(learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY))
+
+
+def travel(path: np.ndarray) -> np.ndarray:
+    """(2,) metres a second, left and right."""
+    return np.linalg.norm(np.diff(path, axis=0), axis=-1).mean(0) * 30
+
+
+def test_the_hand_of_the_example_gestures():
+    """In every performance more than the other; how much more is left to chance, and mostly a great deal."""
+    spread = [[np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(4)]
+    left, right = (np.array([pair[k] for pair in spread]) for k in (0, 1))
+    assert (left[:, 0] > 1.1 * left[:, 1]).all()
+    assert (right[:, 1] > 1.1 * right[:, 0]).all()
+    assert np.median(np.concatenate([left[:, 0] / left[:, 1], right[:, 1] / right[:, 0]])) > 1.7
+
+
+def test_size_follows_the_example():
+    examples = [acted(1.0), replace(acted(1.0), rotations=np.repeat(acted(1.0).rotations[:1], 270, 0))]
+    lively, still = (wrists(learnt().generate(talk(8.0), style=e, parts=BODY)) for e in examples)
+    assert travel(still).max() < 0.5 * travel(lively).max()
+    shown = wrists(acted(1.0))
+    np.testing.assert_allclose(lively[:, 1].mean(0), shown[:, 1].mean(0), atol=0.12)
+    assert 0.5 < lively[:, 1].std(0).max() / shown[:, 1].std(0).max() < 1.6
+
+
+def test_weights_lead_from_one_example_to_the_other():
+    left, right = one_armed(0.0), one_armed(1.0)
+    lean = []
+    for weight in (0.0, 0.25, 0.5, 0.75, 1.0):
+        path = wrists(learnt().generate(talk(8.0), style={left: weight, right: 1 - weight}, parts=BODY))
+        lean.append(float((path[:, 0, 1] - path[:, 1, 1]).mean()))
+    assert (np.diff(lean) > 0).all()
+    half = [wrists(learnt().generate(talk(8.0), style={left: w}, parts=BODY)) for w in (0, 0.5, 1)]
+    lean = [float((path[:, 0, 1] - path[:, 1, 1]).mean()) for path in half]
+    assert lean[0] < lean[1] < lean[2]

@@ -1,0 +1,115 @@
+"""Several takes of one speech: as many in one pass as the model can play, and the same files as one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import soundfile
+
+from cospeech.audio.speech import SpeechSource
+from cospeech.cli.demo import EXAMPLE
+from cospeech.export import npz
+from cospeech.generate import generate_files, take_path
+from cospeech.models import load
+from tests.support.runtime_bundles import write_small
+
+pytestmark = pytest.mark.slow
+
+BUNDLE = "small.cospeech"
+PLAYERS = (BUNDLE, "rules")
+FILES = ("talk.bvh", "talk.npz")
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a little speech and a bundle of random weights; the working folder."""
+    monkeypatch.chdir(tmp_path)
+    speech, rate = soundfile.read(EXAMPLE, frames=60_000, dtype="float32")
+    soundfile.write("talk.wav", speech, rate)
+    write_small(Path(BUNDLE))
+    return tmp_path
+
+
+@pytest.fixture
+def passes(monkeypatch):
+    """A list that grows by one whenever the sound is decoded."""
+    heard, blocks = [], SpeechSource.blocks
+
+    def counted(source):
+        heard.append(source.name)
+        return blocks(source)
+
+    monkeypatch.setattr(SpeechSource, "blocks", counted)
+    return heard
+
+
+def names() -> list[str]:
+    return sorted(path.name for path in Path().iterdir())
+
+
+@pytest.mark.parametrize("model", PLAYERS)
+@pytest.mark.parametrize("skeleton", ["humanoid", "beat"])
+def test_takes_are_the_single_runs_of_their_seeds(place, model, skeleton):
+    options = {"model": model, "skeleton": skeleton, "fps": 24.0}
+    report = generate_files("talk.wav", FILES, seed=7, takes=5, **options)
+    assert report.outputs == [f"talk.{take}{suffix}" for take in range(1, 6) for suffix in (".bvh", ".npz")]
+    seen = set()
+    for take in range(5):
+        alone = generate_files("talk.wav", ["alone.bvh", "alone.npz"], seed=7 + take, **options)
+        assert (alone.emotion, alone.frames, alone.speech_seconds) == (report.emotion, report.frames, report.speech_seconds)
+        for name in FILES:
+            made = take_path(name, take + 1, 5).read_bytes()
+            assert made == Path("alone").with_suffix(Path(name).suffix).read_bytes()
+            seen.add(made)
+    assert len(seen) == 10
+    assert (report.seed, report.takes) == (7, 5)
+
+
+def test_sound_is_decoded_once_for_eight_takes(place, passes):
+    assert (load(BUNDLE).takes_at_once, load("rules").takes_at_once) == (8, 1)
+    generate_files("talk.wav", ["nine.bvh"], model=BUNDLE, seed=3, takes=9)
+    assert len(passes) == 2
+    assert len({Path(f"nine.{take}.bvh").read_bytes() for take in range(1, 10)}) == 9
+    generate_files("talk.wav", ["last.bvh"], model=BUNDLE, seed=11)
+    assert Path("nine.9.bvh").read_bytes() == Path("last.bvh").read_bytes()
+    passes.clear()
+    generate_files("talk.wav", ["two.bvh"], model="rules", takes=2)
+    assert len(passes) == 2
+
+
+@pytest.mark.parametrize("model", PLAYERS)
+def test_progress_is_of_all_takes(place, model):
+    told: list[tuple[float, float | None]] = []
+    report = generate_files("talk.wav", ["talk.bvh"], model=model, takes=10, progress=lambda *now: told.append(now))
+    whole = 10 * report.speech_seconds
+    done = [now for now, _ in told]
+    assert [total for _, total in told] == pytest.approx([whole] * len(told))
+    assert done == sorted(done)
+    assert done[0] < whole / 2
+    assert whole <= done[-1] + 1e-9 < whole + 8.1 / report.fps  # the last frame of a take may end after the speech
+
+
+@pytest.mark.parametrize("model", PLAYERS)
+def test_a_take_that_cannot_be_written_leaves_nothing(place, model, monkeypatch):
+    """The third of four, in the middle of the speech; a file of an earlier run stays as it was."""
+    begun, begin, write = [], npz.Writer._begin, npz.Writer._write
+
+    def begins(writer, temporary):
+        begun.append(writer)
+        begin(writer, temporary)
+
+    def fails(writer, motion):
+        if begun.index(writer) == 2 and writer.frames:
+            raise OSError(28, "No space left on device")
+        write(writer, motion)
+
+    monkeypatch.setattr(npz.Writer, "_begin", begins)
+    monkeypatch.setattr(npz.Writer, "_write", fails)
+    Path("talk.1.bvh").write_text("of an earlier run")
+    before = names()
+    with pytest.raises(OSError, match="No space left"):
+        generate_files("talk.wav", FILES, model=model, takes=4, report="report.json")
+    assert names() == before
+    assert Path("talk.1.bvh").read_text() == "of an earlier run"
+    assert len(begun) == (4 if model == BUNDLE else 3)

@@ -1,0 +1,462 @@
+"""Windows that slide: against one pass over everything, in pieces of any size, with styles that change, takes that differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import erf, inf, sqrt
+
+import numpy as np
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.runtime.crossfade import FADE, Crossfade
+from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
+from cospeech.runtime.window_layout import WindowLayout
+from cospeech.runtime.window_style import embed_window_speaker
+from tests.support.fake_windows import NAMES, fake_sizes, fake_system
+
+SYSTEM = fake_system()
+SIZES = SYSTEM.engine.sizes
+QUIET = np.array([[-0.5, 0.25]], np.float32)
+SMALL = WindowLayout(window=32, hop=4, ahead=8, fade=3)
+SETTINGS = {"live": live(SIZES), "small": SMALL, "whole": whole(SIZES), "abrupt": WindowLayout(16, 4, 0, 0)}
+
+
+def blend(**shares: float):
+    return tuple((share, embed_window_speaker(SYSTEM, name)) for name, share in shares.items())
+
+
+ADA, BEN, MIXED = blend(ada=1.0), blend(ben=1.0), blend(ada=0.7, cleo=0.3)
+
+
+def speech(frames: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(frames, SIZES.audio)).astype(np.float32)
+
+
+def player(setting: WindowLayout = SMALL, style=ADA, seeds=(0,), system=SYSTEM, **options) -> SlidingWindowDecoder:
+    return SlidingWindowDecoder(system, setting, style, seeds, QUIET, **options)
+
+
+def played(who: SlidingWindowDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
+    """All poses of this speech, pushed in pieces of these sizes, the last one again and again."""
+    made, at, sizes = [], 0, list(sizes or [len(rows)])
+    while at < len(rows):
+        size = sizes.pop(0) if len(sizes) > 1 else max(1, sizes[0])
+        made.append(who.push(rows[at : at + size]))
+        at += size
+    return np.concatenate([*made, who.finish(QUIET)], 1)
+
+
+def codes_of(frames: np.ndarray, track: list[tuple[int, np.ndarray]]) -> np.ndarray:
+    """(n, styles) worked out frame by frame: each style faded in over half a second by 3u² − 2u³."""
+    out = []
+    for frame in frames:
+        code = track[0][1].astype(float)
+        for start, new in track[1:]:
+            u = min(max((frame - start) / (FADE * SYSTEM.fps), 0), 1)
+            code = code + (3 * u**2 - 2 * u**3) * (new - code)
+        out.append(code)
+    return np.array(out)
+
+
+def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int = 64) -> np.ndarray:
+    """What the network makes of the whole speech at once, with silence around it and without noise."""
+    fill = -len(rows) % SIZES.multiple
+    heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around + fill, 0)])
+    style = codes_of(np.arange(len(heard)) - around, track)[None]
+    made = SYSTEM.engine.make(heard, style, np.zeros((1, len(heard), SIZES.modes)))
+    return made[:, around : around + len(rows)]
+
+
+def by_hand(rows: np.ndarray, setting: WindowLayout, track: list[tuple[int, np.ndarray]]) -> np.ndarray:
+    """The sliding windows again, each cut out of the whole speech by its number."""
+    around = 4 * setting.window
+    heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around, 0)])
+    made, before = [], None
+    for first in range(0, len(rows), setting.hop):
+        begin = first + setting.hop + setting.ahead - setting.window
+        at = np.arange(begin, begin + setting.window)
+        poses = SYSTEM.engine.make(heard[at + around], codes_of(at, track)[None], np.zeros((1, len(at), SIZES.modes)))[0]
+        new = poses[first - begin :].copy()
+        if before is not None:
+            for k in range(setting.fade):
+                share = (k + 1) / (setting.fade + 1)
+                new[k] = (1 - share) * before[k] + share * new[k]
+        made.append(new[: setting.hop])
+        before = poses[first - begin + setting.hop :]
+    return np.concatenate(made)[None, : len(rows)]
+
+
+# where windows lie --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frames", [1, 3, 4, 5, 31, 32, 33, 257, 700])
+def test_whole_is_one_pass_over_the_whole_speech(frames):
+    rows = speech(frames)
+    made = played(player(whole(SIZES), MIXED, temperature=0.0), rows)
+    assert made.shape == (1, frames, SIZES.pose)
+    np.testing.assert_allclose(made, one_pass(rows, [(0, np.array([0.7, 0, 0.3]))]), atol=2e-5)
+
+
+def test_whole_would_notice_a_window_too_small_or_out_of_step():
+    rows, wanted = speech(300), one_pass(speech(300), [(0, np.eye(3)[0])])
+    right = whole(SIZES)
+    for wrong in (
+        replace(right, window=right.window - 8),  # less before than what matters
+        replace(right, window=right.window - 8, ahead=right.ahead - 8),  # less after
+        replace(right, hop=right.hop - 2, ahead=right.ahead + 2),  # other steps in time
+    ):
+        assert np.abs(played(player(wrong, temperature=0.0), rows) - wanted).max() > 0.01
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+@pytest.mark.parametrize("frames", [1, 7, 90])
+def test_windows_slide_as_they_are_said_to(setting, frames):
+    rows = speech(frames)
+    made = played(player(setting, MIXED, temperature=0.0), rows)
+    np.testing.assert_allclose(made, by_hand(rows, setting, [(0, np.array([0.7, 0, 0.3]))]), atol=2e-5)
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+def test_pieces_do_not_show(setting):
+    rows = speech(333)
+    at_once = played(player(setting, seeds=(3, 4)), rows)
+    for sizes in ([1], [4], [7], [32], [0, 1, 2, 0, 300, 5], [332, 1], [64, 3]):
+        assert played(player(setting, seeds=(3, 4)), rows, sizes).tobytes() == at_once.tobytes()
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+def test_no_frame_waits_longer_than_said(setting):
+    who, rows, made = player(setting), speech(600), 0
+    assert who.latency == setting.waits / SYSTEM.fps
+    for heard in range(1, 601):
+        made += who.push(rows[heard - 1 : heard]).shape[1]
+        assert made == max(0, (heard - setting.ahead) // setting.hop) * setting.hop
+        assert heard - made < setting.waits
+
+
+def test_no_speech_no_poses():
+    for setting in SETTINGS.values():
+        who = player(setting, seeds=(1, 2))
+        assert who.push(speech(0)).shape == (2, 0, SIZES.pose)
+        assert who.finish(QUIET).shape == (2, 0, SIZES.pose)
+
+
+def test_a_window_is_as_long_as_in_training():
+    who = player(live(SIZES))
+    SYSTEM.engine.calls.clear()
+    played(who, speech(40))
+    assert set(SYSTEM.engine.calls) == {(1, 32)}
+    assert len(SYSTEM.engine.calls) == 10
+
+
+def test_settings():
+    assert live(fake_sizes(window=64)) == LIVE
+    assert live(fake_sizes(window=10)) == replace(LIVE, window=LIVE.waits)  # no shorter than what is new and ahead
+    assert live(fake_sizes(window=63, multiple=32, reach=40)) == LIVE
+    assert whole(fake_sizes(multiple=32, reach=140)) == WindowLayout(window=160 + 256 + 160, hop=256, ahead=160, fade=0)
+    assert whole(fake_sizes(reach=0, multiple=1)).ahead == 0
+    sizes = fake_sizes(window=64, multiple=32, reach=140)
+    assert looking(sizes, 20) == LIVE
+    assert looking(sizes, 20, LIVE.ahead / 20) == LIVE
+    assert looking(sizes, 20, 2.0) == WindowLayout(window=96, hop=4, ahead=40, fade=4)
+    assert looking(sizes, 20, 2.0).past >= LIVE.past  # what is heard before does not become less
+    assert looking(sizes, 20, 0.05) == WindowLayout(window=64, hop=4, ahead=1, fade=1)
+    assert looking(sizes, 20, 0) == WindowLayout(window=64, hop=4, ahead=0, fade=0)
+    assert looking(sizes, 20, 7.0) == looking(sizes, 20, inf) == whole(sizes)
+    for wrong in (-0.1, np.nan, "long", True, [1.0]):
+        with pytest.raises(InputError, match="look_ahead"):
+            looking(sizes, 20, wrong)
+    for odd in ({"hop": 0}, {"fade": 9}, {"fade": -1}, {"ahead": -1, "fade": -1}, {"window": LIVE.waits - 1}, {"ahead": 61}):
+        with pytest.raises(InputError):
+            replace(LIVE, **odd)
+
+
+def test_a_network_that_normalises_hears_as_much_before_as_after():
+    sizes = fake_sizes(window=64, multiple=1, reach=None)
+    assert whole(sizes) == looking(sizes, 20, inf) == WindowLayout(window=64, hop=4, ahead=30, fade=4)
+    assert looking(sizes, 20, 1.0) == WindowLayout(window=64, hop=4, ahead=20, fade=4)  # windows stay as in training
+
+
+# styles ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+@pytest.mark.parametrize("frame", [0, 1, 50, 61])
+def test_a_style_that_changes_is_a_style_for_each_frame(setting, frame):
+    rows, track = speech(120), [(0, np.eye(3)[0]), (frame, np.array([0.2, 0.8, 0]))]
+    who = player(setting, temperature=0.0)
+    made = who.push(rows[:frame])
+    who.restyle(blend(ada=0.2, ben=0.8), frame)
+    made = np.concatenate([made, played(who, rows[frame:])], 1)
+    np.testing.assert_allclose(made, by_hand(rows, setting, track), atol=2e-5)
+    if setting.fade == 0 and setting.ahead:
+        np.testing.assert_allclose(made, one_pass(rows, track), atol=2e-5)
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+def test_before_a_change_bits_stay_but_for_the_look_ahead(setting):
+    rows, frame = speech(800), 401
+    plain = played(player(setting), rows)
+    who = player(setting)
+    made = who.push(rows[:frame])
+    who.restyle(BEN, frame)
+    made = np.concatenate([made, played(who, rows[frame:])], 1)
+    changed = np.flatnonzero((made != plain).any((0, 2)))
+    foreseen = frame + 2 - setting.waits  # a window whose new frames begin before ends with the last frame of the old style
+    assert changed[0] >= max(foreseen, 0)
+    assert changed[0] <= frame + setting.hop
+    later = played(player(setting, BEN), rows)
+    settled = frame + round(FADE * SYSTEM.fps) + setting.past + setting.hop
+    assert made[:, settled:].tobytes() == later[:, settled:].tobytes()  # and is then as if it had always been so
+
+
+def test_changes_do_not_depend_on_the_pieces():
+    rows, changes = speech(900), {100: BEN, 104: MIXED, 500: BEN, 503: ADA, 504: blend(cleo=1.0)}
+    for setting in SETTINGS.values():
+        found = set()
+        for size in (1, 4, 10, 97, 900):
+            who, made = player(setting, seeds=(5, 6)), []
+            for start, end in zip([0, *changes], [*changes, 900], strict=True):
+                if start:
+                    who.restyle(changes[start], start)
+                made += [who.push(rows[k : min(k + size, end)]) for k in range(start, end, size)]
+            found.add(np.concatenate([*made, who.finish(QUIET)], 1).tobytes())
+        assert len(found) == 1
+
+
+def test_of_two_changes_at_one_place_the_last_counts():
+    rows = speech(80)
+
+    def made(*styles):
+        who = player()
+        first = who.push(rows[:30])
+        for style in styles:
+            who.restyle(style, 30)
+        return np.concatenate([first, played(who, rows[30:])], 1).tobytes()
+
+    assert made(MIXED, BEN) == made(BEN) != made(MIXED)
+    assert made(BEN, ADA) == made()
+
+
+def test_a_thousand_changes_are_forgotten():
+    who = player()
+    for frame in range(1000):
+        who.restyle((ADA, BEN)[frame % 2], frame)
+        who.push(speech(1, frame))
+    assert len(who._styles.layers) < 100
+
+
+def test_fading_takes_over_to_the_bit():
+    track = Crossfade(np.full((1, 1, 1), 0.1, np.float32), fps=20)
+    track.change(np.full((1, 1, 1), 0.7, np.float32), 10)
+    at = np.arange(0, 25, 0.25)
+    mixed = track.mix(lambda value: value, at)[0, :, 0]
+    assert (mixed[at <= 10] == np.float32(0.1)).all()
+    assert (mixed[at >= 20] == np.float32(0.7)).all()
+    assert (np.diff(mixed) >= 0).all()
+    assert mixed[at == 15] == pytest.approx(0.4)
+    assert track.steady(0, 11)
+    assert not track.steady(0, 12)
+    assert not track.steady(19, 30)
+    assert track.steady(20, 99)
+    track.forget(19.9)
+    assert len(track.layers) == 2
+    track.forget(20)
+    assert [start for start, _ in track.layers] == [10]
+    assert track.mix(lambda value: value, at).ravel() == np.float32(0.7)
+
+
+def test_intensity_scales_around_the_style_s_mean_pose():
+    rows, s = speech(60), SYSTEM.statistics
+    at, poses = np.arange(60.0), {}
+    for intensity in (0.0, 0.5, 1.0, 2.0):
+        who = player(style=MIXED, intensity=intensity)
+        poses[intensity] = who.denormalise(played(who, rows), at)
+    centre = (0.7 * s.speaker_mean[0] + 0.3 * s.speaker_mean[2]) * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(poses[0.0], np.broadcast_to(centre, poses[0.0].shape), atol=1e-6)
+    gain, made = (0.7 * x[0] + 0.3 * x[2] for x in (s.style_gain, s.model_mean))
+    sized = gain * (played(player(style=MIXED), rows) - made) * s.pose_std  # as the speakers' own movement is
+    np.testing.assert_allclose(poses[1.0], sized + centre, atol=1e-6)
+    np.testing.assert_allclose(poses[0.5] - centre, (poses[1.0] - centre) / 2, atol=1e-6)
+    np.testing.assert_allclose(poses[2.0] - centre, (poses[1.0] - centre) * 2, atol=1e-6)
+    who = player(intensity=0.0)
+    who.restyle(BEN, 20)
+    still = (who.denormalise(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std
+    np.testing.assert_allclose(still, codes_of(at, [(0, np.eye(3)[0]), (20, np.eye(3)[1])]) @ s.speaker_mean, atol=1e-5)
+
+
+# takes -------------------------------------------------------------------------------------------------------------------
+
+
+def test_temperature_zero_is_the_network_s_own_motion():
+    rows = speech(90)
+    takes = played(player(seeds=range(3), temperature=0.0), rows)
+    assert takes[0].tobytes() == takes[1].tobytes() == takes[2].tobytes()
+    np.testing.assert_allclose(takes[:1], by_hand(rows, SMALL, [(0, np.eye(3)[0])]), atol=2e-5)
+    strayed = [np.abs(played(player(temperature=t), rows) - takes[:1]).mean() for t in (0.25, 1.0)]
+    assert 0.01 < strayed[0] < strayed[1]
+
+
+def test_takes_are_seeds_and_played_in_one_pass():
+    rows = speech(90)
+    SYSTEM.engine.calls.clear()
+    together = played(player(seeds=range(8)), rows)
+    assert {takes for takes, _ in SYSTEM.engine.calls} == {8}
+    assert len(SYSTEM.engine.calls) == 23
+    for seed in range(8):
+        assert played(player(seeds=[seed]), rows).tobytes() == together[seed].tobytes()
+    assert len({take.tobytes() for take in together}) == 8
+    assert np.abs(together[0] - together[1]).mean() > 0.05
+
+
+def test_another_look_ahead_is_the_same_take():
+    """Of a network that hears one frame at a time, windows of any kind make the same."""
+    system = fake_system(fake_sizes(multiple=1, reach=0))
+    rows = speech(90)
+    made = [
+        played(player(setting, seeds=[9], system=system), rows)
+        for setting in (WindowLayout(32, 4, 8, 3), whole(system.engine.sizes))
+    ]
+    np.testing.assert_allclose(made[0], made[1], atol=1e-5)
+
+
+def test_a_free_code_is_moved_for_good():
+    codes = np.array([[1.0, 0], [0, 5], [-1, 1]])
+    sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
+    system = fake_system(sizes, codes=codes)
+    ada = ((1.0, embed_window_speaker(system, "ada")),)
+    codes_played = []
+    system.engine.make = lambda rows, style, mode_noise: (
+        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    )
+    played(SlidingWindowDecoder(system, SMALL, ada, range(500), QUIET), speech(9))
+    moved = codes_played[0][:, 0] - codes[0]
+    assert all((style == codes_played[0]).all() for style in codes_played)
+    np.testing.assert_allclose(moved.std(0), codes.std(0), rtol=0.1)
+    np.testing.assert_allclose(moved.mean(0), 0, atol=0.3)
+    codes_played.clear()
+    played(SlidingWindowDecoder(system, SMALL, ada, range(3), QUIET, temperature=0.0), speech(9))
+    assert (codes_played[0] == codes[0]).all()
+
+
+def test_a_free_code_is_one_for_a_window():
+    sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
+    system = fake_system(sizes, codes=np.array([[1.0, 0], [0, 5], [-1, 1]]))
+    ada, ben = (((1.0, embed_window_speaker(system, name)),) for name in NAMES[:2])
+    codes_played = []
+    system.engine.make = lambda rows, style, mode_noise: (
+        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
+    )
+    who = SlidingWindowDecoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
+    who.push(speech(20))
+    who.restyle(ben, 20)
+    played(who, speech(40))
+    middles = 4 * np.arange(15) + 2
+    wanted = codes_of(middles, [(0, np.array([1.0, 0])), (20, np.array([0, 5.0]))])
+    assert all((style == style[:, :1]).all() for style in codes_played)
+    np.testing.assert_allclose(np.concatenate(codes_played)[:, 0], wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize("styles", [0, 3])
+def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
+    system = fake_system(fake_sizes(styles=styles, modes=0), codes=np.eye(3)[:, :styles])
+    ada = ((1.0, embed_window_speaker(system, "ada")),)
+    takes = played(SlidingWindowDecoder(system, SMALL, ada, [1, 2], QUIET), speech(50))
+    assert takes[0].tobytes() == takes[1].tobytes()
+
+
+# noise -------------------------------------------------------------------------------------------------------------------
+
+
+def test_noise_is_gumbel_at_every_frame_and_draws_modes_as_softmax_has_them():
+    rate = 2.0  # frames so far apart that there are many draws in few frames
+    noise = SmoothGumbel(5, rate, seed=1).draw(40_000)
+    assert noise.dtype == np.float32
+    assert noise.std() == pytest.approx(np.pi / sqrt(6), rel=0.02)
+    assert noise.mean() == pytest.approx(0.5772, abs=0.02)
+    for x in (-1.0, 0.0, 0.5, 2.0, 4.0):
+        assert (noise <= x).mean() == pytest.approx(np.exp(-np.exp(-x)), abs=0.01)
+    assert np.abs(np.corrcoef(noise.T) - np.eye(5)).max() < 0.03
+    logits = np.array([0.0, 1.0, -1.0, 2.0, 0.5])
+    drawn = np.bincount((logits + noise).argmax(1), minlength=5) / len(noise)
+    np.testing.assert_allclose(drawn, np.exp(logits) / np.exp(logits).sum(), atol=0.012)
+
+
+@pytest.mark.parametrize("fps", [12.0, 15.0, 30.0])
+def test_noise_is_smooth_and_as_slow_at_any_rate(fps):
+    noise = SmoothGumbel(400, fps, seed=2).draw(round(3 * fps) + 1).astype(float)
+    # back to normal numbers, by bisection: what correlates is known there
+    level = np.exp(-np.exp(-noise))
+    low, high = np.full(noise.shape, -8.0), np.full(noise.shape, 8.0)
+    phi = np.vectorize(lambda x: (1 + erf(x / sqrt(2))) / 2)
+    for _ in range(30):
+        middle = (low + high) / 2
+        below = phi(middle) < level
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    for lag in (0.5, 1.0, 2.0):
+        k = round(lag * fps)
+        seconds = k / fps
+        found = (low[:-k] * low[k:]).mean()
+        assert found == pytest.approx((1 + 2 * seconds) * np.exp(-2 * seconds), abs=0.08)
+    speed = np.diff(low, axis=0) * fps
+    assert speed.std() == pytest.approx(2.0, rel=0.1)  # λ: a process with a derivative, not a jitter that grows with the rate
+
+
+def test_noise_does_not_depend_on_the_pieces():
+    at_once = SmoothGumbel(3, 15, seed=7).draw(100)
+    noise = SmoothGumbel(3, 15, seed=7)
+    assert np.concatenate([noise.draw(n) for n in (0, 1, 2, 3, 60, 34)]).tobytes() == at_once.tobytes()
+    assert not np.allclose(SmoothGumbel(3, 15, seed=8).draw(100), at_once, atol=0.5)
+    assert np.isfinite(SmoothGumbel(3, 15, seed=2**62).draw(2000)).all()
+    assert SmoothGumbel(0, 15, seed=1).draw(4).shape == (4, 0)
+
+
+def test_numbers_far_out_stay_numbers():
+    from cospeech.runtime.mode_noise import _gumbel
+
+    x = np.array([-60.0, -9.0, -1.0, 0.0, 3.0, 9.0, 60.0])
+    made = _gumbel(x)
+    assert np.isfinite(made).all()
+    assert (np.diff(made) >= 0).all()
+    assert made[3] == pytest.approx(-np.log(np.log(2)))
+
+
+# networks ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["mix-stage", "stage", "cmix-gan", "speech2gesture", "munit"])
+def test_networks_are_played_as_they_are(name):
+    """Of random weights: several takes have the bits of one each, and whole is what one pass of the network itself makes."""
+    pytest.importorskip("torch", reason="networks need torch (the train extra)")
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from cospeech.runtime.window_engine import WindowEngine
+    from cospeech.training.export.window_graph import lower
+    from tests.support.windowed_networks import given, make_network, run_network
+
+    net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
+    low = lower(net)
+    system = fake_system(low.sizes, codes=np.eye(3)[:, : low.sizes.styles])
+    engine = WindowEngine(low.sizes, low.weights, low.graphs, np.full(96, -1e3), np.full(96, 1e3))
+    system = replace(system, engine=engine)
+    rows, *_ = given(net, 1, 300)
+    silence, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, embed_window_speaker(system, "ben")),)
+    for setting in (live(low.sizes), whole(low.sizes)):
+
+        def made(*seeds, setting=setting, **options):
+            who = SlidingWindowDecoder(system, setting, ben, seeds, silence, **options)
+            return np.concatenate([who.push(rows), who.finish(silence)], 1)
+
+        together = made(*range(8))
+        assert together.shape == (8, 300, 96)
+        assert together[0].tobytes() == made(0)[0].tobytes()
+        assert together[7].tobytes() == made(7)[0].tobytes()
+        assert (np.abs(together[0] - together[1]).max() > 1e-3) == (name not in ("stage", "speech2gesture"))
+    if low.sizes.reach is not None:
+        around = whole(low.sizes).ahead
+        heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % low.sizes.multiple, 0)])
+        style = np.zeros((1, len(heard), low.sizes.styles), np.float32)
+        style[..., 1:2] = 1
+        wanted = run_network(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
+        np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

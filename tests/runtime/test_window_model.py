@@ -1,0 +1,410 @@
+"""Systems of windows that play: the calls of every model, styles, examples, changes of style, streams to the bit."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from functools import cache, partial
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile as sf
+
+from cospeech import generate as generating
+from cospeech.audio.speech import Speech
+from cospeech.errors import InputError
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import humanoid
+from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.runtime.model import TrainedModel
+from cospeech.runtime.sliding_window_decoder import LIVE
+from cospeech.runtime.style import CodeSource
+from cospeech.runtime.style_measures import stretches
+from cospeech.runtime.window_style import embed_window_speaker, example_window, mixture, plays_mixtures
+from tests.support.fake_windows import whole_system
+from tests.support.runtime_bundles import changed, cut, same, talk
+
+pytestmark = pytest.mark.slow
+
+BODY = ("body", "hands")
+
+
+def gesturer(**kind) -> TrainedModel:
+    return TrainedModel(whole_system(**kind))
+
+
+@cache
+def acted(style: str = "lively", seconds: float = 9.0, fps: float = 30.0) -> Motion:
+    return RuleBasedModel().generate(talk(seconds), style=STYLES[style], fps=fps, parts=BODY, emotion="neutral")
+
+
+def away(a: Motion, b: Motion) -> float:
+    return float(np.abs(a.rotations - b.rotations).max())
+
+
+CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
+
+# as every gesturer -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
+def test_frames_and_clothes(fps):
+    speech = talk()
+    motion = gesturer().generate(speech, fps=fps, seed=1)
+    assert len(motion) == speech.frames(fps)
+    assert (motion.fps, motion.skeleton) == (fps, humanoid())
+    assert motion.rotations.dtype == np.float32
+    assert motion.face.shape == (len(motion), 52)
+    assert motion.rotations.std(0).max() > 0.01  # it moves
+
+
+@pytest.mark.parametrize("look_ahead", [None, 0.0, 0.5, inf])
+def test_pieces_do_not_show(look_ahead):
+    speech = talk()
+    whole = gesturer().generate(speech, seed=3, look_ahead=look_ahead)
+    for edges in CUTS:
+        pieces = list(gesturer().stream(cut(speech, edges), seed=3, look_ahead=look_ahead))
+        assert same(Motion.concatenate(pieces), whole)
+        np.testing.assert_allclose([piece.start for piece in pieces], np.cumsum([0, *map(len, pieces)])[:-1] / 30)
+    assert (len(pieces) > 3) == (look_ahead != inf)  # it does stream
+
+
+def test_longer_look_aheads_come_nearer_to_the_whole():
+    """The fake network hears 9 frames to the left and right and steps by four."""
+    speech = talk(6.0)
+    whole, *others = (
+        gesturer().generate(speech, look_ahead=seconds, temperature=0.0, parts=BODY) for seconds in (inf, 12 / 20, 0.2, 0.0)
+    )
+    assert same(others[0], whole)  # its reach
+    assert 0 < away(others[1], whole) < away(others[2], whole)
+
+
+@pytest.mark.parametrize(("look_ahead", "frames"), [(None, LIVE.waits), (0.0, 4), (0.5, 14), (inf, 268)])
+def test_it_is_as_late_as_it_says(look_ahead, frames):
+    speech, session = talk(15.0), gesturer().session(parts=BODY, look_ahead=look_ahead)
+    heard, made, late = 0, 0, []
+    for chunk in cut(speech, range(160, len(speech), 160)):
+        heard += len(chunk)
+        made += sum(len(piece) for piece in session.push(chunk))
+        late.append(heard / 16_000 - made / 30)
+    assert max(late) <= session.latency
+    assert max(late) > session.latency - 0.2
+    assert session.latency == pytest.approx((frames + 2) / 20 + 0.065, abs=0.001)
+
+
+def test_seeds_and_takes():
+    speech = talk(2.0)
+    first = gesturer().generate(speech, seed=5)
+    assert same(first, gesturer().generate(speech, seed=5))
+    takes = gesturer().generate_takes(speech, takes=8, seed=4)
+    assert same(takes[1], first)
+    assert away(takes[2], takes[3]) > 0.01
+    alike = gesturer().generate_takes(speech, takes=2, temperature=0.0, parts=BODY)
+    assert same(*alike)
+
+
+def test_it_hears():
+    a, b = (gesturer().generate(s, seed=1, parts=BODY) for s in (talk(2.0), Speech(np.zeros(32_000, np.float32))))
+    assert away(a, b) > 1e-3
+
+
+def test_intensity_scales_from_the_style_s_mean_pose():
+    speech, s = talk(2.0), whole_system().statistics
+    options = {"style": "ada:0.5,ben:0.5", "parts": BODY}
+    still, half, full = (gesturer().generate(speech, intensity=k, **options).root for k in (0.0, 0.5, 1.0))
+    assert np.ptp(still, 0).max() < 1e-6
+    mean = s.speaker_mean[:2].mean(0) * s.pose_std + s.pose_mean
+    np.testing.assert_allclose((still[0] - humanoid().offsets[0])[[0, 2]], mean[[0, 2]], atol=1e-5)
+    np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
+
+
+def test_odd_speech():
+    assert len(gesturer().generate(Speech(np.zeros(1, np.float32)))) == 1
+    for look_ahead in (None, inf):
+        loud = gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead)
+        assert len(loud) == 30
+        assert np.isfinite(loud.rotations).all()
+    with pytest.raises(InputError, match="no speech"):
+        list(gesturer().session().finish())
+    session = gesturer().session()
+    list(session.push(talk(0.5)))
+    with pytest.raises(InputError, match="Hz"):
+        list(session.push(talk(0.5, rate=8000)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"}, {"style": "ada:nan"}, {"style": ""},
+        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
+        {"temperature": 3}, {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
+        {"look_ahead": -1.0}, {"look_ahead": np.nan}, {"look_ahead": "long"}, {"look_ahead": True},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_options(options):
+    with pytest.raises(InputError, match=r"^[^\n]*$"):
+        gesturer().session(**options)
+
+
+def test_latents_are_of_flows():
+    with pytest.raises(InputError, match="transfer"):
+        TrainedModel(whole_system(), CodeSource)
+
+
+# styles ------------------------------------------------------------------------------------------------------------------
+
+
+def test_styles_are_speakers_and_mixtures():
+    speech = talk(2.0)
+    plain, ada, ben, mixed, said = (
+        gesturer().generate(speech, style=s, parts=BODY)
+        for s in (None, "ada", "ben", "ada:0.7,ben:0.3", {"ada": 0.7, "ben": 0.3})
+    )
+    assert same(plain, ada)
+    assert same(mixed, said)
+    assert min(away(ada, ben), away(mixed, ada), away(mixed, ben)) > 0.01
+    assert (gesturer().styles, gesturer().default_style) == (("ada", "ben", "cleo"), "ada")
+    poses = []
+    system = whole_system()
+    engine, make = system.engine, system.engine.make
+    engine.make = lambda rows, style, mode_noise: poses.append(style) or make(rows, style, mode_noise)
+    try:
+        gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
+    finally:
+        del engine.make
+    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in poses)
+
+
+def test_a_name_has_no_mixture_and_a_mixture_is_told():
+    told = {None: None, "ben": None, "ada:0.7,ben:0.3": {"ada": 0.7, "ben": 0.3}, "ben:0.999,cleo:0.001": {"ben": 0.999}}
+    told |= {"cleo:1,ada:2": {"ada": 0.667, "cleo": 0.333}, "cleo:0.25": {"ada": 0.75, "cleo": 0.25}, "cleo:3": None}
+    for style, wanted in told.items():
+        assert gesturer().session(style=style).style_mixture == wanted
+    assert list(gesturer().session(style="cleo:2,ada:1,ben:2").style_mixture) == ["ben", "cleo", "ada"]
+
+
+def test_an_example_is_the_nearest_mixture():
+    system, clip = whole_system(), acted()
+    embedding = example_window(system, clip)
+    (poses,) = embedding.poses
+    windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
+    assert len(windows) > 3
+    wanted = np.mean([system.engine.style_of(window) for window in windows], 0)
+    np.testing.assert_allclose(embedding.code, wanted, atol=1e-6)
+    assert embedding.code.min() >= 0
+    assert embedding.code.sum() == pytest.approx(1)
+    np.testing.assert_allclose(embedding.speaker_mean, wanted @ system.statistics.speaker_mean, atol=1e-6)
+    session = gesturer().session(style=clip)
+    weights = {name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005}
+    assert session.style_mixture == weights
+    assert list(session.style_mixture.values()) == sorted(weights.values(), reverse=True)
+    speech = talk(1.5)
+    spelt = dict(zip(system.styles, map(float, embedding.code), strict=True))
+    np.testing.assert_allclose(
+        gesturer().generate(speech, style=clip, parts=BODY).rotations,
+        gesturer().generate(speech, style=spelt, parts=BODY).rotations,
+        atol=1e-4,
+    )
+
+
+def test_examples_mix_with_names():
+    clip, system = acted(), whole_system()
+    code = example_window(system, clip).code
+    session = gesturer().session(style={clip: 0.5, "ben": 0.5})
+    wanted = 0.5 * code + 0.5 * np.eye(3)[1]
+    assert session.style_mixture == {
+        name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005
+    }
+
+
+def test_a_free_code_goes_with_the_example_s_own_mean_pose():
+    system = whole_system(styles="code")
+    embedding = example_window(system, acted())
+    assert not plays_mixtures(system)
+    np.testing.assert_allclose(embedding.speaker_mean, embedding.poses[0].mean(0), atol=1e-5)
+    assert mixture(system, ((1.0, embedding),)) is None
+    assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
+    assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
+
+
+def test_an_encoder_s_nonsense_becomes_weights():
+    system = whole_system(fps=21.0)
+    for odd, wanted in {
+        (-1.0, 3.0, 1.0): (0, 0.5, 0.5),
+        (np.nan, 1.0, 0.0): (0, 1, 0),
+        (-1.0, -1.0, 0.0): (1 / 3,) * 3,
+    }.items():
+        system.engine.style_of = lambda poses, odd=odd: np.array(odd, np.float32)
+        try:
+            np.testing.assert_allclose(example_window(system, acted()).code, wanted, atol=1e-6)
+        finally:
+            del system.engine.style_of
+
+
+def test_examples_that_are_too_short_or_of_no_use(tmp_path):
+    with pytest.raises(InputError, match=r"the example has 3\.17 s.*3\.2 s at least"):
+        gesturer().session(style=acted()[:95])
+    assert gesturer().session(style=acted()[:96]).style_mixture
+    short, stick = tmp_path / "short.npz", tmp_path / "stick.bvh"
+    acted()[:40].save(short)
+    stick.write_text(
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+        "JOINT b\n{\nOFFSET 0 10 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 10 0\n}\n}\n}\n"
+        "MOTION\nFrames: 120\nFrame Time: 0.033333\n" + "0 0 0 0 0 0 0 0 0\n" * 120
+    )
+    for path in (short, stick, tmp_path / "none.bvh"):
+        with pytest.raises(InputError, match=path.name) as told:
+            gesturer().session(style=path)
+        assert "\n" not in str(told.value)
+    for kind in ({"recognises": False}, {"styles": "none", "recognises": False}):
+        with pytest.raises(InputError, match="cannot see a style"):
+            gesturer(**kind).session(style=acted())
+
+
+def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
+    system = whole_system(fps=5.0)  # ten seconds would be 50 frames
+    embedding = example_window(system, Motion.concatenate([acted()] * 20))
+    assert {len(poses) for poses in embedding.poses} <= {64, 65}
+    assert len(embedding.poses) == 12
+
+
+def test_stretches_overlap_by_half_and_reach_the_end():
+    poses = np.arange(200)[:, None]
+    assert [(s[0, 0], s[-1, 0]) for s in stretches(poses, 64)] == [(k, k + 63) for k in (0, 32, 64, 96, 128, 136)]
+    assert len(stretches(poses[:64], 64)) == 1
+
+
+# a style that changes ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("look_ahead", [None, inf])
+def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
+    speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,cleo:0.5", 41_000: acted()}
+    play = partial(changed, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
+    at_once = play([])
+    assert all(same(play(edges), at_once) for edges in CUTS)
+    plain = gesturer().generate(speech, seed=2, parts=BODY, look_ahead=look_ahead)
+    assert away(plain, at_once) > 0.01
+
+
+def test_what_was_before_a_change_and_what_comes_after():
+    speech, samples = talk(9.0), 64_000
+    made = changed(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
+    before, after = (gesturer().generate(speech, style=style, parts=BODY, fps=20.0) for style in ("ada", "ben"))
+    differs = (made.rotations != before.rotations).any((1, 2))
+    frame, lead = samples // 800, LIVE.waits - 2 + whole_system().smooth + 2
+    assert not differs[: frame - lead].any()
+    assert differs[frame + LIVE.hop :].mean() > 0.9
+    settled = frame + 10 + LIVE.past + LIVE.hop
+    assert made.rotations[settled:].tobytes() == after.rotations[settled:].tobytes()
+
+
+def test_a_change_is_told_and_a_wrong_one_changes_nothing():
+    speech = talk(3.0)
+    session = gesturer().session(parts=BODY, style="ada:0.5,ben:0.5")
+    made = list(session.push(cut(speech, [16_000])[0]))
+    for wrong in ("bem", 7, "ada:nan", acted()[:20]):
+        with pytest.raises(InputError):
+            session.restyle(wrong)
+    assert session.style_mixture == {"ada": 0.5, "ben": 0.5}
+    made += session.push(cut(speech, [16_000])[1])
+    made += session.finish()
+    assert same(Motion.concatenate(made), gesturer().generate(speech, style="ada:0.5,ben:0.5", parts=BODY))
+    session.restyle("cleo:0.5,ben:0.5")
+    assert session.style_mixture == {"ben": 0.5, "cleo": 0.5}
+
+
+def test_a_change_before_any_speech_fades_from_the_beginning():
+    speech = talk(4.0)
+    session = gesturer().session(parts=BODY, fps=20.0)
+    session.restyle("ben")
+    made = Motion.concatenate([*session.push(speech), *session.finish()])
+    ben = gesturer().generate(speech, style="ben", parts=BODY, fps=20.0)
+    settled = 10 + LIVE.past + LIVE.hop + 3
+    assert made.rotations[settled:].tobytes() == ben.rotations[settled:].tobytes()
+    assert away(made, ben) > 0.001
+
+
+# from files --------------------------------------------------------------------------------------------------------------
+
+
+def test_the_report_tells_the_mixture(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
+    sf.write("talk.wav", talk(1.0).samples, 16_000)
+    acted().save("clip.bvh")
+    told = {
+        "clip.bvh": gesturer().session(style="clip.bvh").style_mixture,
+        "ben": None,
+        "cleo:3,ada:1": {"cleo": 0.75, "ada": 0.25},
+    }
+    for style, wanted in told.items():
+        generating.generate_files("talk.wav", ["a.bvh"], style=style, parts=BODY, report="r.json")
+        report = json.loads((tmp_path / "r.json").read_text())
+        assert report["style_mixture"] == wanted
+        assert report["style"] == style
+    assert told["clip.bvh"]
+
+
+def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
+    sf.write("talk.wav", talk(1.0).samples, 16_000)
+    generating.generate_files("talk.wav", ["a.npz"], seed=2, takes=8, parts=BODY)
+    files = set()
+    for take in range(8):
+        generating.generate_files("talk.wav", ["alone.npz"], seed=2 + take, parts=BODY)
+        made = (tmp_path / f"a.{take + 1}.npz").read_bytes()
+        assert made == (tmp_path / "alone.npz").read_bytes()
+        files.add(made)
+    assert len(files) == 8
+
+
+def test_named_styles_are_rows_of_codes():
+    system = whole_system(styles="code")
+    for k, name in enumerate(system.styles):
+        embedding = embed_window_speaker(system, name)
+        assert (embedding.code == system.statistics.codes[k]).all()
+        assert (embedding.speaker_mean == system.statistics.speaker_mean[k]).all()
+
+
+def test_a_bundle_on_stage(tmp_path, monkeypatch):
+    """From a file, through onnxruntime: streams, takes, an example, another style while it plays."""
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from tests.support.window_bundles import write_small_window
+
+    monkeypatch.chdir(tmp_path)
+    model = "small.cospeech"
+    write_small_window(Path(model))
+    sf.write("talk.wav", talk(2.0).samples, 16_000)
+    acted().save("clip.bvh")
+    options = {"model": model, "parts": BODY, "style": "clip.bvh:0.5,ben:0.5"}
+    told = generating.generate_files("talk.wav", ["a.npz"], seed=3, takes=8, report="r.json", **options)
+    assert sum(told.style_mixture.values()) == pytest.approx(1, abs=0.01)
+    assert json.loads(Path("r.json").read_text())["style_mixture"] == told.style_mixture
+    generating.generate_files("talk.wav", ["alone.npz"], seed=5, **options)
+    assert Path("a.3.npz").read_bytes() == Path("alone.npz").read_bytes()
+    assert len({Path(f"a.{take}.npz").read_bytes() for take in range(1, 9)}) == 8
+    player, speech = TrainedModel.open(model), talk(3.0)
+    for look_ahead in (None, inf):
+        whole = player.generate(speech, style="ben", look_ahead=look_ahead)
+        assert same(Motion.concatenate(list(player.stream(cut(speech, CUTS[1]), style="ben", look_ahead=look_ahead))), whole)
+    play = partial(changed, player, speech, changes={20_000: "ben", 31_000: acted()}, parts=BODY)
+    assert same(play(CUTS[2]), play([]))
+
+
+def test_no_torch_and_no_onnx(tmp_path):
+    pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+    from tests.support.window_bundles import write_small_window
+
+    path = write_small_window(tmp_path / "a.cospeech")
+    code = (
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
+        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -1,0 +1,50 @@
+"""What a network by windows makes, sized at bundling: on the speech of its data it has each speaker's mean and movement."""
+
+from __future__ import annotations
+
+import pytest
+
+torch = pytest.importorskip("torch", exc_type=ImportError)
+
+from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
+from cospeech.models.nn.objective import StepRandom  # noqa: E402
+from cospeech.training.export.window import GAINS, _calibrate_network  # noqa: E402
+from tests.support.windowed_networks import KINDS, make_network  # noqa: E402
+
+SPEAKERS, PERSISTENCE = 3, 12.0
+
+
+def examples(net) -> dict[str, torch.Tensor]:
+    draw = torch.Generator().manual_seed(3)
+    size = torch.tensor([0.5, 1.0, 1.5]).view(-1, 1, 1, 1)
+    stretches = torch.randn(SPEAKERS, 4, 128, net.pose, generator=draw).cumsum(2) * 0.05 * size
+    return {"stretches": stretches, "speech": torch.randn(SPEAKERS, 4, 128, net.audio, generator=draw)}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_styles_have_their_speakers_mean_and_deviation(name):
+    net = make_network(name, speakers=SPEAKERS)
+    known = examples(net)
+    codes = net.speaker_styles(known["stretches"])
+    made, gains = _calibrate_network(net, codes, known, PERSISTENCE)
+    assert made.shape == gains.shape == (SPEAKERS, net.pose)
+    speech = known["speech"].reshape(-1, 64, net.audio)
+    noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, PERSISTENCE).mT if net.modes else torch.zeros(24, 64, 0)
+    for k in range(SPEAKERS):
+        with torch.no_grad():
+            poses = net.make(speech, codes[k].expand(24, 64, -1), noise)
+        sized = gains[k] * (poses - made[k])
+        torch.testing.assert_close(sized.mean((0, 1)), torch.zeros(net.pose), atol=1e-4, rtol=0)
+        own = known["stretches"][k].reshape(-1, 64, net.pose)
+        within = [x.var(1).mean(0).sqrt() for x in (sized, own)]
+        free = (gains[k] > GAINS[0]) & (gains[k] < GAINS[1])
+        torch.testing.assert_close(within[0][free], within[1][free], rtol=1e-3, atol=1e-6)
+        bound = torch.where(within[1] / (within[0] / gains[k]).clamp_min(1e-6) > 1, GAINS[1], GAINS[0])
+        torch.testing.assert_close(gains[k][~free], bound[~free])
+
+
+def test_gains_are_between_their_bounds_for_what_does_not_move():
+    net = make_network("mix-stage", speakers=SPEAKERS)
+    known = examples(net) | {"stretches": torch.zeros(SPEAKERS, 4, 128, net.pose)}
+    _, gains = _calibrate_network(net, torch.eye(SPEAKERS), known, PERSISTENCE)
+    assert (gains == GAINS[0]).all()

@@ -1,0 +1,137 @@
+"""What plays without PyTorch makes what the networks make: their graphs against themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
+onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
+
+from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
+from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
+from cospeech.runtime.graph_check import OPERATORS  # noqa: E402
+from cospeech.runtime.window_engine import WindowEngine  # noqa: E402
+from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+from cospeech.training.export.window_graph import lower  # noqa: E402
+from tests.support.runtime_bundles import random_arrays, small_sizes  # noqa: E402
+from tests.support.windowed_networks import KINDS, given, make_network, run_network  # noqa: E402
+from tests.training.test_chain_onnx_export import network  # noqa: E402
+
+torch.set_num_threads(1)
+EDGE = 1e3  # bounds that no pose comes near
+
+
+def engine_of(net) -> WindowEngine:
+    low = lower(net)
+    return WindowEngine(low.sizes, low.weights, low.graphs, np.full(net.pose, -EDGE), np.full(net.pose, EDGE))
+
+
+def off(made: np.ndarray, wanted: np.ndarray) -> float:
+    return float(np.abs(made - wanted).max())
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("audio", [5, 27, 64, 130])
+def test_a_graph_makes_what_its_network_makes(name, audio):
+    """Widths of speech: padded, with an even and an odd number of bands left at the end, with bands that nothing is made of."""
+    net = make_network(name, audio=audio)
+    engine = engine_of(net)
+    for takes, frames in ((1, 64), (3, 96), (2, 32)):
+        inputs = given(net, takes, frames, seed=frames)
+        wanted = run_network(net, *inputs)
+        assert wanted.std() > 0.05
+        assert off(engine.make(*inputs), wanted) <= 1e-4
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_takes_do_not_depend_on_each_other(name):
+    net = make_network(name)
+    engine = engine_of(net)
+    rows, style, mode_noise = given(net, 4, 64)
+    together = engine.make(rows, style, mode_noise)
+    for n in range(4):
+        assert off(engine.make(rows, style[n : n + 1], mode_noise[n : n + 1])[0], together[n]) < 1e-5
+    assert (off(together[0], together[1]) > 0.01) == bool(net.styles or net.modes)
+
+
+@pytest.mark.parametrize("name", ["mix-stage", "stage", "munit"])
+def test_styles_are_recognised_as_by_the_network(name):
+    net = make_network(name)
+    engine = engine_of(net)
+    rng = np.random.default_rng(0)
+    for frames in (64, 77, 130):
+        poses = rng.normal(size=(frames, net.pose)).astype(np.float32)
+        wanted = net.style_of(torch.from_numpy(poses)[None])[0].numpy()
+        assert off(engine.style_of(poses), wanted) <= 1e-5
+        assert wanted.std() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["cmix-gan", "speech2gesture"])
+def test_where_there_is_no_style_none_is_recognised(name):
+    net = make_network(name)
+    assert set(lower(net).graphs) == {"make"}
+    assert engine_of(net).style_of(np.zeros((64, net.pose))) is None
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_sizes_are_those_of_the_network(name):
+    net = make_network(name)
+    sizes = lower(net).sizes
+    for key in ("pose", "audio", "styles", "modes", "window", "multiple"):
+        assert getattr(sizes, key) == getattr(net, key)
+
+
+def test_the_paper_s_size_is_what_its_layers_weigh():
+    """What plays: neither pose encoder nor discriminator; batch norms and the style matrix are folded into convolutions."""
+    net = make_network("mix-stage", pose=96, audio=64, speakers=8, modes=8, channels=256, depth=5, style=10)
+    low = lower(net)
+    parts = [net.audio_content, net.unet, net.generators, net.mode_logits, net.style.encoder]
+    count = sum(p.numel() for part in parts for m in part.modules() if "Conv" in type(m).__name__ for p in m.parameters())
+    firsts = net.generators.blocks[0][0].out_channels + net.mode_logits[0][0].out_channels
+    assert sum(w.size for w in low.weights.values()) == count + (8 - 10) * 3 * firsts
+    model = onnx.load_from_string(low.graphs["make"])
+    kinds = {node.op_type for node in model.graph.node}
+    assert "BatchNormalization" not in kinds
+    assert sum(node.op_type == "Conv" for node in model.graph.node) == 8 + 12 + 5 + 7 + 2
+
+
+@pytest.mark.parametrize("name", ["mix-stage", "cmix-gan", "speech2gesture"])
+@pytest.mark.parametrize("audio", [5, 64])
+def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio):
+    """By the network itself: which frames of speech move a frame of poses, for every place of it on the grid of halvings."""
+    net = make_network(name, audio=audio).double()
+    sizes = lower(net.float()).sizes
+    net = net.double()
+    step, reach = sizes.multiple, sizes.reach
+    frames = 2 * (-(-reach // step) + 1) * step
+    rows, style, mode_noise = (torch.from_numpy(x).double() for x in given(net, 1, frames))
+    rows = rows[None].requires_grad_()
+    heard = []
+    for frame in range(frames // 2, frames // 2 + step):
+        made = net.make(rows, style, mode_noise)[0, frame]
+        (gradient,) = torch.autograd.grad(made.square().sum(), rows)
+        at = gradient[0].abs().sum(-1).nonzero().ravel() - frame
+        heard += [-int(at.min()), int(at.max())]
+    assert max(heard) == reach
+
+
+def test_a_network_that_normalises_over_time_hears_all_of_a_window():
+    assert lower(make_network("munit")).sizes.reach is None
+
+
+def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():
+    """The list of what runs is as short as it can be."""
+    flow, used = small_sizes("expmap-humanoid", "mel20-prosody"), set()
+    graphs = [
+        graph for name in KINDS for audio in (20, 130) for graph in lower(make_network(name, audio=audio)).graphs.values()
+    ]
+    for sizes in (flow, replace(flow, int8=False), replace(flow, oldest=True)):
+        graphs += build_graphs(pack_weights(random_arrays(sizes), sizes), sizes).values()
+    for name in ("chain", "live", "camn", "multi-context"):
+        graphs += lower_chain(network(name)).graphs.values()
+    for graph in graphs:
+        used |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
+    assert used == OPERATORS

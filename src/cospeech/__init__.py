@@ -76,7 +76,8 @@ class _Moved:
     """
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        return ModuleSpec(name, self) if name.removeprefix(f"{__name__}.") in _MOVED else None
+        moved = name.removeprefix(f"{__name__}.") in _MOVED
+        return ModuleSpec(name, self) if moved else None  # type: ignore[arg-type]
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         module = import_module(f".{_MOVED[spec.name.removeprefix(f'{__name__}.')]}", __name__)

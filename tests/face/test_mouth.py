@@ -275,7 +275,7 @@ def test_gains_are_read():
 
 
 @pytest.mark.parametrize(
-    ("style_gain", "match"),
+    ("gain", "match"),
     [
         ("jawOpn:1", "jawOpen"), ("mouthsmile:1", "mouthSmile"), ("jaw:1", "no channel"), ("mouth:1", "no channel"),
         (2.1, "0 … 2"), (-0.1, "0 … 2"), (float("nan"), "0 … 2"), (True, "0 … 2"), (None, "0 … 2"), ("", "0 … 2"),

@@ -198,7 +198,7 @@ def test_rows_are_independent_of_each_other(name):
     def apart(batch: Batch):
         """Without what sets a row's poses against the speech of another row on purpose (models/nn/pose_discriminator.py)."""
         terms = [objective.loss(batch, 0) for objective in net.objectives().values()]
-        return sum(value for each in terms for name, value in each.items() if name != "strange")
+        return sum(value for each in terms for name, value in each.items() if name != "mismatched")
 
     with torch.no_grad():
         whole = apart(data)
@@ -371,7 +371,7 @@ def test_every_speaker_has_a_style_that_can_be_fed(name):
     stretches = torch.randn(speakers, 4, 128, POSE, generator=torch.Generator().manual_seed(5)).cumsum(2) / 8
     found = net.speaker_styles(stretches)
     assert found.shape == (speakers, net.styles)
-    if hasattr(net, "style_of"):
+    if net.encodes_style:
         assert net.style_of(stretches[:, 0, :64]).shape == (speakers, net.styles)
         assert len({tuple(row.tolist()) for row in found}) == speakers
     assert net.generate(speech(net, speakers, 40), found.unsqueeze(1)).isfinite().all()

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calibrate_face import calibrate
 from measure_face import measure_faces
 
 from cospeech.audio.speech import Speech
@@ -245,6 +246,8 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
         print(prepare("faces", chosen.faces, store, pose="face", fps=60).summary())
     recipe = load_recipe("speech_to_face", [*chosen.set, f"train.threads={chosen.threads}"])
     report = train(recipe, store, run, resume=True)
+    if report.resumed < report.step:  # once: what is stretched already stays
+        print(*calibrate(run, store), sep=", ")
     shape = {"which": "last", "smooth": 0, "style": FACE_STYLE}  # velocity was learnt: nothing is left to smooth
     bundle_run(run, out, **shape)
     facts = read_facts(run)

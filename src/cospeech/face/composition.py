@@ -44,7 +44,9 @@ _ROUND = [MOUTH.index("mouthFunnel"), MOUTH.index("mouthPucker")]
 _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
 )  # [ours] what rounded lips, fully, leave less of
-_SHUT, _AJAR = 0.03, 0.10  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
+_PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
+_TOUCH = (0.035, 0.065)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: GRID's b, p and m
+_SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
 _OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
@@ -173,7 +175,8 @@ class Face:
         """(T, 52) and (T,): as a mouth says while somebody talks, and how far the lips are closed.
 
         Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
-        Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well.
+        Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well, and a mouth whose
+        lips all but touch closes them by itself: trackers seldom say 0.
         """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
@@ -182,7 +185,11 @@ class Face:
         known = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
         rounded = np.minimum(known[:, _ROUND].sum(1), 1.0)
         shape *= 1 - rounded[:, None] * _SPREAD_LIPS
-        sealed = np.clip((_AJAR - shape[:, _JAW]) / (_AJAR - _SHUT), 0.0, 1.0) * voice.closed * talks
+        parted = shape[:, _JAW] + shape[:, _PARTS].mean(1)
+        sealed = np.maximum(
+            _ramp(_AJAR - shape[:, _JAW], _AJAR - _SHUT) * voice.closed, _ramp(_TOUCH[1] - parted, _TOUCH[1] - _TOUCH[0])
+        )
+        sealed *= talks
         closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
         return np.maximum(shape, known @ _SPREAD), closed
 
@@ -222,6 +229,10 @@ class Face:
         out[:, _BLINK] = lids + (1 - lids) * shut
         out[:, _WIDE] *= 1 - shut
         out[:, _SQUINT] *= 1 - 0.6 * shut
+
+
+def _ramp(x: Array, top: float) -> Array:
+    return np.asarray(np.clip(x / top, 0.0, 1.0))
 
 
 def _close_lips(out: Array, closed: Array) -> None:

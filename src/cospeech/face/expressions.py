@@ -20,7 +20,7 @@ _APEX: dict[str, dict[str, float]] = {
     "neutral": {},
     "happiness": {  # AU 6 + 12 + 25: cheeks lift the lower lid, the upper lid stays up, else it looks smug
         "mouthSmileBoth": 1.00, "cheekSquintBoth": 0.90, "eyeSquintBoth": 0.08, "eyeWideBoth": 0.20, "mouthUpperUpBoth": 0.26,
-        "mouthLowerDownBoth": 0.14, "jawOpen": 0.05, "browOuterUpBoth": 0.26, "browInnerUp": 0.22,
+        "mouthLowerDownBoth": 0.16, "browOuterUpBoth": 0.26, "browInnerUp": 0.22,
     },
     "anger": {  # AU 4 + 5 + 7 + 10 + 23/24
         "browDownBoth": 1.00, "eyeSquintBoth": 0.45, "eyeWideBoth": 0.34, "noseSneerBoth": 0.48, "mouthPressBoth": 0.35,

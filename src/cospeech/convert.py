@@ -8,8 +8,10 @@ from pathlib import Path
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
+from .export.target_skeleton import rig_files
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
+from .motion.skeleton import Skeleton
 from .rules.options import FPS_RANGE, check_range
 
 __all__ = ["convert_file"]
@@ -19,7 +21,7 @@ def convert_file(
     source: File,
     target: File,
     *,
-    skeleton: str | None = None,
+    skeleton: File | Skeleton | None = None,
     fps: float | None = None,
     names: File | None = None,
     audio: File | None = None,
@@ -30,7 +32,7 @@ def convert_file(
 
     Args:
         source, target: motion files; the suffixes pick the formats.
-        skeleton: retarget to this one first.
+        skeleton: retarget to this one first: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: resample to this rate first.
         names: a TOML file that says which joint of ``source`` is which of ours.
         audio: the speech, for pictures.
@@ -41,12 +43,11 @@ def convert_file(
         InputError: a file cannot be read or written, or the skeleton is not recognised.
     """
     written = format_of(target)
-    inputs = [path for path in (names, audio, avatar) if path]
+    inputs = [*(path for path in (names, audio, avatar) if path), *rig_files(skeleton)]
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
         check_range("fps", fps, FPS_RANGE)
-    if skeleton is not None:
-        check_skeleton(skeleton, {Path(target).suffix.lower()})
+    goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()})
     motion = load(source)
     shown = [part for part in format_of(source).holds if part != "face" or motion.face is not None]
     check_parts(target, shown, f"{str(source)!r} holds")
@@ -60,8 +61,8 @@ def convert_file(
     if audio is not None and written.picture and not written.sound:
         problem = f"the speech changes nothing: a {Path(target).suffix.lower()} has neither sound nor a waveform"
         warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if skeleton is not None or names is not None:
-        motion = motion.retarget(skeleton or "humanoid", bone_map=load_map(names) if names else None)
+    if goal is not None or names is not None:
+        motion = motion.retarget(goal or "humanoid", bone_map=load_map(names) if names else None)
     if fps is not None:
         motion = motion.resample(fps)
     if audio is not None:

@@ -26,10 +26,12 @@ from .audio.speech import Speech, SpeechSource, Word, open_speech
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
 from .export.checks import File, check_avatar, check_files, check_skeleton
+from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model
 from .models import load as load_model
 from .motion.motion import Motion
+from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
 from .runtime.style import example_files
@@ -59,7 +61,7 @@ def generate_files(
     face_gain: FaceGain = 1.0,
     face: MotionLike = None,
     continue_from: MotionLike = None,
-    skeleton: str = "humanoid",
+    skeleton: File | Skeleton = "humanoid",
     fps: float = 30.0,
     avatar: File | None = None,
     report: File | None = None,
@@ -88,7 +90,7 @@ def generate_files(
         face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.face.gains.face_gains`.
         face: motion with a face, or a file of one, from which body and hands follow and which is shown; for chains.
         continue_from: motion, or a file of one, at whose last poses it begins; for chains.
-        skeleton: of the BVH files.
+        skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
         report: write the `Report` as JSON here too.
@@ -106,9 +108,9 @@ def generate_files(
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
-    _check_files(options, skeleton, avatar, files)
+    target = _check_files(options, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    read = (transcript, avatar, track, face, continue_from, *example_files(options.style))
+    read = (transcript, avatar, track, face, continue_from, *rig_files(skeleton), *example_files(options.style))
     check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
     gesturer = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
@@ -120,7 +122,7 @@ def generate_files(
         for group, performance in _passes(gesturer, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             moving = _with_progress(_play_takes(performance, source), progress, group.start, takes, source.expected_seconds)
-            counts |= _write_all(moving, staged, skeleton, options.fps, keywords)
+            counts |= _write_all(moving, staged, target, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
@@ -241,7 +243,7 @@ def _with_progress(
 def _write_all(
     moving: Iterator[list[Motion]],
     takes: list[list[Path]],
-    skeleton: str,
+    target: Skeleton | None,
     fps: float,
     keywords: Mapping[str, Mapping[str, object]],
 ) -> set[int]:
@@ -251,7 +253,7 @@ def _write_all(
     any_skeleton = {path: format_of(path).any_skeleton for path in paths}
     with ExitStack() as stack:
         for pieces in moving:
-            others = pieces if skeleton == "humanoid" else [piece.retarget(skeleton) for piece in pieces]
+            others = pieces if target is None else [piece.retarget(target) for piece in pieces]
             kept = [
                 other if any_skeleton[path] else piece
                 for piece, other, files in zip(pieces, others, takes, strict=True)
@@ -314,16 +316,18 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
         )
 
 
-def _check_files(options: GenerationOptions, skeleton: str, avatar: File | None, files: Sequence[Path]) -> None:
-    """What is asked for can be seen in the files."""
+def _check_files(
+    options: GenerationOptions, skeleton: File | Skeleton, avatar: File | None, files: Sequence[Path]
+) -> Skeleton | None:
+    """What is asked for can be seen in the files; the skeleton to retarget to, None for our own."""
     known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
     suffixes = {path.suffix.lower() for path in known}
     for path in known:
         check_parts(path, options.parts, "the parts that were asked for are")
-    if skeleton != "humanoid":
-        check_skeleton(skeleton, suffixes)
+    target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes)
     if avatar is not None:
         check_avatar(avatar, suffixes)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
     if known and "face" not in shown and options.face_gain not in (1.0, "1"):
         warnings.warn("face_gain changes nothing: no face is made, or no file holds one", CospeechWarning, stacklevel=3)
+    return target

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.errors import InputError
 from cospeech.export import open_writer
-from cospeech.export.bvh_reader import UNITS, frame_rate
+from cospeech.export.bvh_reader import UNITS
+from cospeech.export.timing import rate_of_step
 from cospeech.motion.bone_mapping import recognise
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import (
@@ -281,7 +282,7 @@ def test_frame_rates_behind_rounded_times(tmp_path, text, fps):
 def test_impossible_frame_times():
     for value in (0.0, -0.03, 1e-6, 1e6):
         with pytest.raises(InputError, match="Frame Time"):
-            frame_rate(value, 1e-6)
+            rate_of_step(value, 1e-6)
 
 
 # --- reading what others write
@@ -587,7 +588,7 @@ def test_t_poses_of_others(shared):
             if f"{side}Toes" in at and "test3" not in path.name:
                 assert at[f"{side}Toes"][2] > at[f"{side}Foot"][2], (path.name, side)
         assert at["head"][1] > at["hips"][1] + 0.3, path.name
-        assert 1.2 < skeleton.tpose[:, 1].max() < 2.6, path.name
+        assert 1.2 < skeleton.tpose[:, 1].max() - skeleton.floor < 2.6, path.name
 
 
 def test_reading_is_fast(tmp_path):

@@ -27,6 +27,7 @@ from cospeech.motion.rotations import (
 )
 from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from cospeech.motion.skeletons import SKELETONS
+from cospeech.motion.soles import find_soles
 from tests.support.motions import gesturing
 
 BONES = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"),
@@ -116,7 +117,9 @@ def test_the_t_pose_stays_the_t_pose():
             names = recognise(there.skeleton)
             joints = [there.skeleton.index[names[n]] for n in arm]
             assert np.abs(there.positions()[0, joints] - there.skeleton.tpose[joints]).max() < 0.03
-            assert np.abs(there.root[0] - there.skeleton.offsets[0]).max() < 1e-6
+            assert np.abs(there.root[0] - there.skeleton.offsets[0]).max() < 1e-3  # legs of another build tilt a little …
+            heights = find_soles(there.skeleton, names).heights(*there.skeleton.forward(there.rotations, there.root))
+            assert abs(heights[0]) < 1e-6  # … and the soles stay on the floor
 
 
 def test_left_stays_left():
@@ -135,7 +138,8 @@ def test_left_stays_left():
 
 def test_feet_stay_on_the_floor_of_a_small_body():
     motion = wild(amount=0.01)
-    child = replace(humanoid(), offsets=humanoid().offsets * 0.6, kind="custom")
+    ends = {name: tuple(0.6 * np.array(end)) for name, end in humanoid().ends.items()}
+    child = replace(humanoid(), offsets=humanoid().offsets * 0.6, ends=ends, kind="custom")
     there = motion.retarget(child)
     assert np.allclose(there.positions(), motion.positions() * 0.6, atol=1e-9)
     unscaled = motion.retarget(child, scale_root=False)
@@ -289,11 +293,11 @@ def test_files_of_others_on_our_body(shared):
         ):
             pair = [where[:, body.index[who[f"{side}UpperLeg"]]] for side in ("left", "right")]
             across[len(across)] = (pair[0] - pair[1]) / np.linalg.norm(pair[0] - pair[1], axis=-1, keepdims=True)
-        if "demo_3d_1_raw" not in path.name:  # a network's raw output: its joints turn about their bones at random
-            assert degrees_apart(across[0], across[1]) < 20, path.name  # hips face the same way
+        assert degrees_apart(across[0], across[1]) < 20, path.name  # hips face the same way
         if len(motion) > 10:
-            low = ours.positions()[:, :, 1].min(1)
-            assert abs(np.quantile(low, 0.1)) < 0.1, path.name  # feet are near the floor, but for leaps
+            soles = find_soles(humanoid(), {n: n for n in humanoid().names})
+            low = soles.heights(*humanoid().forward(ours.rotations, ours.root))
+            assert abs(np.quantile(low, 0.05)) < 0.01, path.name  # what stands, stands on the floor
     assert carried == 12
 
 
@@ -384,7 +388,7 @@ def test_bones_on_the_way_do_not_disturb():
         names.append(name)
         parents.append(body.index[above])
         offsets.append(np.array([0.01, 0.02, 0.03]))
-    more = Skeleton(tuple(names), tuple(parents), np.array(offsets))
+    more = Skeleton(tuple(names), tuple(parents), np.array(offsets), ends=body.ends)
     assert recognise(more) == recognise(body)
     motion = wild()
     there = motion.retarget(more)

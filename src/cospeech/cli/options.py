@@ -143,10 +143,9 @@ Continue = Annotated[
     ),
 ]
 Parts = Annotated[str, option("--parts", metavar="LIST", help="Parts that move, separated by commas.")]
-Skeleton = Annotated[str, option("--skeleton", metavar="NAME", help="Skeleton of .bvh files; see `cospeech list skeletons`.")]
-Retarget = Annotated[
-    str | None, option("--skeleton", metavar="NAME", help="Retarget to this skeleton; see `cospeech list skeletons`.")
-]
+_RIG = "a name (`cospeech list skeletons`) or your rig: a .bvh, .glb or .vrm file."
+Skeleton = Annotated[str, option("--skeleton", metavar="NAME|FILE", help=f"Skeleton of .bvh files: {_RIG}")]
+Retarget = Annotated[str | None, option("--skeleton", metavar="NAME|FILE", help=f"Retarget to this skeleton: {_RIG}")]
 Map = Annotated[
     Path | None,
     option("--map", metavar="FILE", help="TOML file that gives the joints of MOTION our names, if they are not recognised."),

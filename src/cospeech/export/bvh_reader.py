@@ -23,17 +23,26 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..limits import MOTION_RATES
 from ..motion.bone_mapping import recognise
 from ..motion.motion import Motion
-from ..motion.rotations import Array, axis_angle_to_quat, euler_to_quat, quat_continuous, quat_multiply, quat_rotate
+from ..motion.rest_calibration import calibrate_rest, on_motions_floor
+from ..motion.rotations import (
+    Array,
+    axis_angle_to_quat,
+    euler_to_quat,
+    quat_continuous,
+    quat_identity,
+    quat_multiply,
+    quat_rotate,
+)
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
 from .bvh_text import Header, read_header, read_rows
 from .reading import check_frames, open_file, size_of
+from .timing import rate_of_step
 
-__all__ = ["UNITS", "file_names", "frame_rate", "load"]
+__all__ = ["UNITS", "file_names", "load"]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 """Unit of a file → metres; the Carnegie Mellon database counts in inches / 0.45 (its FAQ)."""
@@ -41,8 +50,6 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
 _Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
 _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
-_RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
-_NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
 
 
 def load(path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None) -> Motion:
@@ -67,7 +74,7 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
     with open_file(path) as binary, io.TextIOWrapper(binary, "utf-8-sig", errors="replace") as file:
         try:
             header = read_header(file)
-            rate = fps if fps is not None else frame_rate(header.frame_time, header.precision)
+            rate = fps if fps is not None else rate_of_step(header.frame_time, header.precision)
             rotations, root, offsets = _decode(file, header, size_of(binary))
         except InputError as error:
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
@@ -102,23 +109,6 @@ def file_names(names: Iterable[str]) -> list[str]:
     return result
 
 
-def frame_rate(frame_time: float, precision: float) -> float:
-    """Frames per second behind a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
-
-    Raises:
-        InputError: no frame rate that motion has.
-    """
-    if not 1 / MOTION_RATES[1] <= frame_time <= 1 / MOTION_RATES[0]:
-        raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
-    rate = 1 / frame_time
-    near = float(round(rate) or 1)
-    if abs(rate - near) > 1e-9 * rate:
-        near = min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
-    if abs(1 / near - frame_time) <= 1.001 * precision:
-        return near
-    return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
-
-
 def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, Array, Array]:
     """Local rotations (T, J, 4), root positions (T, 3) and offsets (J, 3), in the file's units and axes."""
     first = np.concatenate([[0], np.cumsum([len(c) for c in header.channels])[:-1]])
@@ -141,7 +131,7 @@ def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, A
     for rows in read_rows(file, header):
         frames += len(rows)
         check_frames("it", frames, len(header.names), size)
-        rotations = np.tile((0.0, 0.0, 0.0, 1.0), (len(rows), len(header.names), 1))
+        rotations = quat_identity(len(rows), len(header.names))
         for order, (joints, columns) in turning.items():
             rotations[:, joints] = euler_to_quat(np.radians(rows[:, columns]), order)
         root = np.tile(offsets[0], (len(rows), 1))
@@ -178,9 +168,13 @@ def _as_motion(skeleton: Skeleton, rotations: Array, root: Array, rate: float, u
         rotations[:, 0] = quat_multiply(_Z_TO_Y, rotations[:, 0])
         root = quat_rotate(_Z_TO_Y, root)
     skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
+    if names and skeleton.kind == "custom":
+        skeleton = calibrate_rest(skeleton, names, rotations)
     scale = UNITS[units or (_guess_units(skeleton) if names else "cm")]
     ends = {name: (x * scale, y * scale, z * scale) for name, (x, y, z) in skeleton.ends.items()}
     skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends)
+    if names and skeleton.kind == "custom":
+        skeleton = on_motions_floor(skeleton, names, rotations, root * scale)
     return Motion(fps=rate, rotations=quat_continuous(rotations), root=root * scale, skeleton=skeleton)
 
 

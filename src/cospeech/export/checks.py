@@ -6,24 +6,25 @@ import os
 from os import PathLike
 from pathlib import Path
 
-from ..errors import InputError, nearest
-from ..motion.skeletons import SKELETONS
+from ..errors import InputError
+from ..motion.skeleton import Skeleton
 from .registry import FORMATS, format_of, suffixes
+from .target_skeleton import find_target
 
 __all__ = ["File", "check_avatar", "check_files", "check_skeleton"]
 
 File = str | PathLike[str]
 
 
-def check_skeleton(skeleton: str, written: set[str]) -> None:
-    """There is such a skeleton, and one of the files, if any, can hold it."""
-    if skeleton not in SKELETONS:
-        raise InputError(f"no skeleton is called {skeleton!r}", nearest(skeleton, SKELETONS))
+def check_skeleton(skeleton: File | Skeleton, written: set[str]) -> Skeleton:
+    """The skeleton of that name or of that rig, which one of the files, if any, can hold."""
+    found = find_target(skeleton)
     if written and not any(FORMATS[suffix].any_skeleton for suffix in written):
         raise InputError(
-            f"skeleton {skeleton!r} would not be seen in {' '.join(sorted(written))}",
+            f"skeleton {str(skeleton)!r} would not be seen in {' '.join(sorted(written))}",
             f"it is for {' '.join(suffixes(lambda entry: entry.any_skeleton))} files; the other formats have their own",
         )
+    return found
 
 
 def check_avatar(avatar: File, written: set[str]) -> None:

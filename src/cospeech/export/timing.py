@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
+from ..limits import MOTION_RATES
 from ..motion.rotations import Array
 
-__all__ = ["frame_rate", "frames_of", "on_grid"]
+__all__ = ["frame_rate", "frames_of", "on_grid", "rate_of_step"]
 
+_RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
 _NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
 
 
@@ -64,3 +66,20 @@ def on_grid(times: Array, values: Array, fps: float) -> Array:
         return values
     grid = times[0] + np.arange(count) / fps
     return np.stack([np.interp(grid, times, column) for column in values.T], 1)
+
+
+def rate_of_step(frame_time: float, precision: float) -> float:
+    """Frames per second behind a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
+
+    Raises:
+        InputError: no frame rate that motion has.
+    """
+    if not 1 / MOTION_RATES[1] <= frame_time <= 1 / MOTION_RATES[0]:
+        raise InputError(f"Frame Time {frame_time:g}", "give the frame rate: fps=30")
+    rate = 1 / frame_time
+    near = float(round(rate) or 1)
+    if abs(rate - near) > 1e-9 * rate:
+        near = min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
+    if abs(1 / near - frame_time) <= 1.001 * precision:
+        return near
+    return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)

@@ -49,7 +49,7 @@ _EXTRA = {
 }  # fmt: skip
 _PARTS = {  # our part → what others call it, best first
     "Shoulder": ("clavicle", "collar", "collarbone", "clav", "scapula", "shoulder"),
-    "UpperArm": ("upperarm", "uparm", "armupper", "arm", "humerus", "shoulder"),
+    "UpperArm": ("upperarm", "uparm", "armupper", "arm", "humerus", "shoulder", "shldr"),
     "LowerArm": ("lowerarm", "loarm", "forearm", "lowarm", "armlower", "radius", "elbow", "ulna"),
     "Hand": ("wrist", "hand", "palm"),
     "UpperLeg": ("upperleg", "upleg", "thigh", "legupper", "femur", "hip", "leg"),

@@ -141,6 +141,12 @@ class _Body:
         end = self.skeleton.ends.get(self.skeleton.names[chain[-1]], (0.0, 0.0, 0.0))
         return self.points[chain[-1]] + np.array(end, float) - self.points[foot]
 
+    def _branches(self, joint: int) -> bool:
+        """Whether a face hangs on a joint: three joints or more, or two eyes, which lie as far away as each other."""
+        below = self.skeleton.children[joint]
+        far = self.bone[list(below)]
+        return len(below) > 2 or (len(below) == 2 and bool(abs(far[0] - far[1]) <= _ALIKE * far.max()))
+
     def head(self, chest: int, arms: tuple[int, ...], up: Array) -> dict[str, int]:
         """Neck and head: the chain above the chest that rises highest."""
         above = [j for j in self.skeleton.children[chest] if j not in arms]
@@ -148,7 +154,7 @@ class _Body:
             return {}
         chain = self.chain(max(above, key=lambda j: float((self.points[self.chain(j)[-1]] - self.points[chest]) @ up)))
         rising = [chain[0], *(b for a, b in pairwise(chain) if (self.points[b] - self.points[a]) @ up > 0)]
-        face = next((k for k, j in enumerate(rising) if len(self.skeleton.children[j]) > 2), None)
+        face = next((k for k, j in enumerate(rising) if self._branches(j)), None)
         if face is not None:
             rising = rising[: face + 1]
         tip_is_joint = not self.skeleton.ends.get(self.skeleton.names[rising[-1]]) and self.next[rising[-1]] < 0

@@ -31,6 +31,7 @@ from .rotations import (
     quat_slerp,
 )
 from .skeleton import Skeleton, find_skeleton
+from .soles import Soles, find_soles
 from .tpose import directions
 
 __all__ = ["load_map", "positions_to_rotations", "recognise", "retarget", "skeleton"]
@@ -51,8 +52,8 @@ def retarget(
         target: a name of `cospeech.motion.skeletons.SKELETONS`, or a skeleton whose ``rest`` is its T-pose.
         bone_map: our joint's name → that of whichever of the two skeletons has names of its own (the source if both have);
             see `cospeech.motion.bone_mapping.load_map`.
-        scale_root: scale the way of the hips by the ratio of hip heights, so that feet stay on the floor and do not slide;
-            else the hips move as far as the source's.
+        scale_root: scale the way of the hips by the ratio of hip heights, so that feet do not slide; else the hips move as
+            far as the source's. With it, the lower sole is as high above the floor as the source's, so scaled.
 
     Returns:
         Motion of the target; the face is passed through.
@@ -105,6 +106,7 @@ class _Plan:
         pairs: target joints and the source joints that turn them, (2, P).
         before: (P, 4) source's world rotation → change since the T-pose → target's world rotation, from the right.
         between: target joint, its two neighbours that are paired, and how far it is from the first.
+        soles: of both; None where one has no feet.
     """
 
     source: Skeleton
@@ -113,6 +115,7 @@ class _Plan:
     before: Array
     between: tuple[tuple[int, int, int, float], ...]
     hips: tuple[int, int]
+    soles: tuple[Soles, Soles] | None
 
     def apply(self, rotations: Array, root: Array, scale_root: bool) -> tuple[Array, Array]:
         """Local rotations (T, J, 4) and root positions (T, 3) of the target."""
@@ -137,18 +140,23 @@ class _Plan:
                     quat_multiply(turned[:, parent], self.target.rest[joint]) if parent >= 0 else self.target.rest[joint]
                 )
         local = quat_continuous(quat_normalize(local))
-        return local, self._root(points[:, self.hips[0]], local, scale_root)
+        return local, self._root(points, world, local, scale_root)
 
-    def _root(self, hips: Array, local: Array, scale_root: bool) -> Array:
-        """Root positions that bring the target's hips where they should be."""
-        have, want = self.source.tpose[self.hips[0], 1], self.target.tpose[self.hips[1], 1]
-        if scale_root:
-            place = hips * (want / have if have > 1e-3 and want > 1e-3 else 1.0)
-        else:
-            place = hips + np.array([0.0, want - have, 0.0])
-        if self.hips[1] == 0:
+    def _root(self, points: Array, world: Array, local: Array, scale_root: bool) -> Array:
+        """Root positions that bring the target's hips where they should be, and its soles as high as the source's are."""
+        ends = (self.source, self.hips[0]), (self.target, self.hips[1])
+        have, want = (float(skeleton.tpose[hips, 1]) - skeleton.floor for skeleton, hips in ends)
+        scale = want / have if scale_root and have > 1e-3 and want > 1e-3 else 1.0
+        hips = points[:, self.hips[0]] - (0.0, self.source.floor, 0.0)
+        place = hips * scale + (0.0, self.target.floor + (0.0 if scale_root else want - have), 0.0)
+        if self.hips[1] == 0 and not (scale_root and self.soles):
             return place
-        return place - self.target.forward(local, np.zeros(3))[0][:, self.hips[1]]
+        made, turned = self.target.forward(local, np.zeros(3))
+        root = place - made[:, self.hips[1]]
+        if scale_root and self.soles is not None:
+            above = (self.soles[0].heights(points, world) - self.source.floor) * scale
+            root[:, 1] = above + self.target.floor - self.soles[1].heights(made, turned)
+        return root
 
 
 @lru_cache(32)
@@ -172,7 +180,9 @@ def _plan(a: _Key, b: _Key) -> _Plan:
         before.append(quat_multiply(quat_multiply(quat_conjugate(source_rest[k]), change), target_rest[j]))
     between = _spread(target, goal, {j for j, _ in pairs})
     hips = (source.index[theirs["hips"]], target.index[goal["hips"]])
-    return _Plan(source, target, np.array(pairs).T, np.array(before), between, hips)
+    soles = find_soles(source, theirs), find_soles(target, goal)
+    both = None if None in soles else soles
+    return _Plan(source, target, np.array(pairs).T, np.array(before), between, hips, both)  # type: ignore[arg-type]
 
 
 def _spread(target: Skeleton, goal: Mapping[str, str], paired: set[int]) -> tuple[tuple[int, int, int, float], ...]:

@@ -27,6 +27,7 @@ class Skeleton:
         rest: (J, 4) local rotations that put this skeleton into the T-pose (facing +Z, Y up); identity for ours.
         ends: leaf name → (3,) offset of the bone's tip, metres.
         kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
+        floor: height on which the T-pose stands, metres; not 0 where a file's own floor is elsewhere.
 
     Raises:
         InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.
@@ -38,6 +39,7 @@ class Skeleton:
     rest: Array = None  # type: ignore[assignment]  # filled in below
     ends: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     kind: str = "custom"
+    floor: float = 0.0
 
     def __post_init__(self) -> None:
         names, parents = tuple(self.names), tuple(int(p) for p in self.parents)

@@ -122,14 +122,14 @@ def with_tpose(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
     return on_floor(replace(skeleton, rest=rest), skeleton.index[names["hips"]])
 
 
-def on_floor(skeleton: Skeleton, hips: int) -> Skeleton:
-    """Move the root so that in the T-pose the lowest point is at height 0 and the joint ``hips`` over the origin."""
+def on_floor(skeleton: Skeleton, hips: int, height: float = 0.0) -> Skeleton:
+    """Move the root so that the lowest point of the T-pose is at ``height`` and the joint ``hips`` over the origin."""
     offsets = skeleton.offsets.copy()
     offsets[0] = 0
     points, tips = _points_and_tips(replace(skeleton, offsets=offsets))
     lowest = min(p[1] for p in (*points, *tips.values()))
-    offsets[0] = (-points[hips, 0], -lowest, -points[hips, 2])
-    return replace(skeleton, offsets=offsets + 0.0)
+    offsets[0] = (-points[hips, 0], height - lowest, -points[hips, 2])
+    return replace(skeleton, offsets=offsets + 0.0, floor=height)
 
 
 class _Maker:

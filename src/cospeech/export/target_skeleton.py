@@ -1,0 +1,58 @@
+"""The skeleton that motion is brought to: one by name, or that of somebody's rig."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+from ..errors import InputError, nearest
+from ..motion.bone_mapping import recognise
+from ..motion.skeleton import Skeleton, find_skeleton
+from ..motion.skeletons import SKELETONS
+from ..motion.tpose import on_floor
+
+__all__ = ["RIGS", "rig_files", "find_target"]
+
+RIGS = (".bvh", ".glb", ".gltf", ".vrm")
+"""Suffixes of files whose skeleton can be taken."""
+
+
+def find_target(name: str | PathLike[str] | Skeleton) -> Skeleton:
+    """A skeleton to retarget to.
+
+    Args:
+        name: one of `cospeech.motion.skeletons.SKELETONS`, or a rig: a file with one of the suffixes `RIGS`. A BVH gives its
+            skeleton, whatever its frames are; its T-pose stands on the floor at height 0.
+
+    Raises:
+        InputError: no skeleton and no file has that name, or the file has no skeleton that is recognised.
+
+    >>> find_target("mixamo").names[0]
+    'mixamorig:Hips'
+    """
+    if isinstance(name, Skeleton):
+        return name
+    if str(name) in SKELETONS:
+        return find_skeleton(str(name))
+    path = Path(name)
+    if path.suffix.lower() not in RIGS:
+        hint = f"{nearest(str(name), SKELETONS)}, or name a rig: {' '.join(RIGS)}"
+        raise InputError(f"no skeleton is called {str(name)!r}", hint)
+    if path.suffix.lower() != ".bvh":
+        from .avatar import load_avatar
+
+        return load_avatar(path).skeleton
+    from .bvh_reader import load
+
+    skeleton = load(path).skeleton
+    try:
+        names = recognise(skeleton)
+    except InputError as error:
+        raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
+    return on_floor(skeleton, skeleton.index[names["hips"]])
+
+
+def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:
+    """The file that `find_target` reads for a skeleton, if it reads one."""
+    known = skeleton is None or isinstance(skeleton, Skeleton) or str(skeleton) in SKELETONS
+    return () if known else (Path(skeleton),)  # type: ignore[arg-type]

@@ -1,0 +1,76 @@
+"""The skeleton of somebody's rig as the target: --skeleton my_rig.bvh, .glb or .vrm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cospeech.convert import convert_file
+from cospeech.errors import InputError
+from cospeech.export import load, save
+from cospeech.export.target_skeleton import find_target, rig_files
+from cospeech.motion.bone_mapping import recognise
+from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
+from tests.support.motions import gesturing
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A BVH of somebody smaller, with names of their own, whose floor is at 0.4 m."""
+    body = humanoid()
+    ends = {f"my:{name}": tuple(0.8 * np.array(end)) for name, end in body.ends.items()}
+    small = replace(body, names=tuple(f"my:{n}" for n in body.names), offsets=0.8 * body.offsets, ends=ends, kind="custom")
+    motion = gesturing(40)
+    path = tmp_path / "my_rig.bvh"
+    save(replace(motion, skeleton=small, root=0.8 * motion.root + (0.0, 0.05, 0.0)), path)
+    return path
+
+
+def test_a_rig_gives_its_skeleton(rig, tmp_path):
+    skeleton = find_target(rig)
+    assert skeleton.names[0] == "my:hips"
+    assert skeleton.floor == 0
+    assert find_target("mixamo") is find_skeleton("mixamo")
+    assert find_target(skeleton) is skeleton
+    assert (rig_files("mixamo"), rig_files(skeleton), rig_files(None), rig_files(rig)) == ((), (), (), (rig,))
+
+
+def test_convert_brings_motion_to_a_rig(rig, tmp_path):
+    save(gesturing(40), tmp_path / "a.bvh")
+    there = convert_file(tmp_path / "a.bvh", tmp_path / "b.bvh", skeleton=rig)
+    assert there.skeleton.names[0] == "my:hips"
+    assert load(tmp_path / "b.bvh").skeleton.names == there.skeleton.names
+    arms = []
+    for motion, prefix in ((gesturing(40), ""), (there, "my:")):
+        points, index = motion.positions(), motion.skeleton.index
+        arms.append(points[:, index[f"{prefix}rightHand"]] - points[:, index[f"{prefix}rightUpperArm"]])
+    assert np.allclose(arms[1], 0.8 * arms[0], atol=1e-3)
+
+
+def test_a_character_gives_its_skeleton(tmp_path):
+    save(gesturing(5), tmp_path / "character.glb")
+    skeleton = find_target(tmp_path / "character.glb")
+    assert isinstance(skeleton, Skeleton)
+    assert set(recognise(skeleton)) >= {"hips", "head", "leftHand", "rightToes"}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("miximo", "did you mean 'mixamo'"),
+        ("rig.fbx", ".bvh .glb .gltf .vrm"),
+        ("nothing.bvh", "nothing.bvh"),
+        ("nothing.glb", "nothing.glb"),
+    ],
+)
+def test_what_is_no_rig_is_told(name, words):
+    with pytest.raises(InputError, match=words):
+        find_target(name)
+
+
+def test_a_rig_is_not_overwritten(rig, tmp_path):
+    save(gesturing(5), tmp_path / "a.bvh")
+    with pytest.raises(InputError, match="overwrite"):
+        convert_file(tmp_path / "a.bvh", rig, skeleton=rig)

@@ -2,9 +2,9 @@
 
     python tools/calibrate_face.py RUN STORE
 
-A regression makes small what it is unsure of. Here each weight of the last step's network is stretched, ``max(0, g · y − t)``: of
-all pairs whose standard deviation on the validation split is `WANTED` of the tracked one, the pair with the least absolute error.
-The floor t takes off what the factor g makes of noise; a face at rest stays at rest. Channels that do not correlate with the
+A regression makes small what it is unsure of. Here each weight of the last step's network is stretched, ``max(0, g · y − t)``:
+of all pairs whose standard deviation on the validation split is `WANTED` of the tracked one, the pair with the least absolute
+error. The floor t takes off what the factor g makes of noise; a face at rest stays at rest. Channels that do not correlate with the
 tracked ones, and those that move enough, stay as they are. RUN is changed.
 """
 

@@ -2,8 +2,8 @@
 
     python tools/lip_strip.py RAW CLIP OUT.png [--other BUNDLE.cospeech] [--step 0.12]
 
-RAW is what ``cospeech prepare faces`` reads, and CLIP one of its clips with words. Rows: the tracked face, another mouth's face by
-the sound where a bundle is named, ours by the sound, ours with the words.
+RAW is what ``cospeech prepare faces`` reads, and CLIP one of its clips with words; or RAW is a sound, and CLIP its transcript with
+times. Rows: the tracked face, another mouth's face by the sound where a bundle is named, ours by the sound, ours with the words.
 """
 
 from __future__ import annotations
@@ -51,15 +51,14 @@ def shown(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
     return np.asarray(face)[np.clip(np.rint(times * 100).astype(int), 0, len(face) - 1)]
 
 
-def draw(clip: Clip, other: Path | None, step: float) -> Image.Image:
-    """The strip of one clip."""
-    speech, motion = clip.speech, clip.motion
-    assert speech is not None
-    assert motion is not None
+def draw(speech: Speech, motion: Motion | None, other: Path | None, step: float) -> Image.Image:
+    """The strip of one clip, whose face was tracked or not."""
     words = speech.words or ()
-    times = np.arange(words[0].start - 0.06, min(words[-1].end + 0.1, clip.duration), step)
+    times = np.arange(words[0].start - 0.06, min(words[-1].end + 0.1, float(speech.duration)), step)
     mute = replace(speech, words=None)
-    rows = {"tracked": motion.face[np.clip(np.rint(times * motion.fps).astype(int), 0, len(motion) - 1)]}
+    rows = {}
+    if motion is not None:
+        rows["tracked"] = motion.face[np.clip(np.rint(times * motion.fps).astype(int), 0, len(motion) - 1)]
     rows |= {"before,\nby the sound": shown(mute, times, other)} if other is not None else {}
     rows |= {"by the\nsound": shown(mute, times, SHIPPED_FACE), "with\nwords": shown(speech, times, SHIPPED_FACE)}
     font = ImageFont.load_default(13)
@@ -83,8 +82,12 @@ def main() -> None:
     parser.add_argument("--other", type=Path)
     parser.add_argument("--step", type=float, default=0.12)
     given = parser.parse_args()
-    clip = next(clip for clip in read(given.raw) if isinstance(clip, Clip) and clip.name == given.clip)
-    draw(clip, given.other, given.step).quantize(128).save(given.out, optimize=True)
+    if Path(given.raw).is_file():
+        speech, motion = Speech.load(given.raw, transcript=given.clip), None
+    else:
+        clip = next(clip for clip in read(given.raw) if isinstance(clip, Clip) and clip.name == given.clip)
+        speech, motion = clip.speech, clip.motion
+    draw(speech, motion, given.other, given.step).quantize(128).save(given.out, optimize=True)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
     python tools/lip_strip.py RAW CLIP OUT.png [--other BUNDLE.cospeech] [--step 0.12]
 
-RAW is what ``cospeech prepare faces`` reads, and CLIP one of its clips with words; or RAW is a sound, and CLIP its transcript with
-times. Rows: the tracked face, another mouth's face by the sound where a bundle is named, ours by the sound, ours with the words.
+RAW is what ``cospeech prepare faces`` reads, and CLIP one of its clips with words; or RAW is a sound, and CLIP its transcript
+with times. Rows: the tracked face, another mouth's face by the sound where a bundle is named, ours by the sound, ours with
+the words.
 """
 
 from __future__ import annotations

@@ -129,10 +129,9 @@ def generate_files(
         result = Report(
             model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
-            played=performance.played, arousal=performance.arousal, speaker=performance.speaker,
+            played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
             style=_style_text(options.style) or gesturer.default_style, style_mixture=performance.style_mixture,
-            outputs=[str(path) for path in names], version=__version__,
-        )  # fmt: skip
+            outputs=[str(path) for path in names])  # fmt: skip
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
     return result

@@ -78,10 +78,10 @@ def test_auto_plays_no_category_and_reports_both():
     session = RuleBasedModel().session(emotion="auto", parts=("face",))
     list(session.push(speech))
     list(session.finish())
-    assert session.played == {name: float(name == "neutral") for name in EMOTIONS}
+    assert session.expression == {name: float(name == "neutral") for name in EMOTIONS}
     assert -1 < session.arousal < 1
     assert session.arousal != 0
     assert sum(session.emotion.values()) == pytest.approx(1)
     named = RuleBasedModel().session(emotion="fear", parts=("face",))
     list(named.push(speech))
-    assert (named.played["fear"], named.arousal) == (pytest.approx(1), None)
+    assert (named.expression["fear"], named.arousal) == (pytest.approx(1), None)

@@ -146,12 +146,12 @@ def test_a_mood_that_is_heard_is_reported_and_not_played():
     np.testing.assert_allclose(sum(session.emotion.values()), 1)
     assert session.emotion["neutral"] < 0.9  # the classifier's, and not the rules'
     assert session.emotion != gesturer(adversarial=False).session().emotion
-    assert session.played == {name: float(name == "neutral") for name in EMOTIONS}
+    assert session.expression == {name: float(name == "neutral") for name in EMOTIONS}
     assert -1 <= session.arousal <= 1
     named = gesturer().session(emotion="anger")
     list(named.push(talk(5.0)))
     list(named.finish())
-    assert named.played["anger"] == pytest.approx(1)
+    assert named.expression["anger"] == pytest.approx(1)
     assert named.arousal is None
 
 

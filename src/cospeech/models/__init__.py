@@ -51,7 +51,7 @@ class GenerationSession(Protocol):
         ...
 
     @property
-    def played(self) -> dict[str, float]:
+    def expression(self) -> dict[str, float]:
         """Weight of each emotion that was played, over the speech."""
         ...
 

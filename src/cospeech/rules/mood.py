@@ -96,12 +96,12 @@ class Mood:
         self._ticks += 1
 
     @property
-    def heard(self) -> dict[str, float]:
+    def guess(self) -> dict[str, float]:
         """Mean probabilities that the voice suggests, by name; of a track those of the track."""
         return self._mean(self._heard, self._guess)
 
     @property
-    def felt(self) -> dict[str, float]:
+    def expression(self) -> dict[str, float]:
         """Mean weights of what is played, by name."""
         return self._mean(self._felt, self.probabilities)
 

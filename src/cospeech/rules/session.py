@@ -109,12 +109,12 @@ class Session:
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard; of a track its mean over the speech."""
-        return self.mood.heard
+        return self.mood.guess
 
     @property
-    def played(self) -> dict[str, float]:
+    def expression(self) -> dict[str, float]:
         """Weight of each emotion that was played, over the speech: of a track its own, else neutral alone."""
-        return self.mood.felt
+        return self.mood.expression
 
     @property
     def arousal(self) -> float | None:

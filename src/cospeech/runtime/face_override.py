@@ -33,9 +33,9 @@ class FaceOverride:
         return self._session.emotion
 
     @property
-    def played(self) -> dict[str, float]:
+    def expression(self) -> dict[str, float]:
         """See `cospeech.rules.Session`."""
-        return self._session.played
+        return self._session.expression
 
     @property
     def arousal(self) -> float | None:

@@ -162,9 +162,9 @@ class TrainedSession:
         return self._decoder.emotion or self._faces[0].emotion
 
     @property
-    def played(self) -> dict[str, float]:
-        """See `cospeech.rules.Session.played`."""
-        return self._faces[0].played
+    def expression(self) -> dict[str, float]:
+        """See `cospeech.rules.Session.expression`."""
+        return self._faces[0].expression
 
     @property
     def arousal(self) -> float | None:

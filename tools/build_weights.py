@@ -181,8 +181,8 @@ Means with 95 % intervals over clips (tools/measure_face.py). Of other voices an
 ## What it cannot do
 
 Eyes, brows and cheeks do not move: rules do that. Two people, both calm: nothing is learnt of shouting, laughing or singing,
-and emotions are added by rules. One speech has one face: smiles and pressed lips that the sound does not tell of are missing. The
-turn of the head hardly follows from speech. No tongue.
+and emotions are added by rules. One speech has one face: smiles and pressed lips that the sound does not tell of are missing.
+The turn of the head hardly follows from speech. No tongue.
 
 Rebuild: `python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER`. Licence of the weights:
 Apache-2.0, with the attribution above.

@@ -29,9 +29,9 @@ _FREE = 0.75  # [ours] share of the limit up to which eyes turn as far as is ask
 _FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 of eyeLook* [ours: what ARKit reports near the limits of comfort]
 _LID_FOLLOWS, _LID_LIFTS = 0.28, 0.15  # [ours] lid lowered per unit of eyeLookDown, widened per unit of eyeLookUp
 
-_PLANS = 0.38  # [ours] chance, at a share of .25 averted, that somebody looks away as a phrase begins (Kendon 1967: most do)
+_PLANS = 0.36  # [ours] chance, at a share of .25 averted, that somebody looks away as a phrase begins (Kendon 1967: most do)
 _BACK = 0.30  # s before the end of a phrase at which the eyes are back (Kendon 1967: speakers look up as they end)
-_GLANCE = 0.13  # [ours] chance of a glance away at a change of fixation within a phrase, at a share of .25 averted
+_GLANCE = 0.09  # [ours] chance of a glance away at a change of fixation within a phrase, at a share of .25 averted
 _USUAL = 0.25  # the share averted that the two chances above hold for
 _MOST = 0.75  # [ours] no chance is larger
 _GAP = 0.12  # s between saccades at least: the refractory time is 100–200 ms (Becker 1991)
@@ -84,7 +84,7 @@ class GazePlanner:
             if phrase.start > self._phrase and phrase.start <= now + 0.35:
                 self._phrase = phrase.start
                 if self._random.random() < min(_PLANS * chance, _MOST):
-                    return self._glance(now, self._random.uniform(0.45, 1.0))
+                    return self._glance(now, self._random.uniform(0.4, 0.9))
             if self.away and self._ended < phrase.start and now < phrase.end <= now + _BACK:
                 self._ended = phrase.start
                 return self._return(now)
@@ -93,7 +93,7 @@ class GazePlanner:
         if self.away:
             return self._return(now)
         if self._random.random() < min(_GLANCE * chance, _MOST):
-            return self._glance(now, self._random.uniform(0.35, 0.9))
+            return self._glance(now, self._random.uniform(0.3, 0.8))
         return self._return(now)
 
     def _glance(self, now: float, lasts: float) -> Saccade | None:

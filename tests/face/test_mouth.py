@@ -24,7 +24,7 @@ from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
 from cospeech.runtime.mouth import BundleMouth, choose_layout, open_mouth
 from tests.face.test_face import EMOTIONS, act, channel, hear, opening, silence, speech
-from tests.support.window_bundles import NAMES, write_small_window
+from tests.support.runtime_bundles import NAMES, write_small_window
 
 RATE = 16_000
 
@@ -63,7 +63,7 @@ def test_the_same_bits_however_speech_is_cut(system, cut):
 
 def test_it_says_what_the_network_says(system):
     """Once over the whole speech, by hand: features, the network, its mean and spread, smoothing, weights of 0 … 1."""
-    samples, s, engine = sound(3.0), system.statistics, system.engine
+    samples, s, network = sound(3.0), system.statistics, system.networks["make"]
     ears = hear_columns(system.audio, system.fps)
     columns = np.concatenate([ears.push(Speech(samples)), ears.finish()])
     ears = hear_columns(system.audio, system.fps)
@@ -71,8 +71,8 @@ def test_it_says_what_the_network_says(system):
     columns = np.concatenate([np.repeat(silence, 40, 0), columns, np.repeat(silence, 40, 0)])
     rows = np.clip((reduce_audio(columns, system.audio) - s.audio_mean) / s.audio_std, s.audio_low, s.audio_high)
     who = system.styles.index(system.style)
-    codes = np.broadcast_to(s.codes[who], (1, len(rows), len(NAMES)))
-    made = engine.make(rows, codes, np.zeros((1, len(rows), engine.sizes.modes)))[0, 40:-40]
+    codes = np.broadcast_to(s.style_codes[who], (1, len(rows), len(NAMES)))
+    made = network.run(rows=rows[None], style=codes)["poses"][0, 40:-40]
     n = system.smooth
     padded = np.concatenate([np.repeat(made[:1], n, 0), made, np.repeat(made[-1:], n, 0)])
     smooth = sum(comb(2 * n, k) / 4**n * padded[k : k + len(made)] for k in range(2 * n + 1))
@@ -118,7 +118,7 @@ def test_it_forgets_what_is_past(system):
 
 
 def test_windows_hold_what_matters_to_the_network(system):
-    sizes = system.engine.sizes
+    sizes = system.main_network.signature
     exact = choose_layout(sizes, 60.0)
     assert exact.ahead >= sizes.reach <= exact.past
     assert exact.fade == 0

@@ -25,13 +25,10 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
-from cospeech.runtime.chain_bundle import VOICE
+from cospeech.runtime.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.style import CodeSource
-from tests.support.chain_bundles import LOOK_AHEAD, NAMES, write_small_chain
-from tests.support.runtime_bundles import changed, cut, same, talk
-
-pytestmark = pytest.mark.slow
+from cospeech.runtime.spec import VOICE
+from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
 
 BODY = ("body", "hands")
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
@@ -145,7 +142,7 @@ def test_a_mood_that_is_heard_is_reported_and_not_played():
     list(session.finish())
     np.testing.assert_allclose(sum(session.emotion.values()), 1)
     assert session.emotion["neutral"] < 0.9  # the classifier's, and not the rules'
-    assert session.emotion != gesturer(adversarial=False).session().emotion
+    assert session.emotion != gesturer(judges=False).session().emotion
     assert session.expression == {name: float(name == "neutral") for name in EMOTIONS}
     assert -1 <= session.arousal <= 1
     named = gesturer().session(emotion="anger")
@@ -161,7 +158,7 @@ def test_who_speaks_is_told_and_played():
     list(session.finish())
     assert set(session.speaker) == set(NAMES)
     assert sum(session.speaker.values()) == pytest.approx(1)
-    assert gesturer(adversarial=False).session().speaker is None
+    assert gesturer(judges=False).session().speaker is None
     ada, ben, voice, mixed = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
     assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixed, ada)) > 1e-3
     assert same(mixed, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))

@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
-from cospeech.runtime.chain_engine import ChainSizes
+from cospeech.runtime.signature import Signature
 from cospeech.runtime.speaker_emotion_tracker import BLOCK, DOUBT, VOICE, SpeakerEmotionTracker
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)
-SIZES = ChainSizes(pose=2, audio=AUDIO, words=0, speakers=SPEAKERS, noise=0, window=8, reach=REACH, look_ahead=0)
 WEIGHTS = np.random.default_rng(0).normal(0, 1, (2 * REACH + 1, AUDIO, SPEAKERS + 8))
 
 
 NEUTRAL = np.eye(8)[EMOTIONS.index("neutral")]
 
 
-class Judge:
+class Classifier:
     """A classifier in a line of NumPy."""
 
-    def __init__(self, *, judges: bool = True, reach: int = REACH) -> None:
-        self.sizes, self.judges, self.calls = replace(SIZES, reach=reach), judges, list[tuple[int, ...]]()
+    def __init__(self, reach: int) -> None:
+        ports = {"rows": (1, "T", AUDIO)}, {"logits": (1, "T", SPEAKERS + 8)}
+        self.signature, self.calls = Signature(*ports, window=2 * reach + 1, reach=reach), list[tuple[int, ...]]()
 
-    def classify(self, rows):
+    def run(self, rows):
         self.calls.append(rows.shape)
-        reach = self.sizes.reach
-        around = [rows[k : len(rows) - 2 * reach + k] @ WEIGHTS[k] for k in range(2 * reach + 1)]
-        return np.sum(around, 0)
+        reach = self.signature.reach
+        padded = np.pad(rows[0], ((reach, reach), (0, 0)))
+        return {"logits": np.sum([padded[k : len(padded) - 2 * reach + k] @ WEIGHTS[k] for k in range(2 * reach + 1)], 0)[None]}
 
 
-def tracker(given=None, **kind) -> SpeakerEmotionTracker:
-    return SpeakerEmotionTracker(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
+def tracker(given=None, *, judges: bool = True, reach: int = REACH) -> SpeakerEmotionTracker:
+    return SpeakerEmotionTracker(Classifier(reach) if judges else None, SPEAKERS, FPS, QUIET, given)  # type: ignore[arg-type]
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
@@ -98,7 +96,7 @@ def test_silence_says_nothing():
     who = tracker()
     who.push(np.repeat(QUIET[None], 400, 0))
     np.testing.assert_allclose(who.shares(np.array([100, 390])), tracker().shares(np.array([0, 0])), atol=1e-9)
-    assert who._engine.calls == []
+    assert who._classifier.calls == []
 
 
 @pytest.mark.parametrize("sizes", [[1], [3], [7, 1], [64], [0, 2, 0, 5]], ids=str)
@@ -114,7 +112,7 @@ def test_pieces_do_not_show(sizes):
         if at:
             assert parts.shares(asked).tobytes() == whole.shares(asked).tobytes()
     assert parts.speaker.tobytes() == whole.speaker.tobytes()
-    assert set(whole._engine.calls) == {(2 * REACH + BLOCK, AUDIO)}  # always the same blocks
+    assert set(whole._classifier.calls) == {(1, 2 * REACH + BLOCK, AUDIO)}  # always the same blocks
 
 
 def test_the_voice_is_followed_over_seconds():
@@ -124,7 +122,7 @@ def test_the_voice_is_followed_over_seconds():
     logits[100:, [1, SPEAKERS + 4]] = 9
     rows = np.zeros((200, AUDIO), np.float32)
     place = iter(range(0, 200, BLOCK))
-    who._engine.classify = lambda given: logits[(k := next(place)) : k + BLOCK]
+    who._classifier.run = lambda rows: {"logits": logits[None, (k := next(place)) : k + BLOCK]}
     who.push(rows)
     course = who.shares(np.arange(200))
     assert (course[:, SPEAKERS:] == NEUTRAL).all()  # no mood that is heard is played
@@ -150,12 +148,12 @@ def test_what_is_given_is_played_and_not_heard():
 
 
 def test_without_a_classifier_nobody_is_heard():
-    who = tracker(judges=False, reach=0)
+    who = tracker(judges=False)
     who.push(speech(60))
     np.testing.assert_allclose(who.shares(np.arange(60)), np.broadcast_to(tracker().shares(np.array(0)), (60, SPEAKERS + 8)))
     assert not who.knows
     assert not tracker().knows  # what is heard is not what is played
-    assert tracker(EmotionTrack.constant("anger"), judges=False, reach=0).knows
+    assert tracker(EmotionTrack.constant("anger"), judges=False).knows
 
 
 def test_memory_is_bounded_and_forgetting_does_not_show():

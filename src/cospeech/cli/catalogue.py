@@ -46,7 +46,7 @@ def _styles() -> list[Row]:
     from ..models import BUNDLE, SHIPPED
     from ..rules.styles import STYLES
     from ..runtime.bundle import read_bundle
-    from ..runtime.chain_bundle import VOICE
+    from ..runtime.spec import VOICE
 
     rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
     for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):

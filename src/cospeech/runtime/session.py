@@ -28,12 +28,11 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
 from .face_override import FaceOverride
-from .manifest import System
 from .pose_resampler import PoseResampler
 from .seam import Seam
-from .speech_frontend import SpeechFrontend
-from .speech_text_frontend import SpeechTextFrontend
-from .style_measures import StyleMixture
+from .speech_frontend import SpeechFrontend, SpeechTextFrontend
+from .style_embedding import StyleMixture
+from .system import System
 
 __all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
 

@@ -260,9 +260,8 @@ def older(kind: str) -> tuple[dict, dict[str, bytes]]:
     back = {new: old for old, new in convert_bundle.NAMES[kind].items()}
     arrays = {back.get(name, name): value for name, value in arrays.items()}
     members |= {"statistics.safetensors": pack_arrays(arrays)}
-    members = {
-        name: data.replace(b"noise", b"nudge") if name.endswith(".onnx") else data for name, data in members.items()
-    }  # old name
+    graphs = {name for name in members if name.endswith(".onnx")}
+    members |= {name: members[name].replace(b"noise", b"nudge") for name in graphs}  # old name
     if kind == "flow":
         sizes = {{new: old for old, new in convert_bundle.SIZES.items()}.get(k, k): v for k, v in manifest["flow"].items()}
     else:

@@ -79,12 +79,12 @@ class _Windows(nn.Module):
     def poses(self, rows: Tensor, style: Tensor, extra: Tensor, memory: Memory, face: Tensor | None = None) -> Tensor:
         """All (B, ·, T)."""
 
-        def seen(own: Tensor) -> Tensor:
+        def blend_face(own: Tensor) -> Tensor:
             """The face that TFFDec sees: FaceDec's own, as far as no other is given."""
             return own if face is None else own + (face[:, :FACE] - own) * face[:, FACE:]
 
         heard, words = rows.split(self.widths, 1)
-        made: Tensor = self.cascade(Signals(self.speech_encoder(heard, memory), words, style, extra), memory, seen).pose
+        made: Tensor = self.cascade(Signals(self.speech_encoder(heard, memory), words, style, extra), memory, blend_face).pose
         return made
 
 
@@ -108,7 +108,7 @@ class _Frame(_Windows):
     def forward(self, rows: Tensor, style: Tensor, *given: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
         noise, states = (given[0], given[1:]) if self.modes else (rows[:, :0], given)
         memory = Memory(x.unflatten(1, tuple(shape)) for x, shape in zip(states, self.shapes, strict=True))
-        made = self.poses(*(x.unsqueeze(2) for x in (rows, style, noise)), memory)
+        made = self.poses(rows.unsqueeze(2), style.unsqueeze(2), noise.unsqueeze(2), memory)
         return made.squeeze(2), *(x.flatten(1) for x in memory.new_states)
 
 

@@ -75,7 +75,7 @@ def start_decoder(
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
     common = system, network, style, options.seeds, silence
-    scales = {"temperature": options.temperature, "intensity": options.intensity}
+    scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
     if live:
         return CausalStreamDecoder(*common, **scales)
     if network.signature.hop is None:

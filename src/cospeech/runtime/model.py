@@ -122,8 +122,8 @@ class TrainedModel:
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
         """Who hears, and who plays."""
-        frontend = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
-        frontend = frontend(self.system, resolved_style.controls)
+        kind = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
+        frontend = kind(self.system, resolved_style.controls)
         decoder = start_decoder(
             self.system, self._space, resolved_style.blend, frontend.silence, options, conditioning, self._transfer
         )

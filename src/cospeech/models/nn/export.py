@@ -68,7 +68,7 @@ def inference_copy(net: nn.Module) -> nn.Module:
     for part in copy.modules():
         if parametrize.is_parametrized(part):
             _make_plain(part)
-    return _simplified(copy)
+    return _simplify(copy)
 
 
 def _make_plain(part: Any) -> None:
@@ -80,11 +80,11 @@ def _make_plain(part: Any) -> None:
         setattr(part, name, nn.Parameter(value))
 
 
-def _simplified(net: Any) -> Any:
+def _simplify(net: Any) -> Any:
     if hasattr(net, "for_inference"):
-        return _simplified(net.for_inference())
+        return _simplify(net.for_inference())
     for name, child in [*net.named_children()]:
-        setattr(net, name, _simplified(child))
+        setattr(net, name, _simplify(child))
     if isinstance(net, nn.Sequential):
         for k, (layer, after) in enumerate(zip([*net], [*net][1:], strict=False)):
             if isinstance(layer, nn.Conv1d) and isinstance(after, nn.BatchNorm1d):

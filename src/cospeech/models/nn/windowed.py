@@ -86,10 +86,10 @@ class Windowed(Trainable):
 
     def style_encoder(self) -> nn.Module | None:
         """What recognises a style: (B, T, D) poses → (B, styles); None: it recognises none."""
-        return StyleEncoder(self) if self.encodes_style else None
+        return StyleOf(self) if self.encodes_style else None
 
 
-class StyleEncoder(nn.Module):
+class StyleOf(nn.Module):
     """``style_of`` of a network as a module."""
 
     def __init__(self, net: Windowed) -> None:

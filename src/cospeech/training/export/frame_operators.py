@@ -56,7 +56,7 @@ def _softmax(b: FrameGraph, node: NodeProto) -> Made:
 def _both(b: FrameGraph, node: NodeProto) -> Made:
     """An operator on two values, of which one may be broadcast."""
     constants = [b.constant(name) for name in node.input]
-    biased = _biased(b, node, constants)
+    biased = _add_bias(b, node, constants)
     if biased is not None:
         return biased
     values = [None if each is not None else b.value(name) for name, each in zip(node.input, constants, strict=True)]
@@ -68,14 +68,14 @@ def _both(b: FrameGraph, node: NodeProto) -> Made:
     if layout == "plain" or ranks != [3, 3]:
         return plain(b, node)
     lifted = [
-        b.lift(value, layout) if constant is None else Value(b.hold(_pictured(constant, layout)), layout, True)
+        b.lift(value, layout) if constant is None else Value(b.hold(_as_picture(constant, layout)), layout, True)
         for value, constant in zip(values, constants, strict=True)
     ]
     name = b.node(node.op_type, *(each.name for each in lifted))
     return [Value(name, layout, all(each.shared for each in lifted))]
 
 
-def _pictured(constant: Array, layout: str) -> Array:
+def _as_picture(constant: Array, layout: str) -> Array:
     """A constant that is broadcast, as one of pictures."""
     if constant.size == 1:
         return constant.reshape(())
@@ -83,27 +83,27 @@ def _pictured(constant: Array, layout: str) -> Array:
     return (whole if layout == "waves" else whole.swapaxes(1, 2))[:, :, None]
 
 
-def _biased(b: FrameGraph, node: NodeProto, constants: list[Array | None]) -> Made | None:
+def _add_bias(b: FrameGraph, node: NodeProto, constants: list[Array | None]) -> Made | None:
     """A product with weights and a sum with a bias: one convolution."""
     for name, bias in zip(node.input, reversed(constants), strict=True):
         inner = b.maker(name)
         if node.op_type == "Add" and bias is not None and inner is not None and inner.op_type == "MatMul":
             weight = b.constant(inner.input[1])
             if weight is not None and weight.ndim == 2 and bias.size == weight.shape[1] and len(b.dims(inner.input[0])) == 3:
-                return [_convolved(b, b.lift(b.value(inner.input[0]), "rows"), weight.T[:, :, None, None], bias.ravel())]
+                return [_convolve(b, b.lift(b.value(inner.input[0]), "rows"), weight.T[:, :, None, None], bias.ravel())]
     return None
 
 
 def _matmul(b: FrameGraph, node: NodeProto) -> Made:
     left, right = (b.constant(name) for name in node.input)
     if right is not None and right.ndim == 2 and len(b.dims(node.input[0])) == 3:
-        return [_convolved(b, b.lift(b.value(node.input[0]), "rows"), right.T[:, :, None, None])]
+        return [_convolve(b, b.lift(b.value(node.input[0]), "rows"), right.T[:, :, None, None])]
     if left is not None and left.ndim == 2 and len(b.dims(node.input[1])) == 3:
-        return [_convolved(b, b.lift(b.value(node.input[1]), "waves"), left[:, :, None, None])]
+        return [_convolve(b, b.lift(b.value(node.input[1]), "waves"), left[:, :, None, None])]
     return plain(b, node)
 
 
-def _convolved(b: FrameGraph, x: Value, weight: Array, bias: Array | None = None, **options: Any) -> Value:
+def _convolve(b: FrameGraph, x: Value, weight: Array, bias: Array | None = None, **options: Any) -> Value:
     given = [b.hold(weight)] + ([] if bias is None else [b.hold(bias)])
     options = {"kernel_shape": list(weight.shape[2:]), **options}
     return Value(b.node("Conv", x.name, *given, **options), x.layout, x.shared)
@@ -126,14 +126,14 @@ def _conv(b: FrameGraph, node: NodeProto) -> Made:
     }  # fmt: skip
     weight = weight[:, :, None]
     if not isinstance(value, Joined) or options["group"] > 1:
-        return [_convolved(b, b.lift(value, "waves"), weight, bias, **options)]
+        return [_convolve(b, b.lift(value, "waves"), weight, bias, **options)]
     kernels = np.split(weight, np.cumsum([width for _, width in value.parts])[:-1], 1)
     total: Value | None = None
     for shared in (True, False):  # a convolution of channels side by side is the sum of those of each
         chosen = [k for k, (part, _) in enumerate(value.parts) if part.shared == shared]
         names = [b.lift(value.parts[k][0], "waves").name for k in chosen]
         x = Value(names[0] if len(names) == 1 else b.node("Concat", *names, axis=1), "waves", shared)
-        made = _convolved(b, x, np.concatenate([kernels[k] for k in chosen], 1), bias if shared else None, **options)
+        made = _convolve(b, x, np.concatenate([kernels[k] for k in chosen], 1), bias if shared else None, **options)
         total = made if total is None else Value(b.node("Add", total.name, made.name), "waves", False)
     return [total]
 
@@ -176,8 +176,8 @@ def _split(b: FrameGraph, node: NodeProto) -> Made:
 
 def _slice(b: FrameGraph, node: NodeProto) -> Made:
     value = b.value(node.input[0])
-    layout, constants = _layout(value), [b.constant(name) for name in node.input[1:]]
-    if any(each is None for each in constants) or len(constants) < 3:
+    layout, constants = _layout(value), [each for name in node.input[1:] if (each := b.constant(name)) is not None]
+    if len(constants) < max(3, len(node.input) - 1):
         raise refuse(node)
     value = b.plain(value) if layout == "plain" else b.lift(value, layout)
     rank, axes = len(b.dims(node.input[0])), [int(axis) for axis in constants[2].ravel()]
@@ -201,11 +201,11 @@ def _transpose(b: FrameGraph, node: NodeProto) -> Made:
     if order != [0, 2, 1]:
         return [b.plain(value, order)]
     if isinstance(value, Joined):
-        return [Joined(tuple((_turned(part), width) for part, width in value.parts))]
-    return [_turned(b.lift(value, "rows" if value.layout == "plain" else value.layout))]
+        return [Joined(tuple((_turn(part), width) for part, width in value.parts))]
+    return [_turn(b.lift(value, "rows" if value.layout == "plain" else value.layout))]
 
 
-def _turned(value: Value) -> Value:
+def _turn(value: Value) -> Value:
     """A picture as PyTorch has it with frames and channels exchanged."""
     return Value(value.name, "waves" if value.layout == "rows" else "rows", value.shared)
 
@@ -248,7 +248,7 @@ def _squeeze(b: FrameGraph, node: NodeProto) -> Made:
     return _reshape(b, node)
 
 
-def _reduced(b: FrameGraph, node: NodeProto) -> Made:
+def _reduce(b: FrameGraph, node: NodeProto) -> Made:
     """ReduceMean or ReduceMax over frames."""
     value, axes, rank = b.value(node.input[0]), b.constant(node.input[1]), len(b.dims(node.input[0]))
     layout, keep = _layout(value), attributes(node).get("keepdims", 1)
@@ -277,7 +277,7 @@ def _sum(b: FrameGraph, node: NodeProto) -> Made:
 def _pool(b: FrameGraph, node: NodeProto) -> Made:
     value, own = b.lift(b.value(node.input[0]), "waves"), attributes(node)
     before, after = own.pop("pads", [0, 0])
-    shapes = {name: [1, *own.pop(name)] for name in ("kernel_shape", "strides", "dilations") if name in own}
+    shapes: Any = {name: [1, *own.pop(name)] for name in ("kernel_shape", "strides", "dilations") if name in own}
     name = b.node(node.op_type, value.name, **own, **shapes, pads=[0, before, 0, after])
     return [Value(name, "waves", value.shared)]
 
@@ -339,7 +339,7 @@ OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
     **dict.fromkeys(("Relu", "LeakyRelu", "Sigmoid", "Tanh", "Exp", "Sqrt", "Abs"), _each),
     **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Max", "Min"), _both),
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
-    **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduced),
+    **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduce),
     **dict.fromkeys(("LSTM", "GRU"), _recurrent),
     "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
     "MatMul": _matmul, "Pad": _pad,

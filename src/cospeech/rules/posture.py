@@ -9,6 +9,7 @@ from random import Random
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
+from ..face.gaze import GazePlanner
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
@@ -29,8 +30,8 @@ class Posture:
         self.track = MinimumJerkTrack(base)
         amounts = StanceAmounts(style.sway * self.size, style.steps, style.seated)
         self.stance = Stance(self.track, random, amounts)
-        self._next = {"lean": random.uniform(0.2, 1.0), "gaze": 0.4, "head": 0.3}
-        self._away = False
+        self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3}
+        self.gaze = GazePlanner(random.getrandbits(32), style.averted)
         self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
@@ -50,8 +51,7 @@ class Posture:
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
             self._turn_head(now, modifier, speaking)
-        if now >= self._next["gaze"]:
-            self._look(now, modifier, speaking)
+        self._look(now, phrases, modifier)
         self.stance.decide(now, speaking=speaking)
 
     def _gauss(self, size: float) -> float:
@@ -89,30 +89,26 @@ class Posture:
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
-        """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
-        away = self._random.random() < min(0.85, self.style.averted + modifier.averted)
-        if away:
-            goal = (
-                self._random.choice((-1, 1)) * self._random.uniform(9, 24),
-                self._random.choice((-13.0, -9.0, -5.0, 4.0, 9.0)),
-            )
-        else:
-            goal = (self._gauss(1.6), self._gauss(1.2))
+    def _look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
+        """The eyes jump where the plan of the gaze wants; the head follows far jumps."""
+        away = self.gaze.away
+        saccade = self.gaze.decide(now, phrases, modifier.averted)
+        if saccade is None:
+            return
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
-        way = float(np.hypot(*(np.array(goal) - self.track.target[columns])))
-        self.gaze_shifts.append((now + 0.05, float(np.radians(way))))
-        self.track.move(now + 0.02, 0.04 + 0.0032 * way, np.array(goal), columns)  # main sequence, slowed a little for 30 fps
-        if away != self._away and (away or self._random.random() < 0.6):
+        way = float(np.hypot(*(np.array([saccade.yaw, saccade.up]) - self.track.target[columns])))
+        self.gaze_shifts.append((saccade.time + 0.03, float(np.radians(way))))
+        self.track.move(saccade.time, saccade.length, np.array([saccade.yaw, saccade.up]), columns)
+        if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05
-        self._away = away
-        self._next["gaze"] = now + (self._random.uniform(0.5, 1.5) if away else self._random.uniform(0.9, 3.6))
 
     def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
-        if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
+        tied = self.style.emphasis
+        if accent.time < now + 0.2 or self._random.random() > (0.45 + 0.5 * accent.strength) * min(tied, 1.0):
             return
         size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
+        size *= 0.4 + 0.6 * tied
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
         nod = np.zeros(BODY_CHANNELS)

@@ -40,7 +40,6 @@ _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _CARRIED = 0.6  # share of the pelvis' turn that the chest takes over (ours, by eye)
 _COUNTER = 24.0  # degrees that the chest leans to the loaded side per metre of weight shift: contrapposto (ours, by eye)
-_GAZE_LIMIT = np.radians([28.0, 20.0])  # eyes in the head: sideways, up and down
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _CLEAR = 0.010  # metres of air kept between hand and body
@@ -52,7 +51,7 @@ class Pieces(NamedTuple):
     rotations: Array
     root: Array
     gaze: Array
-    """(N, 2) of the eyes in the head: yaw to the left and pitch up, radians."""
+    """(N, 2) planned, relative to the listener: yaw to the left and pitch up, radians; see `cospeech.face.gaze`."""
 
 
 @lru_cache(1)
@@ -77,7 +76,7 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: the eyes and the hips' place are all that is wanted, at a quarter
+        hands: tracks of the left and the right hand; None: the gaze and the hips' place are all that is wanted, at a quarter
             of the cost.
         style: whose noise, stance and chair.
         seed: of the noise.
@@ -93,7 +92,7 @@ def realise(
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-_CHEST) * breath))
-    head, gaze = _head(b, torso, rotations, turn)
+    head, gaze = _head(b, torso, turn), np.radians(b[:, [Body.GAZE_YAW, Body.GAZE_UP]])
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     if hands is None:
         return Pieces(rotations, quat_rotate(facing, root), gaze)
@@ -142,23 +141,13 @@ _SWAYING = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Bo
 ]  # fmt: skip
 
 
-def _head(b: Array, torso: Array, rotations: Array, turn: float) -> tuple[Array, Array]:
-    """The eyes; returns how the head is turned in the world (N, 4), and the gaze in it (N, 2)."""
-    joint = humanoid().index
+def _head(b: Array, torso: Array, turn: float) -> Array:
+    """How the head is turned in the world, (N, 4)."""
     b = b.copy()
     b[:, Body.HEAD_YAW] -= 0.62 * np.degrees(turn)
-    b[:, Body.GAZE_YAW] -= 0.9 * np.degrees(turn)
     head = _euler(b, (Body.HEAD_YAW, Body.HEAD_PITCH, Body.HEAD_ROLL))
     carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
-    head = quat_multiply(carried, head)
-    yaw, up = np.radians(b[:, Body.GAZE_YAW]), np.radians(b[:, Body.GAZE_UP])
-    aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
-    aim = quat_rotate(quat_conjugate(head), aim)
-    gaze = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(np.clip(aim[:, 1], -1, 1))], -1)
-    gaze = _GAZE_LIMIT * np.tanh(gaze / _GAZE_LIMIT)
-    eye = quat_multiply(arms._about(1, gaze[:, 0]), arms._about(0, -gaze[:, 1]))
-    rotations[:, joint["leftEye"]] = rotations[:, joint["rightEye"]] = eye
-    return head, gaze
+    return quat_multiply(carried, head)
 
 
 # ---------------------------------------------------------------------------------------------------------- arms

@@ -62,6 +62,8 @@ class Style:
     """Where they go in long pauses."""
     expressiveness: float = 1.0
     """Of the face."""
+    emphasis: float = 1.0
+    """How much brows and head go along with accents: 0 not at all, 1 as most speakers, 2 as a show host."""
     averted: float = 0.25
     """Share of time the gaze is not on the listener."""
     blinks: float = 22.0

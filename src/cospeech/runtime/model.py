@@ -101,7 +101,7 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
+        heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
         for each in (frontend, *faces):
@@ -144,7 +144,7 @@ class TrainedModel:
                 mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face, and of body and hands where a system knows emotions: one of
-                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
+                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, see docs/styles.md.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
             temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice

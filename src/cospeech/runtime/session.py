@@ -161,6 +161,16 @@ class TrainedSession:
         return self._decoder.emotion or self._faces[0].emotion
 
     @property
+    def expression(self) -> dict[str, float]:
+        """See `cospeech.rules.Session.expression`."""
+        return self._faces[0].expression
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session.arousal`; the rules play it, in the face. A network hears the sound itself."""
+        return self._faces[0].arousal
+
+    @property
     def speaker(self) -> dict[str, float] | None:
         """Probability of each speaker, over all that was heard; None for systems that do not tell them apart."""
         return self._decoder.speaker
@@ -307,6 +317,8 @@ class TrainedSession:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, _eyes()] = eyes
+                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, face = aimed.rotations, aimed.face
             if self._seams:
                 rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))

@@ -21,6 +21,9 @@ from typing import Any
 
 import numpy as np
 import torch
+from cospeech.runtime.backends import backend_of
+from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
+from cospeech.runtime.chain_engine import ChainEngine
 from flow import medians, processor, verdict
 from mix_stage import load
 from speed import resident
@@ -33,14 +36,11 @@ from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.joints import hand_columns
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.options import GenerationOptions
-from cospeech.runtime.backends import backend_of
-from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
-from cospeech.runtime.chain_engine import ChainEngine
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.training.checkpoint import network
-from cospeech.training.export.chain_graph import LoweredChain, lower_chain
+from cospeech.training.export.onnx_export import LoweredChain, lower_chain
 from cospeech.training.recipe import SHIPPED, Recipe, build, load_recipe
 
 SPEAKERS = 8

@@ -23,15 +23,15 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from cospeech.runtime.style_measures import StyleEmbedding
+from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
+from cospeech.runtime.window_engine import WindowEngine
 from flow import medians, processor, verdict
 
 from cospeech.models.mix_stage import MixStage, MixStageConfig
 from cospeech.models.nn.objective import Batch, StepRandom
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
-from cospeech.runtime.style_measures import StyleEmbedding
-from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
-from cospeech.runtime.window_engine import WindowEngine
-from cospeech.training.export.window_graph import lower
+from cospeech.training.export.onnx_export import export_graphs
 
 POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0
 SECONDS, FRAMES = 10.0, 160
@@ -129,7 +129,7 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"Mix-StAGE of the paper's size, one core of {processor()}, onnxruntime; {load()}")
     net = paper_size().eval()
-    low = lower(net)
+    low = export_graphs(net.export_module())
     edge = np.full(POSE, BOUND)
     engine = WindowEngine(low.sizes, low.weights, low.graphs, -edge, edge)
     played = sum(value.size for value in low.weights.values())

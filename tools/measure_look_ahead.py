@@ -12,15 +12,15 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from cospeech.runtime.systems import open_system
+from cospeech.runtime.window_bundle import WindowSystem
+from cospeech.runtime.window_style import embed_window_speaker
 
 from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.runtime.bundle import read_bundle
 from cospeech.runtime.sliding_window_decoder import Setting, SlidingWindowDecoder, live, whole
 from cospeech.runtime.speech_frontend import SpeechFrontend
-from cospeech.runtime.systems import open_system
-from cospeech.runtime.window_bundle import WindowSystem
-from cospeech.runtime.window_style import embed_window_speaker
 
 AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
 

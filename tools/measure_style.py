@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cospeech.runtime.flow_bundle import FlowSystem, open_flow
+from cospeech.runtime.style_measures import embed_flow_speaker
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
@@ -30,11 +32,9 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
 from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.flow_bundle import FlowSystem, open_flow
 from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
-from cospeech.runtime.style_measures import embed_flow_speaker
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)

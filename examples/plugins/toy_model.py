@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from cospeech import InputError
 from cospeech.models import ModelEntry
+from cospeech.models.nn.export import ExportGraph
 from cospeech.models.nn.objective import Batch, Objective
 from cospeech.models.nn.trainable import Trainable
 
@@ -46,7 +47,7 @@ class ToyNet(Trainable):
 
     def __init__(self, config: ToyConfig, *, pose: int, audio: int) -> None:
         super().__init__()
-        self.config = config
+        self.config, self.pose, self.audio = config, pose, audio
         width = 2 * config.reach + 1
         self.heard = nn.Conv1d(audio, config.channels, width, padding="same")
         self.moved = nn.Conv1d(config.channels, pose, width, padding="same")
@@ -67,3 +68,8 @@ class ToyNet(Trainable):
             "pose": (made - batch["pose"]).abs().mean(),
             "velocity": (made.diff(dim=1) - batch["pose"].diff(dim=1)).abs().mean(),
         }
+
+    def export_module(self) -> dict[str, ExportGraph]:
+        """What a bundle holds: one network of windows, whose output is the same for all takes."""
+        inputs = {"rows": (1, "T", self.audio)}
+        return {"make": ExportGraph(self, inputs, {"poses": (1, "T", self.pose)}, window=self.window)}

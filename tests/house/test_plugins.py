@@ -14,23 +14,17 @@ import numpy as np
 import pytest
 
 import cospeech
-from cospeech.audio.features import AUDIO_NAMES, audio_features
-from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.corpora.store import Entry
-from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import CospeechWarning
 from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
 from cospeech.models import ENTRIES
-from cospeech.motion.poses import find_pose
-from cospeech.rules import RuleBasedModel
+from cospeech.runtime.bundle import read_bundle
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 TOYS = ROOT / "examples" / "plugins"
-FPS = 15.0
 
 
 def install(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
@@ -155,19 +149,40 @@ def test_nothing_is_imported_for_a_name_of_ours(package):
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    """Two clips of our rules, as `cospeech prepare` would store them."""
-    speech, pose = Speech.load(EXAMPLE), find_pose("expmap-humanoid")
-    pieces = []
-    for seed, split in enumerate(["train", "validation"]):
-        vectors = pose.encode(RuleBasedModel().generate(speech, seed=seed, fps=FPS)).astype(np.float32)
-        values = {"pose": vectors, "audio": audio_features(speech, len(vectors), FPS)}
-        entry = Entry(f"clip{seed}", "ada", split, 0, len(vectors), 0.0, ("pose", "audio"))
-        pieces.append(Piece(entry, (), lambda values=values: dict(values)))
-    folder = tmp_path_factory.mktemp("plugins") / "store"
-    names = {"pose": pose.names, "audio": AUDIO_NAMES}
-    write_store(folder, pieces, corpus="folder", pose=pose.name, fps=FPS, names=names)
+def corpus(tmp_path_factory):
+    """A folder with a corpus of two synthetic speakers, `raw`, and its `store`."""
+    for name in ("torch", "onnx", "scipy"):
+        pytest.importorskip(name, reason="training needs cospeech[train]")
+    folder = tmp_path_factory.mktemp("corpus")
+    (folder / "voices").mkdir()
+    shutil.copy(EXAMPLE, folder / "voices")
+    voices = ["--speakers", "2", "--no-act", "--speech", "voices", "-q"]
+    run(folder, "synthesise", "raw", "--hours", "0.01", *voices, cwd=folder)
+    run(folder, *["prepare", "beat", "raw", "store", "--pose", "expmap-humanoid", "--fps", "15", "-q"], cwd=folder)
     return folder
+
+
+PLAY = """
+import cospeech
+model, speech = cospeech.load("{name}"), cospeech.Speech.load({speech!r}).window(0, 3)
+whole, other = (model.generate(speech, style=style, parts=("body", "hands")) for style in model.styles)
+pieces = cospeech.Motion.concatenate(list(model.stream(speech.chunks(0.37), parts=("body", "hands"))))
+assert whole.rotations.tobytes() == pieces.rotations.tobytes()
+assert len(whole) == 90 and whole.rotations.std(0).max() > 1e-3
+assert abs(whole.rotations - other.rotations).max() > 1e-3
+print(model.session(parts=("body",)).look_ahead)
+"""
+
+
+def play(place: Path, name: str, cwd: Path) -> float:
+    """A bundle generates and streams the same, in another style another motion; how far its body hears ahead."""
+    path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
+    code = PLAY.format(name=name, speech=str(EXAMPLE))
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}
+    )
+    assert done.returncode == 0, done.stderr
+    return float(done.stdout)
 
 
 def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys, tmp_path):
@@ -182,19 +197,101 @@ def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys
     assert err.startswith("error: no model is called 'toy-net'")
 
 
-def test_a_model_of_another_package_is_trained_by_its_recipe(toys, store, tmp_path):
-    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
-    recipe = str(TOYS / "toy_net.toml")
-    done = run(toys, "train", recipe, "--store", str(store), "--out", "run", cwd=tmp_path)
+def test_a_model_of_another_package_is_trained_bundled_played_and_evaluated(toys, corpus, tmp_path):
+    recipe, store = str(TOYS / "toy_net.toml"), str(corpus / "store")
+    done = run(toys, "train", recipe, "--store", store, "--out", "run", cwd=tmp_path)
     assert "20 steps" in done.stdout
     facts = json.loads((tmp_path / "run" / "config.json").read_text())
     assert (facts["model"], facts["config"]["channels"], facts["config"]["reach"]) == ("toy-net", 32, 4)
-    losses = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
-    assert losses
-    wrong = run(toys, "train", recipe, "--store", str(store), "--set", "model.reach=-1", cwd=tmp_path, code=2).stderr
+    assert [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    run(toys, "bundle", "run", "-o", "toy.cospeech", cwd=tmp_path)
+    make = read_bundle(tmp_path / "toy.cospeech").manifest["networks"]["make"]
+    assert (make["window"], make["reach"]) == (32, 8), "how far it hears is measured"
+    run(tmp_path, "generate", str(EXAMPLE), "-o", "talk.bvh", "--model", "toy.cospeech", cwd=tmp_path)  # without the package
+    assert len(cospeech.Motion.load(tmp_path / "talk.bvh")) == 571
+    assert play(toys, "toy.cospeech", tmp_path) > 0
+    evaluation = ["evaluate", "toy.cospeech", "--corpus", "store", "--raw", "raw", "--split", "all", "--metrics", "beat_align"]
+    shutil.copy(tmp_path / "toy.cospeech", corpus)
+    table = run(toys, *evaluation, cwd=corpus).stdout
+    assert {"toy.cospeech", "ground truth", "frozen pose"} <= {line.split("  ")[0] for line in table.splitlines()}
+    wrong = run(toys, "train", recipe, "--store", store, "--set", "model.reach=-1", cwd=tmp_path, code=2).stderr
     assert wrong.startswith("error: frames, channels, reach of a ToyNet")
-    wrong = run(tmp_path, "train", recipe, "--store", str(store), cwd=tmp_path, code=2).stderr
+    wrong = run(tmp_path, "train", recipe, "--store", store, cwd=tmp_path, code=2).stderr
     assert wrong.startswith("error: no network is called 'toy-net'")
+
+
+LEAKY = """
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from cospeech.models import ModelEntry
+from cospeech.models.nn.export import ExportGraph
+from cospeech.models.nn.objective import Objective
+from cospeech.models.nn.trainable import Trainable
+
+MODEL = ModelEntry(f"{__name__}:Leaky", "A leaky memory of the speech, frame by frame")
+
+
+@dataclass(frozen=True)
+class LeakyConfig:
+    frames: int = 24
+
+
+class Leaky(Trainable):
+    Config, dimensions = LeakyConfig, ("pose", "audio", "speakers")
+
+    def __init__(self, config, *, pose, audio, speakers):
+        super().__init__()
+        self.config, self.pose, self.audio, self.styles = config, pose, audio, speakers
+        self.heard, self.who = nn.Linear(audio, 8), nn.Linear(speakers, 8)
+        self.made = nn.Linear(8, pose)
+
+    def speaker_styles(self, stretches):
+        return torch.eye(self.styles)
+
+    def forward(self, rows, style, memory):
+        memory = 0.9 * memory + self.heard(rows) + self.who(style)
+        return self.made(memory.tanh()), memory
+
+    def objectives(self):
+        return {"poses": Objective(self.parameters(), self.loss)}
+
+    def loss(self, batch, step):
+        style = torch.eye(self.styles)[batch["speaker"]]
+        made, memory = [], torch.zeros(len(batch), 8)
+        for rows in batch["audio"].unbind(1):
+            pose, memory = self(rows, style, memory)
+            made.append(pose)
+        return {"pose": (torch.stack(made, 1) - batch["pose"]).abs().mean()}
+
+    def export_module(self):
+        inputs = {"rows": (1, self.audio), "style": ("N", self.styles)}
+        return {"live": ExportGraph(self, inputs, {"poses": ("N", self.pose)}, {"memory": 8})}
+"""
+RECIPE = """
+[model]
+name = "leaky"
+[data]
+audio = "mel20-prosody"
+[train]
+steps = 20
+batch = 8
+lr = 1e-2
+validate_every = 20
+"""
+
+
+def test_a_network_of_another_package_with_a_memory_plays_frame_by_frame(corpus, tmp_path):
+    (tmp_path / "leaky_model.py").write_text(LEAKY)
+    (tmp_path / "leaky.toml").write_text(RECIPE)
+    install(tmp_path, "leaky", {"cospeech.models": {"leaky": "leaky_model:MODEL"}})
+    run(tmp_path, "train", "leaky.toml", "--store", str(corpus / "store"), "--out", "run", cwd=tmp_path)
+    run(tmp_path, "bundle", "run", "-o", "leaky.cospeech", cwd=tmp_path)
+    live = read_bundle(tmp_path / "leaky.cospeech").manifest["networks"]["live"]
+    assert live["state"] == {"memory": ["N", 8]}
+    assert play(tmp_path, "leaky.cospeech", tmp_path) < 0.5, "it waits for features and smoothing alone"
 
 
 GESTURER = """

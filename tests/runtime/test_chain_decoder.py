@@ -12,46 +12,56 @@ import pytest
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
-from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder, ChainPlayer, OverlapAddDecoder, sections
-from cospeech.runtime.chain_bundle import VOICE, ChainSystem, open_chain
-from cospeech.runtime.chain_style import embed_chain_speaker, mixture_chain
+from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder
 from cospeech.runtime.crossfade import FADE
 from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.network_decoder import NetworkDecoder
+from cospeech.runtime.sliding_window_decoder import OverlapAddDecoder, sections
 from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
-from tests.support.chain_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
+from cospeech.runtime.spec import VOICE
+from cospeech.runtime.style_space import style_space
+from cospeech.runtime.style_track import SpokenStyleTrack
+from cospeech.runtime.system import System, open_bundle
+from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
 
 KINDS = [CausalStreamDecoder, OverlapAddDecoder]
 
 
 @cache
-def system(**kind) -> ChainSystem:
+def system(**kind) -> System:
     folder = Path(mkdtemp(prefix="cospeech-test-"))
-    return open_chain(read_bundle(write_small_chain(folder / "chain.cospeech", small=False, **kind)))
+    return open_bundle(write_small_chain(folder / "chain.cospeech", small=False, **kind))
 
 
-FPS, SIZES = system().fps, system().engine.sizes
-QUIET = np.zeros((1, SIZES.rows), np.float32)
+FPS, MAKE, LIVE = system().fps, system().networks["make"], system().networks["live"]
+POSE, ROWS, STYLE, NOISE = (MAKE.signature.width(port) for port in ("poses", "rows", "style", "noise"))
+AUDIO, SPEAKERS = len(system().statistics.audio_mean), len(NAMES)
+QUIET = np.zeros((1, ROWS), np.float32)
 
 
 def blend(**shares: float):
-    return tuple((share, embed_chain_speaker(system(), name)) for name, share in shares.items())
+    return tuple((share, style_space(system()).by_name(name)) for name, share in shares.items())
 
 
 ADA, BEN, VOICED = blend(ada=1.0), blend(ben=1.0), blend(**{VOICE: 1.0})
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).normal(size=(frames, SIZES.rows)).astype(np.float32)
+    return np.random.default_rng(seed).normal(size=(frames, ROWS)).astype(np.float32)
 
 
-def player(kind: type[ChainPlayer], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> ChainPlayer:
-    of = of or system()
-    tracker = SpeakerEmotionTracker(of.engine, of.fps, QUIET[0, : SIZES.audio], emotion)
-    return kind(of, style, seeds, QUIET, tracker, **options)
+def make_tracker(of: System, emotion=None) -> SpeakerEmotionTracker:
+    return SpeakerEmotionTracker(of.networks.get("classify"), SPEAKERS, of.fps, QUIET[0, :AUDIO], emotion)
 
 
-def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
+def player(kind: type[NetworkDecoder], style=ADA, seeds=(0,), emotion=None, of=None, **options: float) -> NetworkDecoder:
+    of, live = of or system(), kind is CausalStreamDecoder
+    track = SpokenStyleTrack(of, style_space(of), style, make_tracker(of, emotion), live=live)
+    network = of.networks["live" if live else "make"]
+    return kind(of, network, track, seeds, QUIET, *([] if live else [sections(network.signature)]), **options)
+
+
+def played(who: NetworkDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
     """All poses of this speech, pushed in pieces of these sizes, the last one again and again."""
     made, at, sizes = [], 0, list(sizes or [len(rows)])
     while at < len(rows):
@@ -63,8 +73,8 @@ def played(who: ChainPlayer, rows: np.ndarray, sizes=None) -> np.ndarray:
 
 def heard(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """(n, S + 8) what the voice says of these frames; silence follows the speech."""
-    tracker = SpeakerEmotionTracker(system().engine, FPS, QUIET[0, : SIZES.audio])
-    tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, : SIZES.audio])
+    tracker = make_tracker(system())
+    tracker.push(np.concatenate([rows, np.repeat(QUIET, 64, 0)])[:, :AUDIO])
     return tracker.shares(frames)
 
 
@@ -73,26 +83,28 @@ def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
     rows = speech(frames)
     made = played(player(CausalStreamDecoder, VOICED, seeds=(3, 4)), rows)
     style = heard(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
-    drawn = np.stack([SmoothGumbel(SIZES.noise, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
+    drawn = np.stack([SmoothGumbel(NOISE, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
     noise = system().statistics.noise_gain[1] * drawn
-    live, wanted = system().engine.live(2), []
+    state, wanted = LIVE.begin(2), []
     for k, row in enumerate(np.concatenate([rows, np.repeat(QUIET, LOOK_AHEAD, 0)])):
-        wanted.append(live.frame(row, np.broadcast_to(style[k], (2, SIZES.style)), noise[:, k]))
+        found = LIVE.run(rows=row[None], style=np.broadcast_to(style[k], (2, STYLE)), noise=noise[:, k], **state)
+        state = {name: found[f"next.{name}"] for name in state}
+        wanted.append(found["poses"])
     assert made.tobytes() == np.stack(wanted[LOOK_AHEAD:], 1).tobytes()
-    assert made.shape == (2, frames, SIZES.pose)
+    assert made.shape == (2, frames, POSE)
 
 
 def test_sections_are_windows_as_in_training():
-    rows, setting = speech(61), sections(WINDOW)
+    rows, setting = speech(61), sections(MAKE.signature)
     who = player(OverlapAddDecoder, ADA, emotion=EmotionTrack.constant("anger"), temperature=0.0)
     made = played(who, rows)[0]
-    style = np.zeros((1, WINDOW, SIZES.style), np.float32)
-    style[..., [0, SIZES.speakers + EMOTIONS.index("anger")]] = 1
+    style = np.zeros((1, WINDOW, STYLE), np.float32)
+    style[..., [0, SPEAKERS + EMOTIONS.index("anger")]] = 1
     padded = np.concatenate([np.repeat(QUIET, WINDOW, 0), rows, np.repeat(QUIET, 2 * WINDOW, 0)])
     wanted, before = [], None
     for first in range(0, 61, setting.hop):
         window = padded[WINDOW + first - setting.past :][:WINDOW]
-        poses = system().engine.windows.make(window, style, np.zeros((1, WINDOW, SIZES.noise)))[0, setting.past :]
+        poses = MAKE.run(rows=window[None], style=style)["poses"][0, setting.past :]
         new = poses[: setting.hop].copy()
         for k in range(setting.fade if before is not None else 0):
             new[k] = before[k] + (k + 1) / (setting.fade + 1) * (new[k] - before[k])
@@ -107,7 +119,7 @@ def test_pieces_do_not_show(kind, style):
     rows = speech(150)
     who = player(kind, style, seeds=(3, 4))
     whole = played(who, rows)
-    assert whole.shape == (2, 150, SIZES.pose)
+    assert whole.shape == (2, 150, POSE)
     at = np.arange(0, 149, 0.5)
     units = who.denormalise(whole[:, :1].repeat(len(at), 1), at)
     for sizes in ([1], [7], [0, 1, 2, 0, 90, 5], [149, 1]):
@@ -144,8 +156,8 @@ def test_no_frame_waits_longer_than_said(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_speech_no_poses(kind):
     who = player(kind, seeds=(1, 2))
-    assert who.push(speech(0)).shape == (2, 0, SIZES.pose)
-    assert who.finish(QUIET).shape == (2, 0, SIZES.pose)
+    assert who.push(speech(0)).shape == (2, 0, POSE)
+    assert who.finish(QUIET).shape == (2, 0, POSE)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -155,7 +167,7 @@ def test_speakers_emotions_and_words_are_played(kind):
     for other in (player(kind, BEN, emotion=anger), player(kind, ADA, emotion=joy)):
         assert np.abs(played(other, rows) - first).max() > 1e-3
     said = rows.copy()
-    said[30:, SIZES.audio :] = 0
+    said[30:, AUDIO:] = 0
     silent = played(player(kind, ADA, emotion=anger), said)
     assert np.abs(silent - first)[:, 35:].max() > 1e-3
     turning = EmotionTrack([0, 2, 2.2, 9], np.eye(8)[[2, 2, 1, 1]])
@@ -165,32 +177,19 @@ def test_speakers_emotions_and_words_are_played(kind):
     assert np.abs(turned - angry)[:, 34:].max() > 1e-3
 
 
-def test_what_is_not_asked_for_is_the_voice_s():
+def test_what_is_not_asked_for_is_the_voice_s(monkeypatch):
     """Its share, of a style that leaves some open."""
     rows, seen = speech(60), []
-    live = system().engine.live
-    half = blend(ada=0.5, **{VOICE: 0.5})
-
-    class Watched:
-        def __init__(self, takes):
-            self._live = live(takes)
-
-        def frame(self, row, style, noise):
-            seen.append(style[0].copy())
-            return self._live.frame(row, style, noise)
-
-    system().engine.live = Watched
-    try:
-        played(player(CausalStreamDecoder, half), rows)
-    finally:
-        del system().engine.live
+    run, half, shares = LIVE.run, blend(ada=0.5, **{VOICE: 0.5}), style_space(system()).shares
+    monkeypatch.setattr(LIVE, "run", lambda style, **given: seen.append(style[0].copy()) or run(style=style, **given))
+    played(player(CausalStreamDecoder, half), rows)
     voice = heard(rows, np.arange(60))
     found = np.array(seen[:60])
-    np.testing.assert_allclose(found[:, : SIZES.speakers], 0.5 * voice[:, : SIZES.speakers] + [0.5, 0], atol=1e-6)
-    np.testing.assert_allclose(found[:, SIZES.speakers :], voice[:, SIZES.speakers :], atol=1e-6)
-    assert mixture_chain(system(), half) == {"ada": 0.5, VOICE: 0.5}
-    assert mixture_chain(system(), blend(ada=0.75, ben=0.25)) == {"ada": 0.75, "ben": 0.25}
-    assert mixture_chain(system(), ADA) is mixture_chain(system(), VOICED) is None
+    np.testing.assert_allclose(found[:, :SPEAKERS], 0.5 * voice[:, :SPEAKERS] + [0.5, 0], atol=1e-6)
+    np.testing.assert_allclose(found[:, SPEAKERS:], voice[:, SPEAKERS:], atol=1e-6)
+    assert shares(half) == {"ada": 0.5, VOICE: 0.5}
+    assert shares(blend(ada=0.75, ben=0.25)) == {"ada": 0.75, "ben": 0.25}
+    assert shares(ADA) is shares(VOICED) is None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -201,7 +200,7 @@ def test_another_style_is_faded_in(kind):
     who.restyle(BEN, 60)
     at = np.arange(58, 70)
     u = np.clip((at - 60) / (FADE * FPS), 0, 1)
-    np.testing.assert_allclose(who._style(at)[:, 0], 1 - (3 * u**2 - 2 * u**3), atol=1e-6)
+    np.testing.assert_allclose(who._style.codes(at)[0, :, 0], 1 - (3 * u**2 - 2 * u**3), atol=1e-6)
     made = np.concatenate([*made, who.push(rows[60:]), who.finish(QUIET)], 1)
     ada, ben = (played(player(kind, style, emotion=calm), rows) for style in (ADA, BEN))
     waits = round(who.latency * FPS)
@@ -217,7 +216,7 @@ def test_units_put_the_speaker_s_own_in_the_place_of_what_is_made(kind):
         system().statistics,
     )
     played(who, speech(30))
-    poses = np.random.default_rng(0).normal(size=(1, 4, SIZES.pose)).astype(np.float32)
+    poses = np.random.default_rng(0).normal(size=(1, 4, POSE)).astype(np.float32)
     shares = np.array([0.25, 0.75])
     made, gains = (s.live_model_mean, s.live_style_gain) if kind is CausalStreamDecoder else (s.model_mean, s.style_gain)
     wanted = shares @ s.speaker_mean + 0.5 * (shares @ gains) * (poses - shares @ made)
@@ -230,13 +229,13 @@ def test_what_is_kept_does_not_grow(kind):
     for at in range(0, 3000, 100):
         who.push(rows[at : at + 100])
         who.restyle(BEN if at % 200 else ADA, at + 100)
-        assert len(who._tracker._course) < 10 * FPS + 150
-        assert len(who._asked.layers) < 8
+        assert len(who._style._tracker._course) < 10 * FPS + 150
+        assert len(who._style._asked.layers) < 8
 
 
 def test_who_knows_no_emotion_says_so():
-    assert player(CausalStreamDecoder).moods is not None
-    plain = system(adversarial=False)
+    assert player(CausalStreamDecoder).moods is None  # what it hears is reported, and not played
+    plain = system(judges=False)
     assert player(CausalStreamDecoder, of=plain).moods is None
     assert player(CausalStreamDecoder, of=plain).speaker is None
     assert player(CausalStreamDecoder, of=plain, emotion=EmotionTrack.constant("fear")).moods is not None

@@ -22,10 +22,7 @@ from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.conditioning import FADE, ConditioningFace, poses_before
 from cospeech.runtime.model import TrainedModel
-from tests.support.chain_bundles import write_small_chain
-from tests.support.runtime_bundles import cut, same, talk, write_small
-
-pytestmark = pytest.mark.slow
+from tests.support.runtime_bundles import cut, same, talk, write_small, write_small_chain
 
 BODY, SEEDS, FPS = ("body", "hands"), 4, 15.0
 WHOLE = {"look_ahead": inf, "seed": 3}
@@ -86,7 +83,7 @@ def test_after_a_face_that_is_shorter_comes_the_system_s_own():
     plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
     over = int((2 + FADE) * 30) + 1
     np.testing.assert_array_equal(made.face[over:], plain.face[over:])
-    window = int(gesturer().system.engine.sizes.window / FPS * 30)
+    window = int(gesturer().system.main_network.signature.window / FPS * 30)
     np.testing.assert_allclose(made.rotations[over + window :], plain.rotations[over + window :], atol=1e-6)
     assert np.abs(made.face[:60] - plain.face[:60]).max() > 0.05
 
@@ -117,31 +114,27 @@ def test_poses_before_lie_a_frame_of_the_model_apart(fps):
     np.testing.assert_allclose(held, np.repeat((rows[:1] - s.pose_mean) / s.pose_std, SEEDS, 0), atol=2e-3)
 
 
-def test_the_network_sees_poses_as_it_would_have_made_them():
+def test_the_network_sees_poses_as_it_would_have_made_them(monkeypatch):
     """In its own numbers: what is made of them is what came before."""
     shown, seen = recorded(), []
-    engine = gesturer(seed=5).system.engine.windows
-    make = engine.make
-
-    def watched(rows, style, mode_noise, *, more=None):
-        seen.append((len(rows), dict(more or {})))
-        return make(rows, style, mode_noise, more=more)
-
-    engine.make = watched
-    session = gesturer(seed=5).session(continue_from=shown, parts=BODY, style="ada", **WHOLE)
+    system = gesturer(words=2).system
+    network, width = system.networks["make"], system.pose_width
+    run = network.run
+    monkeypatch.setattr(network, "run", lambda **given: seen.append(given) or run(**given))
+    session = gesturer(words=2).session(continue_from=shown, parts=BODY, style="ada", **WHOLE)
     list(session.push(talk(3.2)))
     list(session.finish())
-    (frames, first), *later = seen
-    sizes = gesturer(seed=5).system.engine.sizes
-    assert first["seed"].shape == (frames, sizes.pose + 1)
-    np.testing.assert_array_equal(first["seed"][:, -1], np.arange(frames) < SEEDS)
-    assert not first["seed"][SEEDS:].any()
-    assert [more for _, more in later] == [{}] * len(later)
+    (first, *later), frames = seen, seen[0]["rows"].shape[1]
+    assert first["seed"].shape == (1, frames, width + 1)
+    given = first["seed"][0]
+    np.testing.assert_array_equal(given[:, -1], np.arange(frames) < SEEDS)
+    assert not given[SEEDS:].any()
+    assert not [ports for ports in later if {"seed", "face"} & set(ports)]
     assert later
-    centre, made, gain = session._decoder._scales(np.zeros(1, int))
-    back = centre + gain * (first["seed"][:SEEDS, :-1] - made)
-    poses = poses_before(gesturer(seed=5).system, shown, SEEDS)
-    inside = np.abs(first["seed"][:SEEDS, :-1]) < 2.9  # not at the bounds of what is made
+    centre, made, gain = session._decoder._style.scales(np.zeros(1, int))
+    back = centre + gain * (given[:SEEDS, :-1] - made)
+    poses = poses_before(system, shown, SEEDS)
+    inside = np.abs(given[:SEEDS, :-1]) < 2.9  # not at the bounds of what is made
     np.testing.assert_allclose(back[inside], poses[inside], atol=1e-3)
     assert inside.mean() > 0.5
 
@@ -149,7 +142,7 @@ def test_the_network_sees_poses_as_it_would_have_made_them():
 def test_motion_to_go_on_from_moves_the_beginning_and_no_more():
     speech, first = talk(9.6), recorded()
     plain, made = (gesturer().generate(speech, parts=BODY, continue_from=m, **WHOLE) for m in (None, first))
-    window = int(gesturer().system.engine.sizes.window / FPS * 30)
+    window = int(gesturer().system.main_network.signature.window / FPS * 30)
     assert away(plain[:10], made[:10]) > 1e-4
     np.testing.assert_array_equal(plain.rotations[window:], made.rotations[window:])
     with_file = gesturer().generate(speech, parts=BODY, continue_from=first, face=first, **WHOLE)
@@ -193,8 +186,9 @@ def test_old_bundles_and_those_trained_without():
             with pytest.raises(InputError, match="go on from"):
                 player.session(continue_from=recorded(), **WHOLE)
         assert len(player.generate(talk(1.0), **WHOLE)) == 30
-    sizes = gesturer(faces=False, seeds=0).system.engine.sizes
-    assert (sizes.faces, sizes.seeds, sizes.optional) == (0, 0, {})
+    signature = gesturer(faces=False, seeds=0).system.main_network.signature
+    assert not {"face", "seed"} & set(signature.inputs)
+    assert signature.seeds == 0
 
 
 @pytest.mark.parametrize("option", ["face", "continue_from"])

@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 from cospeech.runtime.flow_engine import FlowEngine, StudentT
 from cospeech.runtime.flow_graph import build_graphs
 from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
-from cospeech.runtime.onnx_session import run_session
+from cospeech.runtime.network import run_session
 
 torch = pytest.importorskip("torch")
 

@@ -18,13 +18,13 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
+from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler
-from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles
+from cospeech.runtime.style import Styles
+from cospeech.runtime.style_space import style_space
 from tests.support.runtime_bundles import changed, cut, same, talk, write_small
-
-pytestmark = pytest.mark.slow
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
 FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
@@ -37,9 +37,14 @@ def gesturer(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel
     return TrainedModel.open(write_small(folder / "small.cospeech", pose, audio, fps))
 
 
+def blend(style: object):
+    system = gesturer().system
+    return Styles(system, style_space(system)).blend(style)
+
+
 def source(style: object, seed: int = 0):
     system = gesturer().system
-    return CodeSource(system, Styles(system).blend(style), seed=seed)
+    return CodeSource(system, blend(style), seed=seed)
 
 
 @pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
@@ -127,7 +132,7 @@ def test_styles_are_speakers_and_mixtures():
     assert not np.allclose(ada.rotations, ben.rotations, atol=1e-2)
     mixed, other = (source(s) for s in ("ada:3, ben:1", "ben"))
     s = gesturer().system.statistics
-    np.testing.assert_allclose(mixed.style, 0.75 * s.styles[0] + 0.25 * s.styles[1], atol=1e-6)
+    np.testing.assert_allclose(mixed.style, 0.75 * s.style_codes[0] + 0.25 * s.style_codes[1], atol=1e-6)
     np.testing.assert_allclose(other.speaker_mean, s.speaker_mean[1])
     begun = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
     assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
@@ -144,7 +149,7 @@ def test_style_controls(tmp_path):
     assert not np.allclose(median.rotations, high.rotations, atol=1e-3)
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
     session = controlled.session(style="hand_speed:0.25")
-    table = controlled.system.statistics.controls
+    table = controlled.system.statistics.control_quantiles
     np.testing.assert_allclose(session._frontend.silence[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
@@ -254,15 +259,15 @@ def test_nothing_is_foreseen_of_a_change():
 def test_a_change_is_a_code_and_a_place_for_each_frame():
     """Frame by frame on the engine, with codes and mean poses that are faded by hand."""
     system, frames, start, seeds = gesturer().system, 60, 21, (3, 4)
-    sizes, s = system.engine.sizes, system.statistics
+    sizes, s = system.flow.sizes, system.statistics
     rng, after = np.random.default_rng(0), sizes.speech_frames - 1 - sizes.history
     rows, silence = rng.normal(size=(frames, sizes.audio)).astype(np.float32), np.zeros((1, sizes.audio), np.float32)
 
     def make_sources(blend):
         return [CodeSource(system, blend, seed=seed) for seed in seeds]
 
-    ada, mixed = (Styles(system).blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
-    player = AutoregressiveDecoder(system, make_sources, ada, silence, intensity=0.5)
+    ada, mixed = (blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
+    player = AutoregressiveDecoder(system, system.flow, make_sources, ada, silence, intensity=0.5)
     made = [player.push(rows[:start])]
     player.restyle(mixed, start)
     made += [player.push(rows[start:40])]
@@ -270,13 +275,13 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     made = np.concatenate([*made, player.push(rows[40:]), player.finish(silence)], 1)
 
     sources = make_sources(ada)
-    takes = system.engine.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
+    takes = system.flow.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
     heard = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
-    windows, z = system.engine.windows(heard), np.stack([x.draw(frames) for x in sources])
+    windows, z = system.flow.windows(heard), np.stack([x.draw(frames) for x in sources])
     u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
     share = 0.75 * (3 * u**2 - 2 * u**3)
     for f in range(frames):
-        takes.styles[:] = (1 - share[f]) * s.styles[0] + share[f] * s.styles[1]
+        takes.styles[:] = (1 - share[f]) * s.style_codes[0] + share[f] * s.style_codes[1]
         np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
     centres = (1 - share) * s.speaker_mean[0] + share * s.speaker_mean[1]
     wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
@@ -286,11 +291,11 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
 def test_a_change_brings_the_speaker_s_own_deviation():
     """Of a system that knows poses by their recording's own mean and deviation: both are faded, and what is made by itself."""
     system = gesturer().system
-    rng, width = np.random.default_rng(0), system.engine.sizes.pose
+    rng, width = np.random.default_rng(0), system.flow.sizes.pose
     own = {
-        "style_gain": rng.uniform(0.5, 2, (2, width)),
-        "model_mean": rng.normal(size=width),
-        "model_std": rng.uniform(1, 2, width),
+        "speaker_std": rng.uniform(0.5, 2, (2, width)),
+        "free_mean": rng.normal(size=width),
+        "free_std": rng.uniform(1, 2, width),
     }
     s = replace(system.statistics, **{name: value.astype(np.float32) for name, value in own.items()})
     system = replace(system, statistics=s)
@@ -298,14 +303,14 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     def make_sources(blend):
         return [CodeSource(system, blend, seed=1)]
 
-    ada, ben = (Styles(system).blend(name) for name in ("ada", "ben"))
-    player = AutoregressiveDecoder(system, make_sources, ada, np.zeros((1, system.engine.sizes.audio), np.float32))
+    ada, ben = (Styles(system, style_space(system)).blend(name) for name in ("ada", "ben"))
+    player = AutoregressiveDecoder(system, system.flow, make_sources, ada, np.zeros((1, system.flow.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
     found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
     for k, share in enumerate((0.0, 0.5, 1.0)):
-        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.style_gain))
-        wanted = centre + (poses[:, k] - s.model_mean) / s.model_std * spread
+        centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.speaker_std))
+        wanted = centre + (poses[:, k] - s.free_mean) / s.free_std * spread
         np.testing.assert_allclose(found[:, k], wanted, atol=1e-4)
 
 
@@ -315,7 +320,7 @@ def test_style_controls_change_with_the_style(tmp_path):
     changes = {16_000: "hand_height:0.95", 33_000: "ben"}
     made = changed(player, speech, [], changes, parts=("body",))
     assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
-    table, session = player.system.statistics.controls, player.session()
+    table, session = player.system.statistics.control_quantiles, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")
     frontend = session._frontend

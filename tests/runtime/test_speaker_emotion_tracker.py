@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
-from cospeech.runtime.chain_engine import ChainSizes
-from cospeech.runtime.speaker_emotion_tracker import BLOCK, CAUTION, DOUBT, VOICE, SpeakerEmotionTracker
+from cospeech.runtime.signature import Signature
+from cospeech.runtime.speaker_emotion_tracker import BLOCK, DOUBT, VOICE, SpeakerEmotionTracker
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0
 QUIET = np.full(AUDIO, -1.0, np.float32)
-SIZES = ChainSizes(pose=2, audio=AUDIO, words=0, speakers=SPEAKERS, noise=0, window=8, reach=REACH, look_ahead=0)
 WEIGHTS = np.random.default_rng(0).normal(0, 1, (2 * REACH + 1, AUDIO, SPEAKERS + 8))
 
 
 NEUTRAL = np.eye(8)[EMOTIONS.index("neutral")]
 
 
-class Judge:
+class Classifier:
     """A classifier in a line of NumPy."""
 
-    def __init__(self, *, judges: bool = True, reach: int = REACH) -> None:
-        self.sizes, self.judges, self.calls = replace(SIZES, reach=reach), judges, list[tuple[int, ...]]()
+    def __init__(self, reach: int) -> None:
+        ports = {"rows": (1, "T", AUDIO)}, {"logits": (1, "T", SPEAKERS + 8)}
+        self.signature, self.calls = Signature(*ports, window=2 * reach + 1, reach=reach), list[tuple[int, ...]]()
 
-    def classify(self, rows):
+    def run(self, rows):
         self.calls.append(rows.shape)
-        reach = self.sizes.reach
-        around = [rows[k : len(rows) - 2 * reach + k] @ WEIGHTS[k] for k in range(2 * reach + 1)]
-        return np.sum(around, 0)
+        reach = self.signature.reach
+        padded = np.pad(rows[0], ((reach, reach), (0, 0)))
+        return {"logits": np.sum([padded[k : len(padded) - 2 * reach + k] @ WEIGHTS[k] for k in range(2 * reach + 1)], 0)[None]}
 
 
-def tracker(given=None, **kind) -> SpeakerEmotionTracker:
-    return SpeakerEmotionTracker(Judge(**kind), FPS, QUIET, given)  # type: ignore[arg-type]
+def tracker(given=None, *, judges: bool = True, reach: int = REACH) -> SpeakerEmotionTracker:
+    return SpeakerEmotionTracker(Classifier(reach) if judges else None, SPEAKERS, FPS, QUIET, given)  # type: ignore[arg-type]
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
@@ -60,7 +58,7 @@ def by_hand(rows: np.ndarray, frame: int) -> np.ndarray:
             logits = sum(padded[k + j] @ WEIGHTS[j] for j in range(2 * REACH + 1))
             sums, counts = sums + logits * fade ** (frame - k), counts + fade ** (frame - k)
     who, how = np.split(sums / counts, [SPEAKERS])
-    return np.concatenate([softmax(who), CAUTION * softmax(how) + (1 - CAUTION) * NEUTRAL])
+    return np.concatenate([softmax(who), softmax(how)])
 
 
 LAG = REACH + BLOCK
@@ -72,22 +70,23 @@ def test_the_course_is_what_the_logits_say():
     assert who.frames == (80 - REACH) // BLOCK * BLOCK
     assert who.lag == LAG
     for frame in (LAG, LAG + 1, 20, 41, 73, 79):
-        np.testing.assert_allclose(who.shares(np.array(frame)), by_hand(rows, frame - LAG), atol=1e-6)
+        played = who.shares(np.array(frame))
+        np.testing.assert_allclose(played[:SPEAKERS], by_hand(rows, frame - LAG)[:SPEAKERS], atol=1e-6)
+        np.testing.assert_array_equal(played[SPEAKERS:], NEUTRAL)  # whatever is heard
     half = (by_hand(rows, 30) + by_hand(rows, 31)) / 2
-    np.testing.assert_allclose(who.shares(np.array(30.5 + LAG)), half, atol=1e-6)
+    np.testing.assert_allclose(who.shares(np.array(30.5 + LAG))[:SPEAKERS], half[:SPEAKERS], atol=1e-6)
     np.testing.assert_allclose(who.speaker, by_hand(rows, who.frames - 1)[:SPEAKERS], atol=1e-6)
-    played = np.mean([by_hand(rows, frame)[SPEAKERS:] for frame in range(who.frames)], 0)
-    np.testing.assert_allclose(CAUTION * who.emotion + (1 - CAUTION) * NEUTRAL, played, atol=1e-6)
+    heard = np.mean([by_hand(rows, frame)[SPEAKERS:] for frame in range(who.frames)], 0)
+    np.testing.assert_allclose(who.emotion, heard, atol=1e-6)
     shares = who.shares(np.linspace(-3, 90, 77))
     assert shares.min() >= 0
     np.testing.assert_allclose([shares[:, :SPEAKERS].sum(1), shares[:, SPEAKERS:].sum(1)], 1)
 
 
-def test_before_anything_is_heard_it_may_be_anybody_and_is_rather_neutral():
+def test_before_anything_is_heard_it_may_be_anybody_and_is_neutral():
     first = tracker().shares(np.array([0.0, 3.0]))
     np.testing.assert_allclose(first[:, :SPEAKERS], 1 / SPEAKERS)
-    assert (first[:, SPEAKERS:].argmax(1) == EMOTIONS.index("neutral")).all()
-    np.testing.assert_allclose(first[0, SPEAKERS:], CAUTION / 8 + (1 - CAUTION) * NEUTRAL)
+    np.testing.assert_array_equal(first[:, SPEAKERS:], [NEUTRAL, NEUTRAL])
     who = tracker()
     who.push(speech(40))
     np.testing.assert_array_equal(who.shares(np.array([0, LAG - 1])), first)
@@ -97,7 +96,7 @@ def test_silence_says_nothing():
     who = tracker()
     who.push(np.repeat(QUIET[None], 400, 0))
     np.testing.assert_allclose(who.shares(np.array([100, 390])), tracker().shares(np.array([0, 0])), atol=1e-9)
-    assert who._engine.calls == []
+    assert who._classifier.calls == []
 
 
 @pytest.mark.parametrize("sizes", [[1], [3], [7, 1], [64], [0, 2, 0, 5]], ids=str)
@@ -113,23 +112,23 @@ def test_pieces_do_not_show(sizes):
         if at:
             assert parts.shares(asked).tobytes() == whole.shares(asked).tobytes()
     assert parts.speaker.tobytes() == whole.speaker.tobytes()
-    assert set(whole._engine.calls) == {(2 * REACH + BLOCK, AUDIO)}  # always the same blocks
+    assert set(whole._classifier.calls) == {(1, 2 * REACH + BLOCK, AUDIO)}  # always the same blocks
 
 
 def test_the_voice_is_followed_over_seconds():
-    """A classifier that is sure: the mood turns within SPAN, the speaker is judged over all that was heard."""
+    """A classifier that is sure: the speaker is judged over all that was heard, the mood over its last seconds."""
     who, logits = tracker(reach=0), np.zeros((200, SPEAKERS + 8))
     logits[:100, [0, SPEAKERS + 2]] = 9
     logits[100:, [1, SPEAKERS + 4]] = 9
     rows = np.zeros((200, AUDIO), np.float32)
     place = iter(range(0, 200, BLOCK))
-    who._engine.classify = lambda given: logits[(k := next(place)) : k + BLOCK]
+    who._classifier.run = lambda rows: {"logits": logits[None, (k := next(place)) : k + BLOCK]}
     who.push(rows)
     course = who.shares(np.arange(200))
-    assert course[99, SPEAKERS + 1 :].argmax() == 1  # but for neutral, which has its share of whatever is heard
-    assert course[199, SPEAKERS + 1 :].argmax() == 3
-    assert course[:, SPEAKERS].min() >= 1 - CAUTION
-    turned = np.flatnonzero(course[100:, SPEAKERS + 4] > course[100:, SPEAKERS + 2])[0] / FPS
+    assert (course[:, SPEAKERS:] == NEUTRAL).all()  # no mood that is heard is played
+    felt = np.array(who._course)[-200:, SPEAKERS:]
+    assert (felt[99].argmax(), felt[199].argmax()) == (2, 4)
+    turned = np.flatnonzero(felt[100:, 4] > felt[100:, 2])[0] / FPS
     assert 1 < turned < SPAN
     np.testing.assert_allclose(who.speaker[0], who.speaker[1], rtol=1e-6)
     moved = np.abs(np.diff(course[BLOCK:], axis=0)).max(1)
@@ -149,12 +148,12 @@ def test_what_is_given_is_played_and_not_heard():
 
 
 def test_without_a_classifier_nobody_is_heard():
-    who = tracker(judges=False, reach=0)
+    who = tracker(judges=False)
     who.push(speech(60))
     np.testing.assert_allclose(who.shares(np.arange(60)), np.broadcast_to(tracker().shares(np.array(0)), (60, SPEAKERS + 8)))
     assert not who.knows
-    assert tracker().knows
-    assert tracker(EmotionTrack.constant("anger"), judges=False, reach=0).knows
+    assert not tracker().knows  # what is heard is not what is played
+    assert tracker(EmotionTrack.constant("anger"), judges=False).knows
 
 
 def test_memory_is_bounded_and_forgetting_does_not_show():

@@ -22,14 +22,12 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
-from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.flow_bundle import FlowSystem, open_flow
+from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.style import CodeSource, NormalSource, SegmentSource, Styles, example_files
-from cospeech.runtime.style_measures import embed_flow_speaker, example, latents_of
+from cospeech.runtime.style import Styles, example_files
+from cospeech.runtime.style_space import FlowSpace
+from cospeech.runtime.system import System, open_bundle
 from tests.support.runtime_bundles import write_small
-
-pytestmark = pytest.mark.slow
 
 WAYS = {
     "code": CodeSource,
@@ -42,9 +40,13 @@ BODY = ("body", "hands")
 
 
 @cache
-def system(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> FlowSystem:
+def system(pose: str = "expmap-humanoid", fps: float = 20.0, audio: str = "mel20-prosody") -> System:
     """Random weights: nothing has been learnt, but every way from example to motion is there."""
-    return open_flow(read_bundle(write_small(Path(mkdtemp(prefix="cospeech-test-")) / "small.cospeech", pose, audio, fps)))
+    return open_bundle(write_small(Path(mkdtemp(prefix="cospeech-test-")) / "small.cospeech", pose, audio, fps))
+
+
+def space() -> FlowSpace:
+    return FlowSpace(system(), system().flow)
 
 
 def gesturer(way: str = "code") -> TrainedModel:
@@ -77,7 +79,7 @@ def wrists(motion: Motion) -> np.ndarray:
 
 
 def code(motion: Motion) -> np.ndarray:
-    return example(system(), motion).code
+    return space().by_example(motion).code
 
 
 # what an example does ---------------------------------------------------------------------------------------------------
@@ -115,16 +117,16 @@ def test_nothing_of_an_example_is_the_default(way):
 
 
 def test_weights():
-    known, a, b = Styles(system()), acted(0.0), acted(1.0)
+    known, a, b = Styles(system(), space()), acted(0.0), acted(1.0)
     half = known.blend({a: 0.5})
     assert [share for share, _ in half] == [0.5, 0.5]
-    np.testing.assert_array_equal(half[1][1].code, embed_flow_speaker(system(), "ada").code)
+    np.testing.assert_array_equal(half[1][1].code, space().by_name("ada").code)
     assert [share for share, _ in known.blend({a: 3, "ben": 1})] == [0.75, 0.25]
     assert [share for share, _ in known.blend({a: 0.7, b: 0.3})] == [0.7, 0.3]
     assert [share for share, _ in known.blend({a: 0.7, b: 0.2, "ben": 0.1})] == pytest.approx([0.7, 0.2, 0.1])
     assert [share for share, _ in known.blend("ben:0.25")] == [0.25, 0.75]
     assert [share for share, _ in known.blend("ada:0.1,ben,ada:0.1")] == pytest.approx([0.2 / 1.2, 1 / 1.2])
-    mixed, parts = CodeSource(system(), known.blend({a: 0.7, b: 0.3}), seed=0), (example(system(), a), example(system(), b))
+    mixed, parts = CodeSource(system(), known.blend({a: 0.7, b: 0.3}), seed=0), (space().by_example(a), space().by_example(b))
     np.testing.assert_allclose(mixed.style, 0.7 * parts[0].code + 0.3 * parts[1].code, atol=1e-6)
 
 
@@ -156,18 +158,18 @@ def test_five_minutes_with_an_example():
 
 
 def test_latents_of_an_example_make_it_again():
-    embedding = example(system(), acted(0.0))
-    (poses,), sizes = embedding.poses, system().engine.sizes
-    (z,) = latents_of(system(), embedding, embedding.code)
+    embedding = space().by_example(acted(0.0))
+    (poses,), sizes = embedding.poses, system().flow.sizes
+    (z,) = space().latents(embedding, embedding.code)
     assert z.shape == (len(poses) - sizes.history, sizes.pose)
-    takes = system().engine.begin(poses[None, : sizes.history], embedding.code[None])
+    takes = system().flow.begin(poses[None, : sizes.history], embedding.code[None])
     windows = np.zeros((40, sizes.speech_frames, sizes.audio), np.float32)
     np.testing.assert_allclose(takes.frames(windows, z[None, :40])[0], poses[sizes.history :][:40], atol=0.02)
 
 
 def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
-    embedding = example(system(), acted(0.0))
-    (z,) = latents_of(system(), embedding, embedding.code)
+    embedding = space().by_example(acted(0.0))
+    (z,) = space().latents(embedding, embedding.code)
     source = SegmentSource(system(), ((1.0, embedding),), seed=5)
     drawn = np.concatenate([source.draw(n) for n in (1, 3, 76, len(z) - 80 + 200)])
     np.testing.assert_allclose(drawn[: len(z)], z, atol=1e-4)
@@ -181,17 +183,15 @@ def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
 
 
 def test_normal_latents_have_the_examples_mean_and_covariance():
-    embedding = example(system(), acted(0.0, seconds=30.0))
-    (z,) = latents_of(system(), embedding, embedding.code)
+    embedding = space().by_example(acted(0.0, seconds=30.0))
+    (z,) = space().latents(embedding, embedding.code)
     drawn = NormalSource(system(), ((1.0, embedding),), seed=0).draw(40_000)
     np.testing.assert_allclose(drawn.mean(0), z.mean(0), atol=0.1 * z.std(0).max())
     trust = len(z) / (len(z) + z.shape[1])
     wanted = trust * np.cov(z.T, bias=True) + (1 - trust) * 50 / 48 * np.eye(z.shape[1])
     np.testing.assert_allclose(np.cov(drawn.T), wanted, atol=0.06 * np.diag(wanted).max())
-    plain = NormalSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200)
-    np.testing.assert_allclose(
-        plain, CodeSource(system(), ((1.0, embed_flow_speaker(system(), "ada")),), seed=0).draw(200), atol=1e-5
-    )
+    plain = NormalSource(system(), ((1.0, space().by_name("ada")),), seed=0).draw(200)
+    np.testing.assert_allclose(plain, CodeSource(system(), ((1.0, space().by_name("ada")),), seed=0).draw(200), atol=1e-5)
 
 
 # any skeleton, any length, any place ------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_any_skeleton(skeleton):
 def test_any_file(suffix, tmp_path):
     path = tmp_path / f"my clip, left{suffix}"  # a comma in the name of a file that is there
     acted(0.0).save(path)
-    known = Styles(system())
+    known = Styles(system(), space())
     ((share, embedding),) = known.blend(str(path))
     assert share == 1
     assert away(embedding.code, code(acted(0.0))) < 0.1
@@ -229,33 +229,33 @@ def test_rate_place_and_heading_do_not_matter():
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
     root = quat_rotate(turn, np.asarray(motion.root, float)) + np.array([5.0, 0, -3.0])
     elsewhere = Motion(motion.fps, rotations, root.astype(np.float32))
-    there, here = (example(system(), m).poses[0] for m in (elsewhere, motion))
+    there, here = (space().by_example(m).poses[0] for m in (elsewhere, motion))
     assert np.abs(there - here).mean() < 0.02  # of a deviation: what is left is that the mean heading was not quite 0
-    ahead = example(system(), Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
+    ahead = space().by_example(Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
     assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
 
 
 def test_long_examples_are_seen_in_pieces():
     motion = acted(0.0)
     long = Motion.concatenate([motion] * 40)  # six minutes
-    embedding = example(system(), long)
+    embedding = space().by_example(long)
     assert sum(map(len, embedding.poses)) == 120 * 20
     assert len(embedding.poses) == 12
     assert away(embedding.code, code(motion)) < 0.3
     half = Motion.concatenate([long] * 5)
     began = time.process_time()
-    assert sum(map(len, example(system(), half).poses)) == 120 * 20
+    assert sum(map(len, space().by_example(half).poses)) == 120 * 20
     assert time.process_time() - began < 5
 
 
 def test_the_shortest_example():
-    embedding = example(system(), acted(0.0)[:30])
+    embedding = space().by_example(acted(0.0)[:30])
     assert np.isfinite(embedding.code).all()
     speech = talk(5.0)
     for way in WAYS:
         assert len(gesturer(way).generate(speech, style=acted(0.0)[30:60], parts=BODY)) == 150
     with pytest.raises(InputError, match=r"0\.97 s"):
-        example(system(), acted(0.0)[:29])
+        space().by_example(acted(0.0)[:29])
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ def test_other_poses(pose, fps, audio):
 
 
 def test_bad_examples(tmp_path):
-    known = Styles(system())
+    known = Styles(system(), space())
     broken = tmp_path / "broken.bvh"
     broken.write_text("HIERARCHY\nROOT hips\n{")
     stick = tmp_path / "stick.bvh"
@@ -300,7 +300,7 @@ def test_bad_examples(tmp_path):
 
 
 def test_a_file_that_changes_is_read_again(tmp_path):
-    path, known = tmp_path / "a.bvh", Styles(system())
+    path, known = tmp_path / "a.bvh", Styles(system(), space())
     acted(0.0).save(path)
     first = known.blend(path)[0][1]
     acted(1.0, seconds=5.0).save(path)

@@ -12,30 +12,31 @@ from cospeech.errors import InputError
 from cospeech.runtime.crossfade import FADE, Crossfade
 from cospeech.runtime.mode_noise import SmoothGumbel
 from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
+from cospeech.runtime.style_space import style_space
 from cospeech.runtime.window_layout import WindowLayout
-from cospeech.runtime.window_style import embed_window_speaker
-from tests.support.fake_windows import NAMES, fake_sizes, fake_system
+from tests.support.fake_windows import NAMES, decoder, fake_sizes, fake_system
 
 SYSTEM = fake_system()
-SIZES = SYSTEM.engine.sizes
+ENGINE = SYSTEM.main_network
+SIZES = ENGINE.signature
 QUIET = np.array([[-0.5, 0.25]], np.float32)
 SMALL = WindowLayout(window=32, hop=4, ahead=8, fade=3)
 SETTINGS = {"live": live(SIZES), "small": SMALL, "whole": whole(SIZES), "abrupt": WindowLayout(16, 4, 0, 0)}
 
 
 def blend(**shares: float):
-    return tuple((share, embed_window_speaker(SYSTEM, name)) for name, share in shares.items())
+    return tuple((share, style_space(SYSTEM).by_name(name)) for name, share in shares.items())
 
 
 ADA, BEN, MIXED = blend(ada=1.0), blend(ben=1.0), blend(ada=0.7, cleo=0.3)
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).normal(size=(frames, SIZES.audio)).astype(np.float32)
+    return np.random.default_rng(seed).normal(size=(frames, SIZES.width("rows"))).astype(np.float32)
 
 
 def player(setting: WindowLayout = SMALL, style=ADA, seeds=(0,), system=SYSTEM, **options) -> SlidingWindowDecoder:
-    return SlidingWindowDecoder(system, setting, style, seeds, QUIET, **options)
+    return decoder(system, setting, style, seeds, QUIET, **options)
 
 
 def played(who: SlidingWindowDecoder, rows: np.ndarray, sizes=None) -> np.ndarray:
@@ -65,7 +66,7 @@ def one_pass(rows: np.ndarray, track: list[tuple[int, np.ndarray]], around: int 
     fill = -len(rows) % SIZES.multiple
     heard = np.concatenate([np.repeat(QUIET, around, 0), rows, np.repeat(QUIET, around + fill, 0)])
     style = codes_of(np.arange(len(heard)) - around, track)[None]
-    made = SYSTEM.engine.make(heard, style, np.zeros((1, len(heard), SIZES.modes)))
+    made = ENGINE.make(heard, style)
     return made[:, around : around + len(rows)]
 
 
@@ -77,7 +78,7 @@ def by_hand(rows: np.ndarray, setting: WindowLayout, track: list[tuple[int, np.n
     for first in range(0, len(rows), setting.hop):
         begin = first + setting.hop + setting.ahead - setting.window
         at = np.arange(begin, begin + setting.window)
-        poses = SYSTEM.engine.make(heard[at + around], codes_of(at, track)[None], np.zeros((1, len(at), SIZES.modes)))[0]
+        poses = ENGINE.make(heard[at + around], codes_of(at, track)[None])[0]
         new = poses[first - begin :].copy()
         if before is not None:
             for k in range(setting.fade):
@@ -95,7 +96,7 @@ def by_hand(rows: np.ndarray, setting: WindowLayout, track: list[tuple[int, np.n
 def test_whole_is_one_pass_over_the_whole_speech(frames):
     rows = speech(frames)
     made = played(player(whole(SIZES), MIXED, temperature=0.0), rows)
-    assert made.shape == (1, frames, SIZES.pose)
+    assert made.shape == (1, frames, SIZES.width("poses"))
     np.testing.assert_allclose(made, one_pass(rows, [(0, np.array([0.7, 0, 0.3]))]), atol=2e-5)
 
 
@@ -139,16 +140,16 @@ def test_no_frame_waits_longer_than_said(setting):
 def test_no_speech_no_poses():
     for setting in SETTINGS.values():
         who = player(setting, seeds=(1, 2))
-        assert who.push(speech(0)).shape == (2, 0, SIZES.pose)
-        assert who.finish(QUIET).shape == (2, 0, SIZES.pose)
+        assert who.push(speech(0)).shape == (2, 0, SIZES.width("poses"))
+        assert who.finish(QUIET).shape == (2, 0, SIZES.width("poses"))
 
 
 def test_a_window_is_as_long_as_in_training():
     who = player(live(SIZES))
-    SYSTEM.engine.calls.clear()
+    ENGINE.calls.clear()
     played(who, speech(40))
-    assert set(SYSTEM.engine.calls) == {(1, 32)}
-    assert len(SYSTEM.engine.calls) == 10
+    assert set(ENGINE.calls) == {(1, 32)}
+    assert len(ENGINE.calls) == 10
 
 
 def test_settings():
@@ -245,7 +246,7 @@ def test_a_thousand_changes_are_forgotten():
     for frame in range(1000):
         who.restyle((ADA, BEN)[frame % 2], frame)
         who.push(speech(1, frame))
-    assert len(who._styles.layers) < 100
+    assert len(who._style._styles.layers) < 100
 
 
 def test_fading_takes_over_to_the_bit():
@@ -301,10 +302,10 @@ def test_temperature_zero_is_the_network_s_own_motion():
 
 def test_takes_are_seeds_and_played_in_one_pass():
     rows = speech(90)
-    SYSTEM.engine.calls.clear()
+    ENGINE.calls.clear()
     together = played(player(seeds=range(8)), rows)
-    assert {takes for takes, _ in SYSTEM.engine.calls} == {8}
-    assert len(SYSTEM.engine.calls) == 23
+    assert {takes for takes, _ in ENGINE.calls} == {8}
+    assert len(ENGINE.calls) == 23
     for seed in range(8):
         assert played(player(seeds=[seed]), rows).tobytes() == together[seed].tobytes()
     assert len({take.tobytes() for take in together}) == 8
@@ -317,7 +318,7 @@ def test_another_look_ahead_is_the_same_take():
     rows = speech(90)
     made = [
         played(player(setting, seeds=[9], system=system), rows)
-        for setting in (WindowLayout(32, 4, 8, 3), whole(system.engine.sizes))
+        for setting in (WindowLayout(32, 4, 8, 3), whole(system.main_network.signature))
     ]
     np.testing.assert_allclose(made[0], made[1], atol=1e-5)
 
@@ -326,30 +327,28 @@ def test_a_free_code_is_moved_for_good():
     codes = np.array([[1.0, 0], [0, 5], [-1, 1]])
     sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
     system = fake_system(sizes, codes=codes)
-    ada = ((1.0, embed_window_speaker(system, "ada")),)
+    ada = ((1.0, style_space(system).by_name("ada")),)
     codes_played = []
-    system.engine.make = lambda rows, style, mode_noise: (
-        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
-    )
-    played(SlidingWindowDecoder(system, SMALL, ada, range(500), QUIET), speech(9))
+    still = {"poses": np.zeros((1, 32, 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or still
+    played(decoder(system, SMALL, ada, range(500), QUIET), speech(9))
     moved = codes_played[0][:, 0] - codes[0]
     assert all((style == codes_played[0]).all() for style in codes_played)
     np.testing.assert_allclose(moved.std(0), codes.std(0), rtol=0.1)
     np.testing.assert_allclose(moved.mean(0), 0, atol=0.3)
     codes_played.clear()
-    played(SlidingWindowDecoder(system, SMALL, ada, range(3), QUIET, temperature=0.0), speech(9))
+    played(decoder(system, SMALL, ada, range(3), QUIET, temperature=0.0), speech(9))
     assert (codes_played[0] == codes[0]).all()
 
 
 def test_a_free_code_is_one_for_a_window():
     sizes = fake_sizes(styles=2, modes=0, multiple=1, reach=0)
     system = fake_system(sizes, codes=np.array([[1.0, 0], [0, 5], [-1, 1]]))
-    ada, ben = (((1.0, embed_window_speaker(system, name)),) for name in NAMES[:2])
+    ada, ben = (((1.0, style_space(system).by_name(name)),) for name in NAMES[:2])
     codes_played = []
-    system.engine.make = lambda rows, style, mode_noise: (
-        codes_played.append(style) or np.zeros((*style.shape[:2], 3), np.float32)
-    )
-    who = SlidingWindowDecoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
+    still = {"poses": np.zeros((1, 32, 3), np.float32)}
+    system.main_network.run = lambda rows, style: codes_played.append(style) or still
+    who = decoder(system, SMALL, ada, [0], QUIET, temperature=0.0)
     who.push(speech(20))
     who.restyle(ben, 20)
     played(who, speech(40))
@@ -362,8 +361,8 @@ def test_a_free_code_is_one_for_a_window():
 @pytest.mark.parametrize("styles", [0, 3])
 def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
     system = fake_system(fake_sizes(styles=styles, modes=0), codes=np.eye(3)[:, :styles])
-    ada = ((1.0, embed_window_speaker(system, "ada")),)
-    takes = played(SlidingWindowDecoder(system, SMALL, ada, [1, 2], QUIET), speech(50))
+    ada = ((1.0, style_space(system).by_name("ada")),)
+    takes = played(decoder(system, SMALL, ada, [1, 2], QUIET), speech(50))
     assert takes[0].tobytes() == takes[1].tobytes()
 
 
@@ -431,21 +430,21 @@ def test_networks_are_played_as_they_are(name):
     """Of random weights: several takes have the bits of one each, and whole is what one pass of the network itself makes."""
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from cospeech.runtime.window_engine import WindowEngine
-    from cospeech.training.export.window_graph import lower
+    from cospeech.runtime.network import Network
+    from cospeech.training.export.onnx_export import export_graphs
     from tests.support.windowed_networks import given, make_network, run_network
 
     net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
-    low = lower(net)
-    system = fake_system(low.sizes, codes=np.eye(3)[:, : low.sizes.styles])
-    engine = WindowEngine(low.sizes, low.weights, low.graphs, np.full(96, -1e3), np.full(96, 1e3))
-    system = replace(system, engine=engine)
+    low = export_graphs(net.export_module())
+    signature = low.signatures["make"]
+    system = fake_system(signature, codes=np.eye(3)[:, : signature.width("style")])
+    system = replace(system, networks={"make": Network(signature, low.graphs["make"], low.weights)})
     rows, *_ = given(net, 1, 300)
-    silence, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, embed_window_speaker(system, "ben")),)
-    for setting in (live(low.sizes), whole(low.sizes)):
+    silence, ben = np.full((1, rows.shape[1]), -0.5, np.float32), ((1.0, style_space(system).by_name("ben")),)
+    for setting in (live(signature), whole(signature)):
 
         def made(*seeds, setting=setting, **options):
-            who = SlidingWindowDecoder(system, setting, ben, seeds, silence, **options)
+            who = decoder(system, setting, ben, seeds, silence, **options)
             return np.concatenate([who.push(rows), who.finish(silence)], 1)
 
         together = made(*range(8))
@@ -453,10 +452,10 @@ def test_networks_are_played_as_they_are(name):
         assert together[0].tobytes() == made(0)[0].tobytes()
         assert together[7].tobytes() == made(7)[0].tobytes()
         assert (np.abs(together[0] - together[1]).max() > 1e-3) == (name not in ("stage", "speech2gesture"))
-    if low.sizes.reach is not None:
-        around = whole(low.sizes).ahead
-        heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % low.sizes.multiple, 0)])
-        style = np.zeros((1, len(heard), low.sizes.styles), np.float32)
+    if signature.reach is not None:
+        around = whole(signature).ahead
+        heard = np.concatenate([np.repeat(silence, around, 0), rows, np.repeat(silence, around + -300 % signature.multiple, 0)])
+        style = np.zeros((1, len(heard), signature.width("style")), np.float32)
         style[..., 1:2] = 1
-        wanted = run_network(net, heard, style, np.zeros((1, len(heard), low.sizes.modes), np.float32))
+        wanted = run_network(net, heard, style, np.zeros((1, len(heard), signature.width("noise")), np.float32))
         np.testing.assert_allclose(made(0, temperature=0.0), wanted[:, around : around + 300], atol=1e-4)

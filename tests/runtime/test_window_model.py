@@ -19,15 +19,13 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.runtime.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
-from cospeech.runtime.style import CodeSource
-from cospeech.runtime.style_measures import stretches
-from cospeech.runtime.window_style import embed_window_speaker, example_window, mixture, plays_mixtures
+from cospeech.runtime.style_embedding import stretches
+from cospeech.runtime.style_space import style_space
 from tests.support.fake_windows import whole_system
-from tests.support.runtime_bundles import changed, cut, same, talk
-
-pytestmark = pytest.mark.slow
+from tests.support.runtime_bundles import changed, cut, same, talk, write_small_window
 
 BODY = ("body", "hands")
 
@@ -158,7 +156,7 @@ def test_latents_are_of_flows():
 # styles ------------------------------------------------------------------------------------------------------------------
 
 
-def test_styles_are_speakers_and_mixtures():
+def test_styles_are_speakers_and_mixtures(monkeypatch):
     speech = talk(2.0)
     plain, ada, ben, mixed, said = (
         gesturer().generate(speech, style=s, parts=BODY)
@@ -168,15 +166,12 @@ def test_styles_are_speakers_and_mixtures():
     assert same(mixed, said)
     assert min(away(ada, ben), away(mixed, ada), away(mixed, ben)) > 0.01
     assert (gesturer().styles, gesturer().default_style) == (("ada", "ben", "cleo"), "ada")
-    poses = []
-    system = whole_system()
-    engine, make = system.engine, system.engine.make
-    engine.make = lambda rows, style, mode_noise: poses.append(style) or make(rows, style, mode_noise)
-    try:
-        gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
-    finally:
-        del engine.make
-    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in poses)
+    network, played = whole_system().main_network, []
+    run = network.run
+    monkeypatch.setattr(network, "run", lambda **given: played.append(given["style"]) or run(**given))
+    gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
+    assert played
+    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in played)
 
 
 def test_a_name_has_no_mixture_and_a_mixture_is_told():
@@ -189,11 +184,11 @@ def test_a_name_has_no_mixture_and_a_mixture_is_told():
 
 def test_an_example_is_the_nearest_mixture():
     system, clip = whole_system(), acted()
-    embedding = example_window(system, clip)
+    embedding = style_space(system).by_example(clip)
     (poses,) = embedding.poses
     windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
     assert len(windows) > 3
-    wanted = np.mean([system.engine.style_of(window) for window in windows], 0)
+    wanted = np.mean([system.networks["style"].run(poses=window[None])["style"][0] for window in windows], 0)
     np.testing.assert_allclose(embedding.code, wanted, atol=1e-6)
     assert embedding.code.min() >= 0
     assert embedding.code.sum() == pytest.approx(1)
@@ -213,7 +208,7 @@ def test_an_example_is_the_nearest_mixture():
 
 def test_examples_mix_with_names():
     clip, system = acted(), whole_system()
-    code = example_window(system, clip).code
+    code = style_space(system).by_example(clip).code
     session = gesturer().session(style={clip: 0.5, "ben": 0.5})
     wanted = 0.5 * code + 0.5 * np.eye(3)[1]
     assert session.style_mixture == {
@@ -223,26 +218,24 @@ def test_examples_mix_with_names():
 
 def test_a_free_code_goes_with_the_example_s_own_mean_pose():
     system = whole_system(styles="code")
-    embedding = example_window(system, acted())
-    assert not plays_mixtures(system)
+    embedding = style_space(system).by_example(acted())
+    assert system.style_space == "code"
     np.testing.assert_allclose(embedding.speaker_mean, embedding.poses[0].mean(0), atol=1e-5)
-    assert mixture(system, ((1.0, embedding),)) is None
+    assert style_space(system).shares(((1.0, embedding),)) is None
     assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
     assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
 
 
-def test_an_encoder_s_nonsense_becomes_weights():
+def test_an_encoder_s_nonsense_becomes_weights(monkeypatch):
     system = whole_system(fps=21.0)
     for odd, wanted in {
         (-1.0, 3.0, 1.0): (0, 0.5, 0.5),
         (np.nan, 1.0, 0.0): (0, 1, 0),
         (-1.0, -1.0, 0.0): (1 / 3,) * 3,
     }.items():
-        system.engine.style_of = lambda poses, odd=odd: np.array(odd, np.float32)
-        try:
-            np.testing.assert_allclose(example_window(system, acted()).code, wanted, atol=1e-6)
-        finally:
-            del system.engine.style_of
+        said = {"style": np.array([odd], np.float32)}
+        monkeypatch.setattr(system.networks["style"], "run", lambda poses, said=said: said)
+        np.testing.assert_allclose(style_space(system).by_example(acted()).code, wanted, atol=1e-6)
 
 
 def test_examples_that_are_too_short_or_of_no_use(tmp_path):
@@ -267,7 +260,7 @@ def test_examples_that_are_too_short_or_of_no_use(tmp_path):
 
 def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
     system = whole_system(fps=5.0)  # ten seconds would be 50 frames
-    embedding = example_window(system, Motion.concatenate([acted()] * 20))
+    embedding = style_space(system).by_example(Motion.concatenate([acted()] * 20))
     assert {len(poses) for poses in embedding.poses} <= {64, 65}
     assert len(embedding.poses) == 12
 
@@ -367,16 +360,14 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
 def test_named_styles_are_rows_of_codes():
     system = whole_system(styles="code")
     for k, name in enumerate(system.styles):
-        embedding = embed_window_speaker(system, name)
-        assert (embedding.code == system.statistics.codes[k]).all()
+        embedding = style_space(system).by_name(name)
+        assert (embedding.code == system.statistics.style_codes[k]).all()
         assert (embedding.speaker_mean == system.statistics.speaker_mean[k]).all()
 
 
 def test_a_bundle_on_stage(tmp_path, monkeypatch):
     """From a file, through onnxruntime: streams, takes, an example, another style while it plays."""
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from tests.support.window_bundles import write_small_window
-
     monkeypatch.chdir(tmp_path)
     model = "small.cospeech"
     write_small_window(Path(model))
@@ -399,8 +390,6 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
 
 def test_no_torch_and_no_onnx(tmp_path):
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
-    from tests.support.window_bundles import write_small_window
-
     path = write_small_window(tmp_path / "a.cospeech")
     code = (
         "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"

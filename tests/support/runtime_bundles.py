@@ -15,16 +15,25 @@ from pathlib import Path
 import numpy as np
 
 from cospeech.audio.features.reduce import audio_width
+from cospeech.audio.features.words import BUCKETS
 from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.controls import QUANTILES
 from cospeech.runtime.bundle import MANIFEST
-from cospeech.runtime.flow_bundle import Statistics, write_flow
 from cospeech.runtime.flow_weights import CODE, FlowSizes
-from cospeech.runtime.manifest import System
+from cospeech.runtime.graph_builder import GraphBuilder
 from cospeech.runtime.model import TrainedModel
+from cospeech.runtime.signature import STYLE_FRAMES, Signature
+from cospeech.runtime.spec import VOICE, BundleSpec, half
+from cospeech.runtime.statistics import Statistics
+from cospeech.runtime.system import write_flow, write_networks
+
+NAMES = ("ada", "ben")
+CHANNELS, MODES, MULTIPLE = 8, 3, 4
+REACH = 9  # of the windows, by hand: 7 to either side of content on a grid of 4 frames, and 2 more convolutions of kernel 3
+HIDDEN, WORDS, NOISE, LOOK_AHEAD, REACH_OF_VOICE, WINDOW = 6, 3, 2, 3, 2, 16
 
 
 def small_sizes(pose: str, audio: str) -> FlowSizes:
@@ -69,18 +78,37 @@ def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
     return {name: value.astype(np.float32) for name, value in (drawn | fixed).items()}
 
 
-def statistics(sizes: FlowSizes, seed: int = 1, controls: int = 0) -> Statistics:
-    """Poses near the rest pose, moving by tenths; what silence sounds like lies within the audio's range."""
-    rng = np.random.default_rng(seed)
-    d, a = sizes.pose, sizes.audio - controls
+def small_statistics(signature: tuple[int, int], speakers: int = 2, seed: int = 1, **more: tuple[int, ...]) -> Statistics:
+    """Poses near the rest pose, moving by tenths; what silence sounds like lies within the audio's range.
+
+    Args:
+        signature: D and A.
+        more: shapes of other arrays; those of gains are positive.
+    """
+    rng, (d, a) = np.random.default_rng(seed), signature
     arrays = {
         "pose_mean": rng.normal(0, 0.05, d), "pose_std": rng.uniform(0.05, 0.15, d), "audio_mean": np.full(a, -4.0),
         "audio_std": np.full(a, 3.0), "pose_low": np.full(d, -3.0), "pose_high": np.full(d, 3.0),
-        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "histories": rng.normal(size=(2 * 3, sizes.history, d)),
-        "styles": rng.uniform(-1, 1, (2, sizes.style)), "speaker_mean": rng.normal(0, 0.3, (2, d)),
-        "controls": np.sort(rng.normal(size=(QUANTILES, controls)), 0),
+        "audio_low": np.full(a, -4.0), "audio_high": np.full(a, 4.0), "speaker_mean": rng.normal(0, 0.3, (speakers, d)),
     }  # fmt: skip
+    for name, shape in more.items():
+        gain = name.endswith("_gain")
+        arrays[name] = rng.uniform(0.6, 1.6, shape) if gain else rng.normal(0, 1.0 if name == "histories" else 0.1, shape)
+    if "words" in more:
+        arrays["words"] = 10 * arrays["words"]
+        arrays["words"][0] = 0
     return Statistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
+
+
+# flows ---------------------------------------------------------------------------------------------------------------------
+
+
+def flow_statistics(sizes: FlowSizes, controls: int = 0) -> Statistics:
+    found = small_statistics(
+        (sizes.pose, sizes.audio - controls), histories=(6, sizes.history, sizes.pose), style_codes=(2, sizes.style)
+    )
+    quantiles = np.sort(np.random.default_rng(2).normal(size=(QUANTILES, controls)), 0).astype(np.float32)
+    return replace(found, style_codes=10 * found.style_codes, control_quantiles=quantiles)
 
 
 def write_small(
@@ -93,11 +121,179 @@ def write_small(
     """A whole bundle of two speakers."""
     sizes = small_sizes(pose, audio)
     sizes = replace(sizes, audio=sizes.audio + len(controls))
-    facts = {"model": "stylised-flow", "styles": ["ada", "ben"], "style": "ada", "controls": list(controls)}
     write_flow(
-        path, random_arrays(sizes), sizes, statistics(sizes, controls=len(controls)), pose=pose, fps=fps, audio=audio,
-        facts=facts, card="# Random weights\n",
+        path, random_arrays(sizes), sizes, flow_statistics(sizes, len(controls)), card="# Random weights\n",
+        facts=facts_of("stylised-flow", pose, audio, fps) | {"controls": list(controls)},
     )  # fmt: skip
+    return path
+
+
+def facts_of(model: str, pose: str = "expmap-humanoid", audio: str = "mel20-prosody", fps: float = 20.0) -> dict:
+    return {"model": model, "styles": list(NAMES), "style": "ada", "pose": pose, "fps": fps, "audio": audio}
+
+
+# networks ------------------------------------------------------------------------------------------------------------------
+
+Networks = tuple[dict[str, Signature], dict[str, np.ndarray], dict[str, bytes]]
+"""Signatures, weights and graphs."""
+
+
+class Graph(GraphBuilder):
+    """A few layers with random weights, over waves (n, C, T).
+
+    Args:
+        name: of the network, and before the names of its weights.
+        weights: where they are put.
+    """
+
+    def __init__(self, name: str, weights: dict[str, np.ndarray]) -> None:
+        super().__init__(weights)
+        self.name, self.rng = name, np.random.default_rng(len(name))
+
+    def random(self, *shape: int, size: float | None = None) -> str:
+        name = f"{self.name}.{len(self.weights)}"
+        size = (2 / np.prod(shape[1:])) ** 0.5 if size is None else size
+        self.weights[name] = self.rng.normal(0, size, shape).astype(np.float32)
+        return self.weight(name)
+
+    def wave(self, name: str) -> str:
+        return self.node("Transpose", name, perm=[0, 2, 1])
+
+    def conv(self, x: str, taken: int, made: int, frames: int = 3, pad: int = 1, **options) -> str:
+        weight = self.random(made, taken // options.get("group", 1), frames)
+        x = self.node("Conv", x, weight, self.random(made, size=0.1), pads=[pad, pad], **options)
+        return self.node("LeakyRelu", x, alpha=0.2)
+
+    def poses(self, x: str, name: str = "poses") -> None:
+        self.node("Transpose", x, outputs=(name,), perm=[0, 2, 1])
+
+    def model(self, signature: Signature) -> bytes:
+        after = {f"next.{name}": port for name, port in signature.state.items()}
+        return self.file(self.name, {**signature.inputs, **signature.state}, {**signature.outputs, **after})
+
+
+def small_windows(pose: int, audio: int) -> Networks:
+    """A small Mix-StAGE: content at a quarter of the rate and its skip, speakers' weights, modes that are mixed."""
+    weights: dict[str, np.ndarray] = {}
+    b, c, styles = Graph("make", weights), CHANNELS, len(NAMES)
+    x = b.conv(b.wave("rows"), audio, c)
+    low = b.conv(b.conv(x, c, c, 4, strides=[2]), c, c, 4, strides=[2])
+    low = b.node(
+        "Resize", low, "", b.const([1, 1, 4]), mode="nearest", coordinate_transformation_mode="asymmetric", nearest_mode="floor"
+    )
+    x = b.node("Add", low, x)
+    z = b.node("Add", b.conv(x, c, MODES * c), b.conv(b.wave("style"), styles, MODES * c))
+    made = b.conv(b.conv(z, MODES * c, MODES * c, group=MODES), MODES * c, MODES * pose, 1, 0, group=MODES)
+    share = b.node("Softmax", b.node("Add", b.conv(x, c, MODES, 1, 0), b.wave("noise")), axis=1)
+    apart = b.const([0, MODES, 1, -1], np.int64)
+    mixed = b.node("Mul", b.node("Reshape", made, b.const([0, MODES, pose, -1], np.int64)), b.node("Reshape", share, apart))
+    total = b.node("ReduceMean", mixed, b.const([1], np.int64), keepdims=0)
+    b.poses(b.node("Mul", total, b.const(3 * MODES)))
+    ports = {"rows": (1, "T", audio), "style": ("N", "T", styles), "noise": ("N", "T", MODES)}
+    make = Signature(ports, {"poses": ("N", "T", pose)}, window=64, multiple=MULTIPLE, reach=REACH)
+    graphs = {"make": b.model(make)}
+    b = Graph("style", weights)
+    seen = b.conv(b.conv(b.wave("poses"), pose, c, 4, strides=[2]), c, styles)
+    b.node("Softmax", b.node("ReduceMean", seen, b.const([2], np.int64), keepdims=0), outputs=("style",), axis=1)
+    style = Signature({"poses": (1, "T", pose)}, {"style": (1, styles)}, window=STYLE_FRAMES)
+    return {"make": make, "style": style}, weights, graphs | {"style": b.model(style)}
+
+
+def small_chain(
+    pose: int, audio: int, *, live: bool = True, noise: int = NOISE, words: int = WORDS, judges: bool = True,
+    faces: bool = False, seeds: int = 0, emotions: bool = True,
+) -> Networks:  # fmt: skip
+    """A network of windows that hears both ways, one of frames with a memory, and a classifier that is one convolution.
+
+    Args:
+        faces, seeds: whether it may be given some.
+        emotions: whether they are a part of the style.
+    """
+    weights: dict[str, np.ndarray] = {}
+    graphs, signatures, style = dict[str, bytes](), dict[str, Signature](), len(NAMES) + 8 * emotions
+    widths = {"rows": audio + words, "style": style, "noise": noise, "face": 53 * faces, "seed": (pose + 1) * (seeds > 0)}
+    b = Graph("make", weights)
+    ports = {name: (1 if name in ("rows", "face", "seed") else "N", "T", w) for name, w in widths.items() if w}
+    x, wide = b.conv(b.wave("rows"), audio + words, CHANNELS), CHANNELS
+    for name in [*ports][1:]:
+        x = b.node("Add", x, b.conv(b.wave(name), widths[name], wide))
+    wave = b.node("Transpose", x, perm=[2, 0, 1])
+    held = b.random(2, 4 * HIDDEN, wide, size=0.4), b.random(2, 4 * HIDDEN, HIDDEN, size=0.4), b.random(2, 8 * HIDDEN, size=0.3)
+    out = b.node("LSTM", wave, *held, hidden_size=HIDDEN, direction="bidirectional")
+    out = b.node("Reshape", b.node("Transpose", out, perm=[2, 1, 3, 0]), b.const([0, 2 * HIDDEN, -1], np.int64))
+    b.poses(b.conv(out, 2 * HIDDEN, pose, 1, 0))
+    signatures["make"] = Signature(
+        ports, {"poses": ("N", "T", pose)}, window=WINDOW, hop=WINDOW // 2, look_ahead=WINDOW // 4, seeds=seeds
+    )
+    graphs["make"] = b.model(signatures["make"])
+    if live:
+        signatures["live"], graphs["live"] = small_frames(weights, pose, widths)
+    if judges:
+        b = Graph("classify", weights)
+        weight = b.random(style, audio, 2 * REACH_OF_VOICE + 1)
+        b.poses(b.node("Conv", b.wave("rows"), weight, pads=[REACH_OF_VOICE] * 2), "logits")
+        signatures["classify"] = Signature(
+            {"rows": (1, "T", audio)}, {"logits": (1, "T", style)}, window=2 * REACH_OF_VOICE + 1, reach=REACH_OF_VOICE
+        )
+        graphs["classify"] = b.model(signatures["classify"])
+    return signatures, weights, graphs
+
+
+def small_frames(weights: dict[str, np.ndarray], pose: int, widths: dict[str, int]) -> tuple[Signature, bytes]:
+    """The network of frames: the last three rows, which all takes share, and a leaky memory of each take."""
+    b = Graph("live", weights)
+    ports = {name: (1 if name == "rows" else "N", widths[name]) for name in ("rows", "style", "noise") if widths[name]}
+    state = {"state0": (1, 2 * widths["rows"]), "state1": ("N", CHANNELS)}
+    seen = b.node("Concat", "state0", "rows", axis=1)
+    rest = b.split(seen, widths["rows"], 2 * widths["rows"])[1]
+    b.node("Add", rest, b.const(0.0), outputs=("next.state0",))
+    x = b.node("Gemm", seen, b.random(3 * widths["rows"], CHANNELS, size=0.2), b.random(CHANNELS, size=0.1))
+    for name in [*ports][1:]:
+        x = b.node("Add", x, b.node("Gemm", name, b.random(widths[name], CHANNELS, size=0.7), b.random(CHANNELS, size=0.1)))
+    kept = b.node("Tanh", b.node("Add", x, b.node("Mul", "state1", b.const(0.9))))
+    b.node("Add", kept, b.const(0.0), outputs=("next.state1",))
+    b.node("Gemm", kept, b.random(CHANNELS, pose, size=0.5), b.random(pose, size=0.1), outputs=("poses",))
+    signature = Signature(ports, {"poses": ("N", pose)}, state, look_ahead=LOOK_AHEAD)
+    return signature, b.model(signature)
+
+
+def chain_statistics(signatures: dict[str, Signature], words: int = WORDS, vocabulary: int = BUCKETS) -> Statistics:
+    make = signatures["make"]
+    d, by_speaker = make.width("poses"), (len(NAMES), make.width("poses"))
+    more = dict.fromkeys(("model_mean", "style_gain", "live_model_mean", "live_style_gain"), by_speaker)
+    found = small_statistics((d, make.width("rows") - words), **more, words=(vocabulary + 1, words))
+    return replace(found, noise_gain=np.array([1.5, 2.0], np.float32))
+
+
+def window_statistics(signatures: dict[str, Signature]) -> Statistics:
+    make = signatures["make"]
+    by_speaker = len(NAMES), make.width("poses")
+    return small_statistics((make.width("poses"), make.width("rows")), model_mean=by_speaker, style_gain=by_speaker)
+
+
+def write_small_window(
+    path: Path, pose: str = "expmap-humanoid", audio: str = "mel20-prosody", fps: float = 20.0, *, small: bool = True
+) -> Path:
+    """A whole bundle of two speakers."""
+    signatures, weights, graphs = small_windows(find_pose(pose).dimensions, audio_width(audio))
+    facts = facts_of("mix-stage", pose, audio, fps) | {"style_space": "one-hot"}
+    weights = half(weights) if small else weights
+    write_networks(path, signatures, graphs, weights, window_statistics(signatures), facts=facts, card="# Random weights\n")
+    return path
+
+
+def write_small_chain(
+    path: Path, pose: str = "expmap-humanoid", audio: str = "mel20-prosody", fps: float = 15.0, *, small: bool = True,
+    vocabulary: tuple[str, ...] | None = None, **kind,
+) -> Path:  # fmt: skip
+    """A whole bundle of two speakers."""
+    signatures, weights, graphs = small_chain(find_pose(pose).dimensions, audio_width(audio), **kind)
+    facts = facts_of("chain-of-generation", pose, audio, fps) | {"style_space": "speaker-emotion"}
+    facts["styles"] += [VOICE] if "classify" in graphs else []
+    facts |= {} if vocabulary is None else {"vocabulary": list(vocabulary)}
+    statistics = chain_statistics(signatures, kind.get("words", WORDS), BUCKETS if vocabulary is None else len(vocabulary))
+    weights = half(weights) if small else weights
+    write_networks(path, signatures, graphs, weights, statistics, facts=facts, card="# Random weights\n")
     return path
 
 
@@ -162,7 +358,7 @@ def mutations(data: bytes, rng: np.random.Generator) -> list[tuple[str, bytes]]:
     return out
 
 
-def check_damage(opened: Callable[[bytes], System], data: bytes) -> float:
+def check_damage(opened: Callable[[bytes], BundleSpec], data: bytes) -> float:
     """Damages a bundle 360 times: what opens nevertheless (bytes that a zip does not use) is what was written.
 
     Returns:
@@ -176,13 +372,13 @@ def check_damage(opened: Callable[[bytes], System], data: bytes) -> float:
         except InputError as error:
             refused += "\n" not in str(error)
         else:
-            for name, value in system.engine.weights.items():
-                assert np.array_equal(value, whole.engine.weights[name]), what
+            for name, value in system.weights.items():
+                assert np.array_equal(value, whole.weights[name]), what
     return refused / len(cases)
 
 
 def check_repaired_damage(
-    rewritten: Callable[[dict, dict[str, bytes]], System], data: bytes, perform: Callable[[System], object], times: int
+    rewritten: Callable[[dict, dict[str, bytes]], BundleSpec], data: bytes, perform: Callable[[BundleSpec], object], times: int
 ) -> int:
     """Changes members as somebody would who knows the format: errors, or a system of finite weights that performs.
 
@@ -201,7 +397,7 @@ def check_repaired_damage(
         except InputError as error:
             refused += "\n" not in str(error)
             continue
-        assert all(np.isfinite(value).all() for value in system.engine.weights.values())
+        assert all(np.isfinite(value).all() for value in system.weights.values())
         with suppress(InputError):
             perform(system)
     return refused

@@ -25,7 +25,7 @@ from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
-from cospeech.runtime.systems import open_system  # noqa: E402
+from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.batch_loader import SPREAD_FLOOR, BatchLoader, clip_moments, standard_audio, standard_pose  # noqa: E402
 from cospeech.training.calibration_clips import STRETCH, STRETCHES, examples_of  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors  # noqa: E402
@@ -96,12 +96,12 @@ def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     for step in range(3):
         fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
         number = fed["clip"][0]
-        back = fed["pose"][0] * moments.style_gain[number] + moments.speaker_mean[number]
+        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
         np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
     for number, clip in enumerate(store.clips):
         whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
         assert np.abs(whole.mean(0)).max() < 1e-4
-        held = moments.style_gain[number] <= SPREAD_FLOOR
+        held = moments.spread[number] <= SPREAD_FLOOR
         np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
         assert (whole.std(0)[held] <= 1 + 1e-4).all()
 
@@ -137,7 +137,7 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
     """A short training makes a network that noise_gain from mean 0 and deviation 1: the bundle knows by how much."""
     player = TrainedModel.open(bundle)
     s = player.system.statistics
-    assert (np.abs(s.model_mean) > 0.05).any()
+    assert (np.abs(s.free_mean) > 0.05).any()
     speech = Speech.load(example()[0]).window(0, 9)
     pose, rows = find_pose("expmap-humanoid"), []
     for seed in range(6):
@@ -145,8 +145,8 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
         rows.append(pose.encode(motion)[24:])
     made = (np.concatenate(rows) - s.pose_mean) / s.pose_std
     arms = [k for k, name in enumerate(pose.names) if "Arm" in name]
-    off = np.abs(made.mean(0) - s.speaker_mean[0])[arms] / s.style_gain[0][arms]
-    ratio = made.std(0)[arms] / s.style_gain[0][arms]
+    off = np.abs(made.mean(0) - s.speaker_mean[0])[arms] / s.speaker_std[0][arms]
+    ratio = made.std(0)[arms] / s.speaker_std[0][arms]
     assert off.mean() < 0.4
     assert 0.7 < np.median(ratio) < 1.3
 
@@ -214,18 +214,18 @@ def windowed(store, tmp_path_factory):
 def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed, model, tmp_path):
     folder, path = windowed(model), tmp_path / "it.cospeech"
     bundle_run(folder, path, small=False, style="small")
-    system, (net, _) = open_system(read_bundle(path)), load_run(folder)
+    system, (net, _) = open_bundle(path), load_run(folder)
     assert (system.styles, system.style, system.fps, system.pose) == (("big", "small"), "small", FPS, "expmap-humanoid")
     examples, _ = read_tensors(folder / EXAMPLES)
     codes = net.speaker_styles(examples["stretches"])
-    np.testing.assert_array_equal(system.statistics.codes, codes)
+    np.testing.assert_array_equal(system.statistics.style_codes, codes)
     if model is MIX:
         np.testing.assert_array_equal(codes, np.eye(2))
     for code, speech in zip(codes, examples["speech"][:, 0, :96], strict=True):
         wanted = net.generate(speech[None], code[None, None])[0].numpy()
-        shape = (1, 96, net.styles)
-        rows = system.engine.make(speech.numpy(), np.broadcast_to(code.numpy(), shape), np.zeros((1, 96, net.modes)))[0]
-        wanted = wanted.clip(system.engine.low, system.engine.high)
+        style = {"style": np.broadcast_to(code.numpy(), (1, 96, net.styles))} if net.styles else {}
+        rows = system.main_network.run(rows=speech.numpy()[None], **style)["poses"][0]
+        wanted = wanted.clip(*system.statistics.bounds)
         np.testing.assert_allclose(rows, wanted, atol=1e-4)
     for which, value in vars(system.statistics).items():
         if which in examples:
@@ -241,11 +241,11 @@ def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
     assert sizes[0] < 0.8 * sizes[1]
     said = read_bundle(tmp_path / "True.cospeech").manifest["rounding"]
     assert 0 < said < 0.01
-    systems = [open_system(read_bundle(tmp_path / f"{small}.cospeech")) for small in (True, False)]
+    systems = [open_bundle(tmp_path / f"{small}.cospeech") for small in (True, False)]
     examples, _ = read_tensors(windowed(MIX) / EXAMPLES)
     rows = examples["speech"][0].flatten(0, 1).numpy()
-    style, mode_noise = np.eye(2, dtype=np.float32)[None, [0] * len(rows)], np.zeros((1, len(rows), 3))
-    small, exact = (system.engine.make(rows, style, mode_noise) for system in systems)
+    style = np.eye(2, dtype=np.float32)[None, [0] * len(rows)]
+    small, exact = (system.main_network.run(rows=rows[None], style=style)["poses"] for system in systems)
     assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(said, rel=0.5)
     assert "rounding" not in read_bundle(tmp_path / "False.cospeech").manifest
     assert "half precision" in systems[0].card
@@ -290,10 +290,10 @@ def test_what_ships_is_small_says_what_it_is_and_moves(path):
     assert path.stat().st_size <= LARGEST.get(path.stem, 5_000_000)
     with zipfile.ZipFile(path) as file:
         manifest, card = json.loads(file.read("bundle.json")), file.read("card.md").decode()
+    assert manifest["model"].removesuffix("-live") == path.stem  # of two networks the one that streams
     assert (
-        manifest["model"].removesuffix("-live").removesuffix("-extended") == path.stem
-    )  # of two networks the one that streams
-    assert manifest["sizes"].get("int8") or 0 < manifest["rounding"] < 0.01  # of a flow; of a network by windows, 16 bits
+        manifest.get("flow", {}).get("int8") or 0 < manifest["rounding"] < 0.01
+    )  # of a flow; of a network by windows, 16 bits
     for word in ("synthetic", "cannot do", "Rebuild", "±", "ground truth", "noise", "frozen"):
         assert word in card, word
     player = cospeech.load(path.stem)

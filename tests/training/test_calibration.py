@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 torch = pytest.importorskip("torch", exc_type=ImportError)
 
+import numpy as np  # noqa: E402
+
 from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
-from cospeech.training.export.window import GAINS, _calibrate_network  # noqa: E402
+from cospeech.runtime.network import Network  # noqa: E402
+from cospeech.training.export.calibration import GAINS, calibrate  # noqa: E402
+from cospeech.training.export.onnx_export import export_graphs  # noqa: E402
+from tests.support.runtime_bundles import small_statistics  # noqa: E402
 from tests.support.windowed_networks import KINDS, make_network  # noqa: E402
 
-SPEAKERS, PERSISTENCE = 3, 12.0
+SPEAKERS, FPS = 3, 12.0  # noise lasts for a second
 
 
 def examples(net) -> dict[str, torch.Tensor]:
@@ -21,15 +28,27 @@ def examples(net) -> dict[str, torch.Tensor]:
     return {"stretches": stretches, "speech": torch.randn(SPEAKERS, 4, 128, net.audio, generator=draw)}
 
 
+def calibrated(net, known, codes) -> tuple[torch.Tensor, torch.Tensor]:
+    """(S, D) mean of what it makes, and by what it is multiplied."""
+    low = export_graphs(net.export_module())
+    network = Network(low.signatures["make"], low.graphs["make"], low.weights)
+    plain = small_statistics((net.pose, net.audio), SPEAKERS, style_codes=codes.shape)
+    plain = replace(plain, style_codes=codes.numpy().astype(np.float32))
+    arrays = {name: value.numpy() for name, value in known.items()}
+    found = calibrate({"make": network}, plain, arrays, FPS, columns=0, measures_noise=False)
+    assert (found.noise_gain == 1).all()
+    return torch.from_numpy(found.model_mean), torch.from_numpy(found.style_gain)
+
+
 @pytest.mark.parametrize("name", KINDS)
 def test_styles_have_their_speakers_mean_and_deviation(name):
     net = make_network(name, speakers=SPEAKERS)
     known = examples(net)
     codes = net.speaker_styles(known["stretches"])
-    made, gains = _calibrate_network(net, codes, known, PERSISTENCE)
+    made, gains = calibrated(net, known, codes)
     assert made.shape == gains.shape == (SPEAKERS, net.pose)
     speech = known["speech"].reshape(-1, 64, net.audio)
-    noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, PERSISTENCE).mT if net.modes else torch.zeros(24, 64, 0)
+    noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, FPS).mT if net.modes else torch.zeros(24, 64, 0)
     for k in range(SPEAKERS):
         with torch.no_grad():
             poses = net.make(speech, codes[k].expand(24, 64, -1), noise)
@@ -46,5 +65,5 @@ def test_styles_have_their_speakers_mean_and_deviation(name):
 def test_gains_are_between_their_bounds_for_what_does_not_move():
     net = make_network("mix-stage", speakers=SPEAKERS)
     known = examples(net) | {"stretches": torch.zeros(SPEAKERS, 4, 128, net.pose)}
-    _, gains = _calibrate_network(net, torch.eye(SPEAKERS), known, PERSISTENCE)
+    _, gains = calibrated(net, known, torch.eye(SPEAKERS))
     assert (gains == GAINS[0]).all()

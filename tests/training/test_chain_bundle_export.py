@@ -19,8 +19,8 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
-from cospeech.runtime.chain_bundle import VOICE  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
+from cospeech.runtime.spec import VOICE  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
 from cospeech.training.recipe import read_recipe  # noqa: E402
@@ -108,9 +108,9 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
     system = player.system
     assert system.styles == (("big", "small", VOICE) if name in JUDGES else ("big", "small"))
     assert player.default_style == (VOICE if name in JUDGES else "big")
-    assert (system.fps, system.pose, system.engine.classifies) == (FPS, "expmap-humanoid", name in JUDGES)
-    assert system.engine.lives == name.endswith("live")
-    assert player.system.engine.sizes.words == 5
+    assert (system.fps, system.pose, "classify" in system.networks) == (FPS, "expmap-humanoid", name in JUDGES)
+    assert ("live" in system.networks) == name.endswith("live")
+    assert system.statistics.words.shape[1] == 5
     for look_ahead in (None, inf):
         options = {"seed": 2, "look_ahead": look_ahead, "parts": ("body", "hands")}
         takes = player.generate_takes(speech, takes=2, **options)
@@ -129,15 +129,18 @@ def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
     system, whole = player.system, getattr(net, "teacher", net)
     assert player.default_style == "small"
     examples, _ = read_tensors(run_of(name) / EXAMPLES)
-    rng, s = np.random.default_rng(0), system.engine.sizes
+    rng, who = np.random.default_rng(0), system.networks["make"]
     texts = examples["texts"][0, 0, :40].long()
     words = whole.words(texts[None])[0].detach().numpy()
     rows = np.concatenate([examples["speech"][0, 0, :40].numpy(), words], 1)
-    style, noise = (rng.uniform(size=(2, 40, width)).astype(np.float32) for width in (s.style, s.noise))
+    style, noise = (
+        rng.uniform(size=(2, 40, width)).astype(np.float32) for width in map(who.signature.width, ("style", "noise"))
+    )
     heard, *others = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
     with torch.no_grad():
-        wanted = whole.make(heard, *others).numpy().clip(system.engine.windows.low, system.engine.windows.high)
-    np.testing.assert_allclose(system.engine.windows.make(rows, style, noise), wanted, atol=1e-4)
+        wanted = whole.make(heard, *others).numpy().clip(*system.statistics.bounds)
+    ports = {"style": style} | ({"noise": noise} if noise.size else {})
+    np.testing.assert_allclose(who.run(rows=rows[None], **ports)["poses"], wanted, atol=1e-4)
     assert not system.statistics.words[0].any()
     np.testing.assert_allclose(system.word_rows(["yes", None])[1], 0)
 

@@ -18,8 +18,8 @@ from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.chain_live import ChainLive  # noqa: E402
 from cospeech.models.chain_of_generation_extended import ChainOfGenerationExtended  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
-from cospeech.runtime.chain_engine import ChainEngine  # noqa: E402
-from cospeech.training.export.chain_graph import lower_chain  # noqa: E402
+from cospeech.runtime.network import Network  # noqa: E402
+from cospeech.training.export.onnx_export import Exported, export_graphs  # noqa: E402
 
 POSE, AUDIO, SPEAKERS, HANDS = 11, 7, 3, (2, 3, 8)
 _CHAIN = {"frames": 34, "latent": 16, "hidden": 12, "layers": 2, "word_width": 5, "text_channels": 9, "classifier_channels": 6}
@@ -69,6 +69,15 @@ CASES = {
 }
 
 
+QUICK = ("live with noise", "camn", "multi-context")
+"""One of each architecture; of the live one ``make`` is its teacher's, a chain."""
+
+
+def select(part: str = "") -> list[Any]:
+    """Names of cases with ``part`` in them, all but one of each architecture slow."""
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES if part in name]
+
+
 @cache
 def network(name: str) -> Any:
     """In evaluation mode, batch norms that do something."""
@@ -84,16 +93,30 @@ def network(name: str) -> Any:
 
 
 @cache
-def engine(name: str) -> ChainEngine:
-    low = lower_chain(network(name))
-    bound = np.full(low.sizes.pose, 1e3)
-    return ChainEngine(low.sizes, low.weights, low.graphs, -bound, bound)
+def export_network(name: str) -> Exported:
+    """An export takes seconds."""
+    return export_graphs(network(name).export_module())
 
 
-def material(who: ChainEngine, takes: int, frames: int) -> list[np.ndarray]:
-    rng, s = np.random.default_rng(0), who.sizes
-    rows, noise = rng.normal(size=(frames, s.rows)), rng.normal(size=(takes, frames, s.noise))
-    return [x.astype(np.float32) for x in (rows, rng.uniform(size=(takes, frames, s.style)), noise)]
+@cache
+def networks(name: str) -> dict[str, Network]:
+    low = export_network(name)
+    return {key: Network(signature, low.graphs[key], low.weights) for key, signature in low.signatures.items()}
+
+
+def widths(who: Network) -> tuple[int, ...]:
+    return tuple(map(who.signature.width, ("rows", "style", "noise")))
+
+
+def material(who: Network, takes: int, frames: int) -> list[np.ndarray]:
+    rng, (rows, style, noise) = np.random.default_rng(0), widths(who)
+    arrays = rng.normal(size=(frames, rows)), rng.uniform(size=(takes, frames, style)), rng.normal(size=(takes, frames, noise))
+    return [x.astype(np.float32) for x in arrays]
+
+
+def ports(rows, style, noise) -> dict[str, np.ndarray]:
+    """As a network takes them: of no width, they are left out."""
+    return {"rows": rows[None], "style": style} | ({"noise": noise} if noise.shape[-1] else {})
 
 
 @torch.no_grad()
@@ -105,24 +128,24 @@ def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarra
 
 
 @pytest.mark.parametrize("frames", [1, 2, 34, 75])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", select())
 def test_windows(name, frames):
-    net, who = network(name), engine(name)
+    net, who = network(name), networks(name)["make"]
     given = material(who, 3, frames)
     wanted = run_exported(getattr(net, "teacher", net), *given)
-    made = who.windows.make(*given)
+    made = who.run(**ports(*given))["poses"]
     assert wanted.std() > 0.01
     np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
-    alone = [who.windows.make(given[0], given[1][k : k + 1], given[2][k : k + 1]) for k in range(3)]
+    alone = [who.run(**ports(given[0], given[1][k : k + 1], given[2][k : k + 1]))["poses"] for k in range(3)]
     assert np.concatenate(alone).tobytes() == made.tobytes()
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("name", [name for name in CASES if "is given" in name])
+@pytest.mark.parametrize("name", select("is given"))
 def test_faces_and_seed_poses(name):
     """As PyTorch is given them, also of some frames alone; half given lies between."""
-    net, who, frames = getattr(network(name), "teacher", network(name)), engine(name), 40
-    assert (who.sizes.faces, who.sizes.seeds, who.windows.optional) == (52, 4, {"face": 53, "seed": POSE + 1})
+    net, who, frames = getattr(network(name), "teacher", network(name)), networks(name)["make"], 40
+    assert (who.signature.width("face"), who.signature.width("seed"), who.signature.seeds) == (53, POSE + 1, 4)
     rows, style, noise = material(who, 2, frames)
     rng = np.random.default_rng(1)
     face, poses = rng.uniform(0, 9, (frames, 52)), rng.normal(size=(frames, POSE))
@@ -133,57 +156,66 @@ def test_faces_and_seed_poses(name):
     heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
     seeds = net.mask_seeds(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
     seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
-    plain = who.windows.make(rows, style, noise)
+    plain = who.run(**ports(rows, style, noise))["poses"]
     for names in (("face",), ("seed",), ("face", "seed")):
         own = seeds if "seed" in names else torch.zeros_like(seeds)
         wanted = net.poses(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
-        made = who.windows.make(rows, style, noise, more={key: given[key] for key in names})
+        more = {key: given[key][None] for key in names}
+        made = who.run(**ports(rows, style, noise), **more)["poses"]
         np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
         assert np.abs(made - plain).max() > 1e-3
-        alone = who.windows.make(rows, style[1:], noise[1:], more={key: given[key] for key in names})
+        alone = who.run(**ports(rows, style[1:], noise[1:]), **more)["poses"]
         assert alone[0].tobytes() == made[1].tobytes()
     for more in ({"face": face}, {"mood": face}, {"seed": given["seed"][1:]}):
         with pytest.raises(InputError):
-            who.windows.make(rows, style, noise, more=more)
+            who.run(**ports(rows, style, noise), **{key: x[None] for key, x in more.items()})
 
 
+@pytest.mark.slow
 def test_who_may_be_given_what():
-    assert engine("chain").windows.optional == engine("live").windows.optional == {"seed": POSE + 1}  # as published
+    plain = {"rows", "style", "noise"}
+    for name in ("chain", "live"):
+        assert {*networks(name)["make"].signature.inputs} - plain == {"seed"}  # as published
     for name in ("chain without seeds", "camn", "multi-context of all"):
-        assert engine(name).windows.optional == {}
+        assert not {*networks(name)["make"].signature.inputs} - plain
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "live" in name])
+@pytest.mark.parametrize("name", select("live"))
 def test_frame_by_frame(name):
     """The pose of a frame comes out when ``look_ahead`` further ones were heard, of which the last is held at the end."""
-    net, who = network(name), engine(name)
-    frames, delay = 60, who.sizes.look_ahead
+    net, who = network(name), networks(name)["live"]
+    frames, delay = 60, who.signature.look_ahead
     rows, style, noise = material(who, 3, frames)
-    wanted, under_way, made = run_exported(net, rows, style, noise), who.live(3), []
+    wanted, made, state = run_exported(net, rows, style, noise), [], who.begin(3)
+    alone, own = [], who.begin(1)
     for k in range(frames + delay):
         k = min(k, frames - 1)
-        made.append(under_way.frame(rows[k], style[:, k], noise[:, k]))
+        found = who.run(**ports(rows[k], style[:, k], noise[:, k]), **state)
+        state = {key: found[f"next.{key}"] for key in state}
+        made.append(found["poses"])
+        found = who.run(**ports(rows[k], style[1:2, k], noise[1:2, k]), **own)
+        own = {key: found[f"next.{key}"] for key in own}
+        alone.append(found["poses"][0])
     assert wanted.std() > 0.01
     np.testing.assert_allclose(np.stack(made[delay:], 1), wanted, atol=TOLERANCE)
-    alone = who.live(1)
-    for k in range(20):
-        assert alone.frame(rows[k], style[1:2, k], noise[1:2, k])[0].tobytes() == made[k][1].tobytes()
+    assert np.stack(alone).tobytes() == np.stack(made)[:, 1].tobytes()
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "chain" in name or "live" in name])
+@pytest.mark.parametrize("name", [*select("chain"), *select("live")])
 def test_who_speaks_and_how(name):
-    net, who = network(name), engine(name)
-    whole, reach = getattr(net, "teacher", net), who.sizes.reach
-    rows = np.random.default_rng(0).normal(size=(30, AUDIO)).astype(np.float32)
+    net, who = network(name), networks(name)["classify"]
+    whole, reach = getattr(net, "teacher", net), who.signature.reach
+    rows = np.random.default_rng(0).normal(size=(1, 30, AUDIO)).astype(np.float32)
     with torch.no_grad():
-        wanted = whole.classify(torch.from_numpy(rows)[None])[0].numpy()
-    np.testing.assert_allclose(who.classify(rows), wanted[reach:-reach], atol=TOLERANCE)
+        wanted = whole.classify(torch.from_numpy(rows))[0].numpy()
+    np.testing.assert_allclose(who.run(rows=rows)["logits"][0, reach:-reach], wanted[reach:-reach], atol=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_what_each_has():
-    assert {name for name in CASES if engine(name).adversarial} == {name for name in CASES if "chain" in name or "live" in name}
-    assert {name for name in CASES if engine(name).lives} == {name for name in CASES if "live" in name}
-    sizes = engine("live, far ahead").sizes
-    assert (sizes.look_ahead, sizes.noise, sizes.words, sizes.speakers) == (9, 1, 5, SPEAKERS)
-    assert engine("chain of vectors").sizes.words == 300
-    assert engine("multi-context of all").sizes.noise == 3
+    assert {name for name in CASES if "classify" in networks(name)} == {n for n in CASES if "chain" in n or "live" in n}
+    assert {name for name in CASES if "live" in networks(name)} == {name for name in CASES if "live" in name}
+    live = networks("live, far ahead")["live"]
+    assert (live.signature.look_ahead, widths(live)) == (9, (AUDIO + 5, SPEAKERS + 8, 1))
+    assert widths(networks("chain of vectors")["make"])[0] == AUDIO + 300
+    assert widths(networks("multi-context of all")["make"])[2] == 3

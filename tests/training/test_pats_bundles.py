@@ -20,7 +20,8 @@ from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.lift import lift  # noqa: E402
 from cospeech.runtime.bundle import read_bundle  # noqa: E402
-from cospeech.runtime.systems import open_system  # noqa: E402
+from cospeech.runtime.spec import read_spec  # noqa: E402
+from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402
 from cospeech.training.recipe import SHIPPED, load_recipe, read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
@@ -78,8 +79,13 @@ def begun(store: Store, folder: Path, name: str, **data: object) -> Path:
 def test_every_network_by_windows_plays_speech(store, runs, name):
     path = runs / f"{name}.cospeech"
     bundle_run(begun(store, runs / name, name), path, which="last")
-    system = open_system(read_bundle(path))
-    assert (system.audio, system.pose, system.fps, system.engine.sizes.audio) == ("log-mel-400", "keypoints2d", 15.0, 64)
+    system = open_bundle(path)
+    assert (system.audio, system.pose, system.fps, system.main_network.signature.width("rows")) == (
+        "log-mel-400",
+        "keypoints2d",
+        15.0,
+        64,
+    )
     gesturer = cospeech.load(path)
     speech = talk(4.43, 9, 44_100)
     whole = gesturer.generate(speech, parts=BODY, fps=30)
@@ -107,15 +113,13 @@ def test_a_store_has_to_have_the_columns_that_audio_names(store, tmp_path):
 
 
 def test_a_bundle_whose_audio_is_of_another_width_is_refused(store, runs, tmp_path):
-    from cospeech.runtime.window_bundle import open_window
-
     path = runs / "munit.cospeech"
     if not path.exists():
         bundle_run(begun(store, runs / "munit", "munit"), path, which="last")
     bundle = read_bundle(path)
     bundle.manifest["audio"] = "mel29"
     with pytest.raises(InputError, match="'mel29'"):
-        open_window(bundle)
+        read_spec(bundle)
 
 
 def test_points_are_of_systems_of_points(tmp_path):

@@ -46,7 +46,7 @@ def _styles() -> list[Row]:
     from ..models import BUNDLE, SHIPPED
     from ..rules.styles import STYLES
     from ..runtime.bundle import read_bundle
-    from ..runtime.chain_bundle import VOICE
+    from ..runtime.spec import VOICE
 
     rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
     for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):
@@ -59,7 +59,7 @@ def _styles() -> list[Row]:
 def _emotions() -> list[Row]:
     from ..audio.emotions import EMOTIONS
 
-    return [{"name": "auto", "what": "estimated from the speech; the default"}] + [
+    return [{"name": "auto", "what": "arousal of the voice, no category; the default"}] + [
         {"name": name, "what": f"{name}, independent of the speech"} for name in EMOTIONS
     ]
 

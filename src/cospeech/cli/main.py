@@ -42,6 +42,7 @@ from .options import (  # fmt: skip
     NewFps,
     Output,
     Parts,
+    Picture,
     Quiet,
     ReportFile,
     Retarget,
@@ -175,9 +176,7 @@ def convert(
 @app.command()
 def render(
     source: Motion,
-    target: Annotated[
-        Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip).")
-    ],
+    target: Picture,
     audio: Drawn = None,
     camera: View = None,
     avatar: Avatar = None,

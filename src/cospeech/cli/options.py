@@ -13,8 +13,8 @@ from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Json", "Map",
-    "Model", "Motion", "NewFps", "Output", "Parts", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker", "Style",
-    "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
+    "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker",
+    "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
 ]  # fmt: skip
 
 
@@ -81,7 +81,7 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (estimated from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        help="auto (arousal of the voice), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
         "or a .csv file with the emotion over time.",
     ),
 ]
@@ -157,6 +157,9 @@ NewFps = Annotated[
 Avatar = Annotated[
     Path | None,
     option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files and pictures, in place of our mannequin."),
+]
+Picture = Annotated[
+    Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")
 ]
 View = Annotated[str | None, option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
 Drawn = Annotated[

@@ -38,7 +38,10 @@ Resume = Annotated[bool, Option("--resume", help="Continue the run in the folder
 Out = Annotated[
     Path | None, Option("--out", "-o", metavar="FOLDER", help="Folder of the run. The default is runs/ and the recipe's name.")
 ]
-Run = Annotated[Path, Argument(metavar="RUN", help="Folder made by `cospeech train`.")]
+Run = Annotated[
+    Path,
+    Argument(metavar="RUN", help="Folder made by `cospeech train`; or a bundle of an older version, which is converted."),
+]
 Bundle = Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write: NAME.cospeech.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
 Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
@@ -123,10 +126,16 @@ def _add_bundle(app: typer.Typer) -> None:
 
         \b
         cospeech bundle runs/flow_ted -o mine.cospeech
+        cospeech bundle old.cospeech -o new.cospeech
         """
-        with _training():
-            from ..training.export.bundles import bundle_run
+        if run.is_file():
+            from ..runtime.convert_bundle import convert_bundle
 
-            bundle_run(run, output)
+            convert_bundle(run, output)
+        else:
+            with _training():
+                from ..training.export.bundles import bundle_run
+
+                bundle_run(run, output)
         if not quiet:
             typer.echo(f"{output}  {output.stat().st_size / 1e6:.1f} MB")

@@ -214,7 +214,11 @@ class Camn(ManyInputs):
         heard = torch.cat([given.seed.mT, speaker, emotion, text, speech, face], 1)
         body = self.body_out(self.body(heard, Memory()))
         hands = self.hands_out(self.hands(torch.cat([heard, body], 1), Memory()))
-        return torch.cat([body, hands], 1)[:, self.order].mT
+        return torch.cat([body, hands], 1).index_select(1, self.order).mT
+
+    def recurrent_layers(self) -> tuple[BothWays, ...]:
+        """Of body and hands."""
+        return self.body, self.hands
 
     # what is optimised -----------------------------------------------------------------------------------------------
 

@@ -37,10 +37,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
+from .chain_export import chain_graphs
 from .nn.cascade import EMOTIONS, Cascade, CascadeOutput, Layers, Signals, Through, Widths
 from .nn.channel_attention import ChannelAttention
 from .nn.configuration import ModelConfig
 from .nn.contrast import RhythmIdentity
+from .nn.export import ExportGraph
 from .nn.modalities import INPUTS
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
@@ -347,6 +349,10 @@ class ChainOfGeneration(Windowed):
         made = self.poses(torch.cat([heard, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)
         seen = made.face if face is None else torch.where(face.isnan(), made.face, face)
         return {"pose": made.pose.mT, "face": seen.mT.clamp(0, 1)}
+
+    def export_module(self) -> dict[str, ExportGraph]:
+        """``make`` and ``classify``; see `cospeech.models.chain_export`."""
+        return chain_graphs(self)
 
     @torch.no_grad()
     def speaker_styles(self, stretches: Tensor) -> Tensor:

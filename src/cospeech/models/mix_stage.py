@@ -281,6 +281,8 @@ class MixGan(Windowed):
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """Equation 2 with the priors of H: (B, T, A), (B, T, S) of the speakers, (B, T, M; M = 1: 0) → (B, T, D)."""
         z = self.latent(self.audio_content(audio), style)
+        if self.mode_logits is None:
+            return self.generators(z)[:, 0].mT
         logits = self._logits(z)
         return mix(self.generators(z), torch.softmax(logits + mode_noise.mT if self.modes else logits, 1)).mT
 

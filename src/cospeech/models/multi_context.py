@@ -209,6 +209,10 @@ class MultiContext(ManyInputs):
         """With ε drawn, one for a window."""
         return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
 
+    def recurrent_layers(self) -> tuple[BothWaysGru, ...]:
+        """The one."""
+        return (self.both_ways,)
+
     # what is optimised -----------------------------------------------------------------------------------------------
 
     def objectives(self) -> dict[str, Objective]:

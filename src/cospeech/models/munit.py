@@ -150,7 +150,7 @@ class _Decoder(nn.Module):
         self.grow = nn.Sequential(*grown, _conv(config.channels, outputs, 7))
 
     def forward(self, content: Tensor, style: Tensor) -> Tensor:
-        adain = self.mlp(style).view(len(style), len(self.blocks), 4, -1)
+        adain = self.mlp(style).unflatten(1, (len(self.blocks), 4, -1))
         for k, block in enumerate(self.blocks):
             content = block(content, adain[:, k])
         x: Tensor = self.grow(content)

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..motion.rotations import Array
 from .crossfade import Crossfade
-from .flow_bundle import FlowSystem
+from .flow_engine import FlowEngine
 from .pose_resampler import MOST_LAG
-from .style_measures import StyleMixture
+from .style_embedding import StyleMixture
+from .system import System
 
 __all__ = ["AutoregressiveDecoder", "Source", "SourceFactory"]
 
@@ -64,6 +65,7 @@ class AutoregressiveDecoder:
 
     Args:
         system: the bundle, opened.
+        flow: its engine.
         make_sources: makes sources.
         blend: the style to begin with.
         silence: (1, A) row of silence, which is before the speech.
@@ -76,27 +78,34 @@ class AutoregressiveDecoder:
     """It hears none of them."""
 
     def __init__(
-        self, system: FlowSystem, make_sources: SourceFactory, blend: StyleMixture, silence: Array, *, intensity: float = 1.0
+        self,
+        system: System,
+        flow: FlowEngine,
+        make_sources: SourceFactory,
+        blend: StyleMixture,
+        silence: Array,
+        *,
+        intensity: float = 1.0,
     ) -> None:
-        self._system, self._make_sources, self._intensity = system, make_sources, np.float32(intensity)
+        self._system, self._flow, self._make_sources, self._intensity = system, flow, make_sources, np.float32(intensity)
         sources = make_sources(blend)
         self._sources = Crossfade(sources, system.fps)
-        self._takes = system.engine.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
-        self._rows = np.repeat(silence, system.engine.sizes.history, 0)
+        self._takes = flow.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
+        self._rows = np.repeat(silence, flow.sizes.history, 0)
         self._made = 0
-        self.takes, self.width = len(sources), system.engine.sizes.pose
+        self.takes, self.width = len(sources), flow.sizes.pose
 
     @property
     def latency(self) -> float:
         """See `Decoder`."""
-        sizes = self._system.engine.sizes
+        sizes = self._flow.sizes
         return (sizes.speech_frames - sizes.history) / self._system.fps
 
     def push(self, rows: Array) -> Array:
         """See `Decoder`."""
         self._sources.forget(self._made - MOST_LAG)
         self._rows = np.concatenate([self._rows, rows])
-        windows = self._system.engine.windows(self._rows)
+        windows = self._flow.windows(self._rows)
         self._rows = self._rows[len(windows) :].copy()
         if not len(windows):
             return np.zeros((self.takes, 0, self.width), np.float32)
@@ -110,7 +119,7 @@ class AutoregressiveDecoder:
 
     def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
-        sizes = self._system.engine.sizes
+        sizes = self._flow.sizes
         return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history, 0))
 
     def denormalise(self, poses: Array, at: Array) -> Array:

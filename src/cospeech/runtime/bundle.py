@@ -37,7 +37,7 @@ from ..motion.rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]
 
-FORMAT = 1
+FORMAT = 2
 """Of the container and its manifest; a later one is refused with the advice to update."""
 MANIFEST = "bundle.json"
 _LARGEST = {
@@ -118,15 +118,15 @@ def write_bundle(path: str | PathLike[str], manifest: Mapping[str, Any], members
             archive.writestr(zipfile.ZipInfo(name, _EPOCH), data)
 
 
-def read_bundle(path: str | PathLike[str]) -> Bundle:
-    """Read a bundle, trusting nothing in it.
+def read_bundle(path: str | PathLike[str], format: int = FORMAT) -> Bundle:
+    """Read a bundle of a format, trusting nothing in it.
 
     Raises:
         InputError: it cannot be read, is none of ours or of a later version, damaged, or was tampered with.
     """
     shown = Path(fsdecode(path)).name
     members = _unzip(read_regular(path, "a bundle", sum(_LARGEST.values())), shown)
-    manifest = _manifest(members.pop(MANIFEST, b""), shown)
+    manifest = _manifest(members.pop(MANIFEST, b""), shown, format)
     hashes = manifest["members"]
     if set(hashes) != set(members):
         raise InputError(f"{shown!r} does not hold the members that it lists", _HINT)
@@ -164,10 +164,10 @@ def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, RuntimeError, NotImplementedError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{shown!r} cannot be unpacked: {error}"[:200], _HINT) from None
+        raise InputError(f"{shown!r} cannot be unpack_half: {error}"[:200], _HINT) from None
 
 
-def _manifest(data: bytes, shown: str) -> dict[str, Any]:
+def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
     try:
         manifest = parse_json(data, MANIFEST, BUNDLE_MANIFEST_BYTES)
         fine = _sensible(manifest)
@@ -175,9 +175,11 @@ def _manifest(data: bytes, shown: str) -> dict[str, Any]:
         raise InputError(f"{shown!r} has no readable {MANIFEST}", _HINT) from None
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int) or not fine:
         raise InputError(f"{shown!r} has a {MANIFEST} that is none of ours", _HINT)
-    if manifest["format"] != FORMAT:
-        hint = "update cospeech" if manifest["format"] > FORMAT else "export it again"
-        raise InputError(f"{shown!r} is a bundle of format {manifest['format']}, this version reads {FORMAT}", hint)
+    if manifest["format"] != format:
+        hints = {FORMAT: "it need not be converted"} if format < FORMAT else {}
+        hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {shown} -o new.cospeech` converts it"
+        hint = hints.get(manifest["format"], hint)
+        raise InputError(f"{shown!r} is a bundle of format {manifest['format']}, this version reads {format}", hint)
     hashes = manifest.get("members")
     if not isinstance(hashes, dict) or not all(isinstance(value, str) for value in hashes.values()):
         raise InputError(f"{shown!r} does not list its members", _HINT)

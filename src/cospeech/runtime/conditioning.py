@@ -10,14 +10,20 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from .manifest import System
-from .style_measures import encode_motion
+from .network import Network
+from .style_embedding import encode_motion
+from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "poses_before", "read_conditioning", "refuse_conditioning"]
+__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_conditioning", "poses_before", "read_conditioning"]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
 """What is to be done where speech is not heard as a whole."""
+
+
+_TRAIN = (
+    "train a chain of generation with model.face_teacher_forcing and model.seed_dropout (docs/models/chain_of_generation.md)"
+)
 
 
 class ConditioningFace:
@@ -84,13 +90,18 @@ def _motion(conditioning: object, what: str) -> Motion | None:
     return Motion.load(conditioning)
 
 
-def refuse_conditioning(conditioning: Conditioning) -> None:
-    """Raises:
-    InputError: something is, and this system knows of no such thing.
+def check_conditioning(conditioning: Conditioning, network: Network) -> None:
+    """Whether a network can be given these.
+
+    Raises:
+        InputError: it takes no such thing, or plays frame by frame.
     """
-    if conditioning.anything:
-        what = "a face" if conditioning.face is not None else "motion to go on from"
-        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+    able = network.signature.inputs
+    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to go on from", conditioning.before)):
+        if there is not None and network.signature.window is None:
+            raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
+        if there is not None and port not in able:
+            raise InputError(f"this system cannot be given {what}", _TRAIN)
 
 
 def poses_before(system: System, motion: Motion, frames: int) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .onnx_session import explain_failure, open_session, run_session
+from .network import explain_failure, open_session, run_session
 
 __all__ = ["FlowEngine", "StudentT", "Takes"]
 

@@ -17,24 +17,22 @@ from ..motion.named_numbers import read_named_numbers
 from ..motion.parts import PARTS
 from ..motion.points import Points
 from ..motion.poses import find_pose
-from ..motion.poses.controls import control_row, read_controls
+from ..motion.poses.controls import QUANTILES, control_row, read_controls
 from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
-from .backends import Backend, backend_of
-from .bundle import read_bundle
 from .conditioning import NOTHING, Conditioning, read_conditioning
+from .decoders import options_for_files, start_decoder
 from .face_override import FaceOverride
-from .manifest import System
+from .latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
-from .speech_frontend import SpeechFrontend
-from .speech_text_frontend import SpeechTextFrontend
-from .style import Transfer
-from .systems import open_system
-from .window_bundle import WindowSystem
+from .speech_frontend import SpeechFrontend, SpeechTextFrontend
+from .style import Styles
+from .style_space import style_space
+from .system import System, open_bundle
 
 __all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
 
@@ -44,7 +42,7 @@ class TrainedModel:
 
     Args:
         system: an opened bundle; `TrainedModel.open` takes a path.
-        transfer: how styles become a flow's motion, see `cospeech.runtime.style`; the best one for it where not given.
+        transfer: how styles become a flow's motion, see `cospeech.runtime.latent_sources`; the best one for it where not given.
         mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
     Raises:
@@ -59,8 +57,11 @@ class TrainedModel:
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
-        self._backend = backend_of(system, transfer)
-        self.for_files = self._backend.for_files
+        if transfer is not None:
+            flow_of(system)
+        self._transfer, self._space = transfer, style_space(system)
+        self._styles = Styles(system, self._space)
+        self.for_files = options_for_files(system)
         self._rules = RuleBasedModel(mouth)
 
     @classmethod
@@ -70,7 +71,7 @@ class TrainedModel:
         Raises:
             InputError: it cannot be read, or is no bundle of ours.
         """
-        return cls(open_system(read_bundle(path)))
+        return cls(open_bundle(path))
 
     @cached_property
     def _usual(self) -> TrainedSession:
@@ -100,35 +101,39 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
+        heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
         for each in (frontend, *faces):
             each.share(shared)
         return TrainedSession(
-            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts,
-            resolved_style=resolved_style, direct=self._resolve_style, before=conditioning.before,
+            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
+            direct=self._resolve_style, before=conditioning.before,
         )  # fmt: skip
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""
         system = self.system
-        if system.pose != POSE or not isinstance(system, WindowSystem):
+        if system.pose != POSE or "make" not in system.networks:
             return self._rules
         return RuleBasedModel(lambda: BundleMouth(system, style))
 
     def _start(
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
-        """Start a performance: its speech frontend and its decoder."""
-        frontend = self._backend.listen(resolved_style.controls)
-        return frontend, self._backend.play(resolved_style.blend, frontend.silence, options, conditioning)
+        """Who hears, and who plays."""
+        kind = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
+        frontend = kind(self.system, resolved_style.controls)
+        decoder = start_decoder(
+            self.system, self._space, resolved_style.blend, frontend.silence, options, conditioning, self._transfer
+        )
+        return frontend, decoder
 
     def _resolve_style(self, style: object) -> ResolvedStyle:
-        """Resolve a style: its mixture, its control values and its shares for the report."""
-        weights, controls = _parse_style(style, self._backend)
-        blend = self._backend.styles.blend(weights)
-        return ResolvedStyle(blend, controls, self._backend.mixture(blend))
+        """What a style means."""
+        weights, controls = _parse_style(style, self.system)
+        blend = self._styles.blend(weights)
+        return ResolvedStyle(blend, controls, self._space.shares(blend))
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """Gestures for a whole speech.
@@ -139,7 +144,7 @@ class TrainedModel:
                 mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face, and of body and hands where a system knows emotions: one of
-                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
+                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, see docs/styles.md.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
             temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice
@@ -221,15 +226,17 @@ _WHOLE = frozenset({"expmap-full"})
 _MOST_TAKES = 64  # ours, of one pass
 
 
-def _parse_style(style: object, system: Backend) -> tuple[object, Array]:
+def _parse_style(style: object, system: System) -> tuple[object, Array]:
     """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
     parts = (
         read_named_numbers(style, number="quantile", of="style control", hint="0 … 1", is_name=system.controls.__contains__)
         if isinstance(style, str) and system.controls
         else []
     )
+    known = system.statistics.control_quantiles
+    quantiles = known if known.size else np.zeros((QUANTILES, 0), np.float32)
     said = [part.text for part in parts if part.name in system.controls]
-    row = control_row(read_controls(",".join(said)) if said else {}, system.quantiles, system.controls)
+    row = control_row(read_controls(",".join(said)) if said else {}, quantiles, system.controls)
     speakers = ",".join(part.text for part in parts if part.name not in system.controls) or None
     return (speakers if said else style), row
 

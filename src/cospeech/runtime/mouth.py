@@ -18,16 +18,15 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.session import MOUTH_WAITS
-from .bundle import read_bundle
 from .pose_resampler import PoseResampler
+from .signature import Signature
 from .sliding_window_decoder import SlidingWindowDecoder
 from .speech_frontend import SpeechFrontend
 from .style import Styles
-from .systems import open_system
-from .window_bundle import WindowSystem
-from .window_engine import WindowSizes
+from .style_space import style_space
+from .style_track import StyleTrack
+from .system import System, open_bundle
 from .window_layout import WindowLayout
-from .window_style import embed_window_speaker, example_window
 
 __all__ = ["POSE", "SHIPPED_FACE", "BundleMouth", "choose_layout", "open_default_mouth", "open_mouth"]
 
@@ -39,14 +38,14 @@ _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the fa
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
 
-def choose_layout(sizes: WindowSizes, fps: float) -> WindowLayout:
+def choose_layout(signature: Signature, fps: float) -> WindowLayout:
     """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
-    hop = max(sizes.multiple, round(_HOP * fps) // sizes.multiple * sizes.multiple)
+    hop = max(signature.multiple, round(_HOP * fps) // signature.multiple * signature.multiple)
     far = round(_HOP * fps)
-    if sizes.reach is not None and sizes.reach <= far:  # exact: what one pass over the whole speech would make
-        around = -(-sizes.reach // sizes.multiple) * sizes.multiple
+    if signature.reach is not None and signature.reach <= far:  # exact: what one pass over the whole speech would make
+        around = -(-signature.reach // signature.multiple) * signature.multiple
         return WindowLayout(2 * around + hop, hop, around, 0)
-    window = -(-max(sizes.window, hop + far) // sizes.multiple) * sizes.multiple
+    window = -(-max(signature.window or 0, hop + far) // signature.multiple) * signature.multiple
     return WindowLayout(window, hop, far, min(round(_FADE * fps), far, hop))
 
 
@@ -61,14 +60,19 @@ class BundleMouth:
         InputError: a bundle of other poses, or one that waits longer for the speech than a face can.
     """
 
-    def __init__(self, system: WindowSystem, style: object = None) -> None:
+    def __init__(self, system: System, style: object = None) -> None:
         if system.pose != POSE:
             raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
         self._fps = system.fps
         self._frontend = SpeechFrontend(system, np.zeros(0, np.float32))
-        setting = choose_layout(system.engine.sizes, system.fps)
-        blend = Styles(system, embed_window_speaker, example_window).blend(style)
-        self._decoder = SlidingWindowDecoder(system, setting, blend, [0], self._frontend.silence, temperature=0.0)
+        network, space = system.networks.get("make"), style_space(system)
+        if network is None or system.has_emotions:
+            raise InputError(
+                "a mouth of a network that does not play windows by speech alone", "speech-to-face is one that does"
+            )
+        track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
+        setting = choose_layout(network.signature, system.fps)
+        self._decoder = SlidingWindowDecoder(system, network, track, [0], self._frontend.silence, setting, temperature=0.0)
         self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
         self.latency = self._decoder.latency + self._frontend.delay + (system.smooth + 2) / system.fps
         """Seconds of speech after a time that have been heard, at most, when it is known."""
@@ -125,21 +129,19 @@ class BundleMouth:
             self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
 
 
-def open_mouth(path: Path) -> WindowSystem:
+def open_mouth(path: Path) -> System:
     """A bundle of faces, for any number of mouths.
 
     Raises:
         InputError: it cannot be read, is damaged, or no mouth can be made of it.
     """
-    system = open_system(read_bundle(path))
-    if not isinstance(system, WindowSystem):
-        raise InputError(f"{path.name!r} is no network of faces", "speech-to-face is one")
+    system = open_bundle(path)
     BundleMouth(system)  # one that does not fit says so
     return system
 
 
 @lru_cache(maxsize=1)
-def _open_default() -> WindowSystem:
+def _open_default() -> System:
     if not SHIPPED_FACE.is_file():
         raise InputError(f"no {SHIPPED_FACE.name} ships with this installation", "install cospeech again: faces speak with it")
     return open_mouth(SHIPPED_FACE)

@@ -28,12 +28,11 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
 from .face_override import FaceOverride
-from .manifest import System
 from .pose_resampler import PoseResampler
 from .seam import Seam
-from .speech_frontend import SpeechFrontend
-from .speech_text_frontend import SpeechTextFrontend
-from .style_measures import StyleMixture
+from .speech_frontend import SpeechFrontend, SpeechTextFrontend
+from .style_embedding import StyleMixture
+from .system import System
 
 __all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
 
@@ -160,6 +159,16 @@ class TrainedSession:
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
         return self._decoder.emotion or self._faces[0].emotion
+
+    @property
+    def expression(self) -> dict[str, float]:
+        """See `cospeech.rules.Session.expression`."""
+        return self._faces[0].expression
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session.arousal`; the rules play it, in the face. A network hears the sound itself."""
+        return self._faces[0].arousal
 
     @property
     def speaker(self) -> dict[str, float] | None:
@@ -308,6 +317,8 @@ class TrainedSession:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, _eyes()] = eyes
+                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, face = aimed.rotations, aimed.face
             if self._seams:
                 rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil
+from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..motion.rotations import Array
-from .crossfade import Crossfade
-from .mode_noise import SmoothGumbel
-from .pose_resampler import MOST_LAG
-from .style_measures import StyleMixture, average_parts
-from .window_bundle import WindowSystem
-from .window_engine import WindowSizes
+from .conditioning import ConditioningFace
+from .network import Network
+from .network_decoder import NetworkDecoder
+from .signature import Signature
+from .style_track import SpokenStyleTrack, StyleTrack
+from .system import System
 from .window_layout import Sliding, WindowLayout, check_look_ahead
-from .window_style import plays_mixtures
 
-__all__ = ["LIVE", "SlidingWindowDecoder", "live", "looking", "whole"]
+__all__ = ["LIVE", "OverlapAddDecoder", "SlidingWindowDecoder", "live", "looking", "sections", "whole"]
 
 BLOCK = 256  # ours: frames that are made at once where nobody waits
 
@@ -26,27 +27,30 @@ BLOCK = 256  # ours: frames that are made at once where nobody waits
 LIVE = WindowLayout(window=64, hop=4, ahead=8, fade=4)
 """Ours: half a second of foresight at 15 frames a second, about the preparation of a stroke; windows as in training (64 frames,
 Ahuja et al. 2020, section 5)."""
+NEAR = 16  # frames [ours]: at 60 a second, as faces are, 0.27 s
 
 
-def live(sizes: WindowSizes) -> WindowLayout:
-    """`LIVE`, in windows as the network was trained on."""
-    return replace(LIVE, window=_up(max(sizes.window, LIVE.waits), sizes.multiple))
+def live(signature: Signature) -> WindowLayout:
+    """`LIVE`, in windows as the network was trained on; a network that hears at most `NEAR` frames ahead gets all of them."""
+    near = signature.reach if signature.reach is not None and signature.reach <= NEAR else 0
+    setting = replace(LIVE, ahead=max(LIVE.ahead, _up(near, signature.multiple)))
+    return replace(setting, window=_up(max(signature.window or 0, setting.waits), signature.multiple))
 
 
-def whole(sizes: WindowSizes) -> WindowLayout:
+def whole(signature: Signature) -> WindowLayout:
     """Exact: what one pass over the whole speech makes, with silence around it.
 
     Windows begin where the network's own steps in time do, and every new frame has all around it that matters to it. There is
     no such thing for a network that normalises over a window: that hears as much before as after, in windows as in training.
     """
-    if sizes.reach is None:
-        usual = live(sizes)
+    if signature.reach is None:
+        usual = live(signature)
         return replace(usual, ahead=max(usual.ahead, (usual.window - usual.hop) // 2))
-    reach, block = _up(sizes.reach, sizes.multiple), _up(BLOCK, sizes.multiple)
+    reach, block = _up(signature.reach, signature.multiple), _up(BLOCK, signature.multiple)
     return WindowLayout(window=2 * reach + block, hop=block, ahead=reach, fade=0)
 
 
-def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> WindowLayout:
+def looking(signature: Signature, fps: float, seconds: float | None = None) -> WindowLayout:
     """The setting with this look-ahead: `live` where it is None, `whole` from the network's reach on.
 
     Raises:
@@ -54,13 +58,13 @@ def looking(sizes: WindowSizes, fps: float, seconds: float | None = None) -> Win
     """
     check_look_ahead(seconds)
     if seconds is None:
-        return live(sizes)
-    usual, most = live(sizes), whole(sizes)
-    if seconds * fps >= (most.ahead if sizes.reach is None else sizes.reach):
+        return live(signature)
+    usual, most = live(signature), whole(signature)
+    if seconds * fps >= (most.ahead if signature.reach is None else signature.reach):
         return most
     ahead = ceil(seconds * fps - 1e-9)
-    longer = sizes.reach is not None and ahead > usual.ahead
-    window = _up(usual.window + ahead - usual.ahead, sizes.multiple) if longer else usual.window
+    longer = signature.reach is not None and ahead > usual.ahead
+    window = _up(usual.window + ahead - usual.ahead, signature.multiple) if longer else usual.window
     return WindowLayout(window, usual.hop, ahead, min(usual.fade, ahead))
 
 
@@ -68,63 +72,27 @@ def _up(frames: int, multiple: int) -> int:
     return -(-frames // multiple) * multiple
 
 
-@dataclass(frozen=True, eq=False)
-class _Style:
-    """What the network plays a style by."""
-
-    codes: Array
-    """(N, 1, styles) of each take."""
-    speaker_mean: Array
-    """(1, 1, D) standardised mean pose."""
-    model_mean: Array
-    """(1, 1, D) that of what the network makes."""
-    style_gain: Array
-    """(1, 1, D) by what the network's poses are multiplied."""
+def sections(signature: Signature) -> WindowLayout:
+    """Of a network that fixes its new frames (`Signature.hop`): as it says, each faded into the next over half of what it hears
+    ahead; ours."""
+    hop = signature.hop or 1
+    return WindowLayout(signature.probe, hop, signature.look_ahead, min(signature.look_ahead, hop) // 2)
 
 
-class SlidingWindowDecoder:
-    """Takes of one speech on a network of windows; see `cospeech.runtime.session.Decoder`.
-
-    A take's seed draws noise for the network's choice among its modes (`SmoothGumbel`), or, for a network without modes
-    whose style is a code of its own, where the take lies beside the style: for good, by so many deviations of the speakers'
-    codes. Takes of a network with neither are alike. At temperature 0 all are the network's own, deterministic motion.
-
-    A mixture of speakers may be another at every frame; a code of another kind is one for a window (MUNIT), that of the middle
-    of its new frames.
+class SlidingWindowDecoder(NetworkDecoder):
+    """Takes of one speech on a network of windows.
 
     Args:
-        system: the bundle, opened.
+        system, network, style, seeds, silence, temperature, intensity: see `NetworkDecoder`.
         setting: how windows lie.
-        blend: the style to begin with.
-        seeds: of the takes.
-        silence: (1, A) row of silence, which is before the speech.
-        temperature: scale of the noise.
-        intensity: how far poses stray from the style's mean one.
     """
 
-    moods = None
-    speaker = None
-    emotion = None
-    """It hears none of them."""
-
     def __init__(
-        self,
-        system: WindowSystem,
-        setting: WindowLayout,
-        blend: StyleMixture,
-        seeds: Sequence[int],
-        silence: Array,
-        *,
-        temperature: float = 1.0,
-        intensity: float = 1.0,
-    ) -> None:
-        self._system, self.setting, self._intensity = system, setting, np.float32(intensity)
-        sizes = system.engine.sizes
-        self.takes, self.width = len(seeds), sizes.pose
-        self._temperature, self._by_frame = np.float32(temperature), plays_mixtures(system)
-        self._noise = [SmoothGumbel(sizes.modes, system.fps, seed=seed) for seed in seeds]
-        self._moved = self._temperature * _asides(system, seeds)
-        self._styles = Crossfade(self._style(blend), system.fps)
+        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], silence: Array,
+        setting: WindowLayout, *, temperature: float = 1.0, intensity: float = 1.0,
+    ) -> None:  # fmt: skip
+        super().__init__(system, network, style, seeds, silence, temperature=temperature, intensity=intensity)
+        self.setting = setting
         self._windows = Sliding(setting, silence, self._draw_noise, self._window)
 
     @property
@@ -134,51 +102,82 @@ class SlidingWindowDecoder:
 
     def push(self, rows: Array) -> Array:
         """See `Decoder`."""
-        return self._join(self._windows.push(rows))
+        self._style.forget(self._windows.frames - self.setting.past)
+        self._hear(rows)
+        return np.concatenate([self._none(), *self._windows.push(rows)], 1)
 
     def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
-        return self._join(self._windows.finish(silence))
+        self._hear(np.repeat(silence, self.setting.window, 0))
+        return np.concatenate([self._none(), *self._windows.finish(silence)], 1)
+
+    def _window(self, rows: Array, first: int, noise: Array) -> Array:
+        """(N, window, D) where ``first`` is the first new frame."""
+        return self._run(self._ports(rows, first, noise))["poses"]
+
+    def _ports(self, rows: Array, first: int, noise: Array) -> dict[str, Array]:
+        """What the network is given for a window."""
+        at = np.arange(self.setting.window) + (first - self.setting.past)
+        codes = self._style.codes(at if self._style.by_frame else np.array([first + self.setting.hop // 2]))
+        codes = np.broadcast_to(codes, (self.takes, self.setting.window, codes.shape[2]))
+        return {"rows": rows[None], "style": codes, "noise": noise}
+
+
+class OverlapAddDecoder(SlidingWindowDecoder):
+    """Windows that are faded from one to the next, and that may be given a face, and poses to begin with.
+
+    Args:
+        given, options: see `SlidingWindowDecoder`.
+        face: in the place of the network's own.
+        before: (seeds, D) standardised poses, of the frames before the first, with which the first window begins; what is
+            missing from the last of them to the first pose that is made is faded out within half a second.
+
+    Raises:
+        InputError: windows too short for these.
+    """
+
+    def __init__(self, *given: Any, face: ConditioningFace | None = None, before: Array | None = None, **options: Any) -> None:
+        super().__init__(*given, **options)
+        self._face, self._before = face, before
+        self._gap: Array | None = None
+        if before is not None and len(before) > self.setting.past:
+            raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
 
     def denormalise(self, poses: Array, at: Array) -> Array:
-        """See `Decoder`."""
-        s, mixed = self._system.statistics, self._styles.mix
-        centre, made, gain = (mixed(f, at) for f in (lambda x: x.speaker_mean, lambda x: x.model_mean, lambda x: x.style_gain))
-        return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
+        """See `Decoder`; the first call has the first pose."""
+        found = super().denormalise(poses, at)
+        if self._before is None or not len(at):
+            return found
+        if self._gap is None:
+            s = self._system.statistics
+            self._gap = self._before[-1] * s.pose_std + s.pose_mean - found[:, :1]
+        left = np.clip(1 - (at + 1) / (_JOIN * self._system.fps), 0, 1)  # all of it a frame before the first
+        return found + (left * left * (3 - 2 * left)).astype(np.float32)[:, None] * self._gap
 
-    def restyle(self, blend: StyleMixture, frame: int) -> None:
-        """See `Decoder`."""
-        self._styles.change(self._style(blend), frame)
+    def _window(self, rows: Array, first: int, noise: Array) -> Array:
+        """See `SlidingWindowDecoder`; the first window begins with the poses before."""
+        ports = self._ports(rows, first, noise)
+        if self._face is not None:
+            frames = np.arange(self.setting.window) + (first - self.setting.past)
+            weights, share = self._face.at(frames / self._system.fps)
+            ports["face"] = np.concatenate([weights * (share > 0), share], 1)[None]
+        began = 0
+        if first == 0 and self._before is not None:
+            began, ports["seed"] = self.setting.past - len(self._before), self._seeds()[None]
+        made = self._run({name: x[:, began:] for name, x in ports.items()})["poses"]
+        return np.concatenate([np.repeat(made[:, :1], began, 1), made], 1)
 
-    def _style(self, blend: StyleMixture) -> _Style:
-        code, *rest = (
-            average_parts((s, getattr(m, name)) for s, m in blend)
-            for name in ("code", "speaker_mean", "model_mean", "style_gain")
-        )
-        return _Style((code + self._moved)[:, None], *(each[None, None] for each in rest))
-
-    def _draw_noise(self, frames: int) -> Array:
-        """(N, frames, modes) the next noise."""
-        return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
-
-    def _join(self, made: list[Array]) -> Array:
-        """(N, k, D) of the windows that were made."""
-        self._styles.forget(self._windows.frames - self.setting.past - MOST_LAG)
-        return np.concatenate([np.zeros((self.takes, 0, self.width), np.float32), *made], 1)
-
-    def _window(self, rows: Array, first: int, mode_noise: Array) -> Array:
-        """(N, window, D) where ``first`` is the first new frame."""
-        window, hop, past = self.setting.window, self.setting.hop, self.setting.past
-        at = np.arange(window) + (first - past) if self._by_frame else np.array([first + hop // 2])
-        codes = self._styles.mix(lambda style: style.codes, at)
-        codes = np.broadcast_to(codes, (self.takes, window, codes.shape[2]))
-        return self._system.engine.make(rows, codes, mode_noise)
+    def _seeds(self) -> Array:
+        """(window, D + 1) poses before the first as the network would have made them, and a flag."""
+        assert self._before is not None
+        centre, made, gain = self._style.scales(np.zeros(1, int))
+        s, past = self._system.statistics, self.setting.past
+        gain = np.maximum(self._intensity * gain, _LEAST_GAIN)
+        poses = np.clip((self._before - centre) / gain + made, *s.bounds).reshape(-1, self.width)
+        rows = np.zeros((self.setting.window, self.width + 1), np.float32)
+        rows[past - len(poses) : past] = np.concatenate([poses, np.ones((len(poses), 1), np.float32)], 1)
+        return rows
 
 
-def _asides(system: WindowSystem, seeds: Sequence[int]) -> Array:
-    """(N, styles) how far takes lie beside a style: for networks that have codes of their own and no modes, else not at all."""
-    sizes, codes = system.engine.sizes, system.statistics.codes
-    if sizes.modes or plays_mixtures(system):
-        return np.zeros((len(seeds), sizes.styles), np.float32)
-    drawn = [np.random.default_rng([seed, 4]).standard_normal(sizes.styles) * codes.std(0) for seed in seeds]
-    return np.array(drawn, np.float32).reshape(len(seeds), sizes.styles)
+_JOIN = 0.5  # s; ours: as styles are faded
+_LEAST_GAIN = np.float32(1e-3)  # ours: below, nothing moves that could be gone on from

@@ -1,4 +1,7 @@
-"""Who speaks, and in which mood: what a chain's classifier hears in a voice, followed over a speech that comes in pieces.
+"""Who speaks, and in which mood: what a classifier hears in a voice, followed over a speech that comes in pieces.
+
+The mood that is heard is reported and never played: somebody's neutral voice is another's contempt, and nothing in the logits
+tells (docs/emotion_from_speech.md). What is played is the emotion that is given, or neutral.
 
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
 (`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
@@ -12,14 +15,11 @@ import numpy as np
 from ..audio.emotions import EMOTIONS, Moods
 from ..motion.rotations import Array
 from ..rules.mood import SPAN
-from .chain_engine import ChainEngine
+from .network import Network
 
 __all__ = ["SpeakerEmotionTracker"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
-CAUTION = 0.5
-"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and
-nothing in the logits tells (docs/emotion_from_speech.md)."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
 
@@ -31,20 +31,25 @@ class SpeakerEmotionTracker:
     """The course of speakers' and emotions' probabilities.
 
     Args:
-        engine: of the bundle.
-        fps: of its frames.
+        classifier: speech → logits of speakers and emotions; None: nobody knows who speaks, and how.
+        speakers: how many there are.
+        fps: of the frames.
         silence: (A,) what silence sounds like.
         emotions: the emotion, where it is not to be heard.
     """
 
-    def __init__(self, engine: ChainEngine, fps: float, silence: Array, emotions: Moods | None = None) -> None:
-        self._engine, self._fps, self._silent_row, self._emotions = engine, fps, np.asarray(silence, np.float32), emotions
-        speakers, reach = engine.sizes.speakers, engine.sizes.reach
-        self._rows = np.repeat(self._silent_row[None], reach, 0)
-        self._fade = np.ones(engine.sizes.style)
+    def __init__(
+        self, classifier: Network | None, speakers: int, fps: float, silence: Array, emotions: Moods | None = None
+    ) -> None:
+        self._classifier, self._speakers, self._fps, self._emotions = classifier, speakers, fps, emotions
+        self._silent_row = np.asarray(silence, np.float32)
+        self._reach = 0 if classifier is None else classifier.signature.reach or 0
+        self._rows = np.repeat(self._silent_row[None], self._reach, 0)
+        width = speakers + len(EMOTIONS)
+        self._fade = np.ones(width)
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
-        self._sum = np.zeros(engine.sizes.style)
-        self._count = np.full(engine.sizes.style, DOUBT * fps)
+        self._sum = np.zeros(width)
+        self._count = np.full(width, DOUBT * fps)
         self._felt = np.zeros(len(EMOTIONS))
         self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
         self.frames = 0
@@ -53,7 +58,7 @@ class SpeakerEmotionTracker:
     def push(self, rows: Array) -> None:
         """Hear (n, A) standardised rows."""
         self._rows = np.concatenate([self._rows, rows])
-        width = 2 * self._engine.sizes.reach + BLOCK
+        width = 2 * self._reach + BLOCK
         while len(self._rows) >= width:
             self._classify_block(self._rows[:width])
             self._rows = self._rows[BLOCK:]
@@ -61,25 +66,26 @@ class SpeakerEmotionTracker:
 
     def _classify_block(self, rows: Array) -> None:
         """The frames in the middle of (2 · reach + BLOCK, A) rows."""
-        reach = self._engine.sizes.reach
-        middle = rows[reach : reach + BLOCK]
+        middle = rows[self._reach : self._reach + BLOCK]
         voiced = np.sqrt(np.square(middle - self._silent_row).mean(1)) > VOICE
-        logits = self._engine.classify(rows) if self._engine.classifies and voiced.any() else None
+        logits = None
+        if self._classifier is not None and voiced.any():
+            logits = self._classifier.run(rows=rows[None])["logits"][0, self._reach : self._reach + BLOCK]
         for k in range(BLOCK):
             self._sum, self._count = self._sum * self._fade, self._count * self._fade
             if logits is not None and voiced[k]:
                 self._sum, self._count = self._sum + logits[k], self._count + 1
             self._course.append(self._now())
-            self._felt += self._course[-1][self._engine.sizes.speakers :]
+            self._felt += self._course[-1][self._speakers :]
         self.frames += BLOCK
 
     @property
     def lag(self) -> int:
         """Frames that what is said of a frame is behind it, so that it is known once the frame was heard, however it came."""
-        return self._engine.sizes.reach + BLOCK
+        return self._reach + BLOCK
 
     def shares(self, frames: Array) -> Array:
-        """(…, S + 8) weights to play at these frames, which were heard; between frames they change linearly.
+        """(…, S + 8) weights to play at these frames: speakers as heard, changing linearly between frames; emotions as given.
 
         Args:
             frames: (…,) whole or not.
@@ -92,17 +98,14 @@ class SpeakerEmotionTracker:
         place = low - first
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
         heard: Array = now + (known - low)[..., None] * (after - now)
-        moods = heard[..., self._engine.sizes.speakers :]
-        moods[...] = (
-            _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._emotions is None else self._emotions.at(wanted / self._fps)
-        )
+        moods = heard[..., self._speakers :]
+        moods[...] = _NEUTRAL if self._emotions is None else self._emotions.at(wanted / self._fps)
         return heard
 
     def at(self, times: Array) -> Array:
-        """(…, 8) weights of the emotions at these times in seconds."""
-        if self._emotions is not None:
-            return self._emotions.at(times)
-        return self.shares(np.asarray(times, float) * self._fps)[..., self._engine.sizes.speakers :]
+        """(…, 8) weights of the emotions that are played at these times in seconds."""
+        times = np.asarray(times, float)
+        return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._emotions is None else self._emotions.at(times)
 
     def forget(self, before: int) -> None:
         """Frames before this one are asked for no more."""
@@ -112,29 +115,34 @@ class SpeakerEmotionTracker:
             self._first += gone
 
     @property
+    def judges(self) -> bool:
+        """Whether there is a classifier."""
+        return self._classifier is not None
+
+    @property
     def knows(self) -> bool:
-        """Whether emotions are given, or heard."""
-        return self._emotions is not None or self._engine.classifies
+        """Whether emotions are given."""
+        return self._emotions is not None
 
     @property
     def hears(self) -> bool:
         """Whether emotions are heard."""
-        return self._emotions is None and self._engine.classifies
+        return self._emotions is None and self.judges
 
     @property
     def speaker(self) -> Array:
         """(S,) probabilities, after all that was heard."""
-        return self._course[-1][: self._engine.sizes.speakers]
+        return self._course[-1][: self._speakers]
 
     @property
     def emotion(self) -> Array:
         """(8,) mean probabilities over all that was heard."""
-        return self._felt / self.frames if self.frames else self._course[-1][self._engine.sizes.speakers :]
+        return self._felt / self.frames if self.frames else self._course[-1][self._speakers :]
 
     def _now(self) -> Array:
         """(S + 8,) two distributions, of what was heard so far."""
-        logits, speakers = self._sum / self._count, self._engine.sizes.speakers
-        return np.concatenate([_softmax(logits[:speakers]), _softmax(logits[speakers:])])
+        logits = self._sum / self._count
+        return np.concatenate([_softmax(logits[: self._speakers]), _softmax(logits[self._speakers :])])
 
 
 def _softmax(logits: Array) -> Array:

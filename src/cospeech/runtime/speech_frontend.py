@@ -1,4 +1,4 @@
-"""Speech → rows of features as a network hears them."""
+"""Speech, and its words, → rows as a network takes them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import numpy as np
 
 from ..audio.features.reduce import open_features, reduce_audio
 from ..audio.features.shared_prosody import SharedProsody
+from ..audio.features.words import WordStream
 from ..audio.speech import Speech, count_frames
 from ..motion.rotations import Array
 from .crossfade import Crossfade
-from .manifest import System
+from .system import System
 
-__all__ = ["SpeechFrontend"]
+__all__ = ["SpeechFrontend", "SpeechTextFrontend"]
 
 
 class SpeechFrontend:
@@ -78,6 +79,63 @@ class SpeechFrontend:
     def _append_controls(self, rows: Array) -> Array:
         controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
+
+
+class SpeechTextFrontend:
+    """Speech in pieces → standardised rows, what stands for the word of each behind it; zeros where nobody knows the words.
+
+    What it offers is as of `SpeechFrontend`.
+
+    Args:
+        system: whose.
+        controls: (C,) standardised style controls.
+    """
+
+    def __init__(self, system: System, controls: Array) -> None:
+        self._system, self._frontend, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
+        self._heard = self._frontend.silence[:0]
+        self._read = np.zeros((0, system.statistics.words.shape[1]), np.float32)
+
+    def share(self, prosody: SharedProsody) -> None:
+        """See `SpeechFrontend`."""
+        self._frontend.share(prosody)
+
+    @property
+    def frames(self) -> int:
+        """Of the model, in all that was heard."""
+        return self._frontend.frames
+
+    @property
+    def delay(self) -> float:
+        """Seconds after a frame's time until its row is there."""
+        return max(self._frontend.delay, self._words.delay)
+
+    @property
+    def silence(self) -> Array:
+        """(1, A + W) a row of silence."""
+        return np.concatenate([self._frontend.silence, np.zeros((1, self._read.shape[1]), np.float32)], 1)
+
+    def control(self, controls: Array) -> None:
+        """See `SpeechFrontend`."""
+        self._frontend.control(controls)
+
+    def push(self, chunk: Speech) -> Array:
+        """(n, A + W) rows that have become certain."""
+        self._heard = np.concatenate([self._heard, self._frontend.push(chunk)])
+        return self._join(self._words.push(chunk))
+
+    def finish(self) -> Array:
+        """The rest."""
+        self._heard = np.concatenate([self._heard, self._frontend.finish()])
+        return self._join(self._words.finish(self.frames))
+
+    def _join(self, words: list[str | None]) -> Array:
+        """Rows of which both the sound and the word are known."""
+        self._read = np.concatenate([self._read, self._system.word_rows(words)])
+        known = min(len(self._heard), len(self._read))
+        rows = np.concatenate([self._heard[:known], self._read[:known]], 1)
+        self._heard, self._read = self._heard[known:].copy(), self._read[known:].copy()
+        return rows
 
 
 def _silence(system: System) -> Array:

@@ -159,7 +159,7 @@ class Scene:
             corner = self._corners.take(whole, axis=1)
             weight = _weights(screen, corner, *raster.sample_positions(places, width))
             looked = self._surfaces.look(whole, corner, weight, levels)
-            kept[asked] = self._surfaces.hides_behind(whole, places, looked.opacity)
+            kept[asked] = self._surfaces.shows_surface(whole, places, looked.opacity)
             return kept
 
         return keeps

@@ -147,7 +147,7 @@ class SurfaceTable:
                 alpha += texel[:, 3] * (mixed * np.float32(1 / 255))
         return rgb, alpha
 
-    def hides_behind(self, triangle: Ints, sample: Ints, opacity: Floats) -> NDArray[np.bool_]:
+    def shows_surface(self, triangle: Ints, sample: Ints, opacity: Floats) -> NDArray[np.bool_]:
         """Whether each sample (N,) of a picture shows the surface, whose opacity is given there, or what lies behind it."""
         cutoff = self._cutoff.take(triangle)
         return np.where(np.isnan(cutoff), opacity > _STEPS.take(sample & 3), opacity >= cutoff)

@@ -165,4 +165,4 @@ class Cascade(nn.Module):
         state, body = self.body(torch.cat([given.extra, x], 1), memory)
         x = self.hand_attention(torch.cat([x, state], 1), memory)  # Ĉ
         _, hands = self.hands(torch.cat([given.extra, self.hand_style(x, style)], 1), memory)
-        return CascadeOutput(torch.cat([body, hands], 1)[:, self.order], made, features)
+        return CascadeOutput(torch.cat([body, hands], 1).index_select(1, self.order), made, features)

@@ -6,11 +6,13 @@ The paper calls all three TCNs; channels and kernels are the authors' code's, he
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ...errors import InputError
+from .export import fold_norm
 from .norm import BatchNorm1d
 from .unet1d import SLOPE, conv_block
 
@@ -56,6 +58,34 @@ class AudioContent(nn.Module):
         frames, bands = audio.shape[1:]
         picture = F.pad(audio, (0, max(0, BANDS - bands))).unsqueeze(1)
         return F.interpolate(self.blocks(picture), size=(frames, 1), mode="bilinear").squeeze(-1)
+
+    def for_inference(self) -> nn.Module:
+        """The same for T a multiple of 8, time along the rows of the picture."""
+        return _AudioContentInference(self)
+
+
+class _AudioContentInference(nn.Module):
+    """`AudioContent` as it plays: norms folded, and of the last bands only those worked out that are kept, in the middle."""
+
+    def __init__(self, net: AudioContent) -> None:
+        super().__init__()
+        self.convs = nn.ModuleList(fold_norm(block.conv, block.norm) for block in net.blocks)  # type: ignore[union-attr]
+        for conv in self.convs:
+            conv.weight = nn.Parameter(conv.weight.detach().mT.contiguous())  # type: ignore[union-attr,operator]
+
+    def forward(self, audio: Tensor) -> Tensor:
+        x = F.pad(audio.mT, (0, 0, 0, max(0, BANDS - audio.shape[2]))).unsqueeze(1)
+        convs: list[Any] = [*self.convs]
+        last = convs.pop()
+        for conv in convs:
+            frames, high = conv.padding
+            x = F.leaky_relu(F.conv2d(x, conv.weight, conv.bias, conv.stride[::-1], (high, frames)), SLOPE)
+        (frames, high), kernel, bands = last.padding, last.kernel_size[1], x.shape[2]
+        made = bands + 2 * high - kernel + 1
+        first, end = (made - 1) // 2 - high, made // 2 + kernel - high  # of the bands that the middle is made of
+        x = F.pad(x[:, :, max(0, first) : min(bands, end)], (0, 0, max(0, -first), max(0, end - bands)))
+        x = F.leaky_relu(F.conv2d(x, last.weight, last.bias, 1, (0, frames)), SLOPE).mean(2, keepdim=True)
+        return F.interpolate(x, scale_factor=(1.0, 8.0), mode="bilinear").squeeze(2)
 
 
 class PoseContent(nn.Sequential):

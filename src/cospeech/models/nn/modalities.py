@@ -6,15 +6,18 @@ Whatever is missing is zeros: words, the face, the emotion, the speaker, and the
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from copy import deepcopy
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ...errors import InputError, nearest
 from .cascade import EMOTIONS, FACE
+from .export import ExportGraph, Shape, without_inputs
 from .objective import Batch
+from .recurrent import BothWays, BothWaysGru
 from .windowed import Windowed
 from .words import SubwordTable, WordEmbedding
 
@@ -140,3 +143,35 @@ class ManyInputs(Windowed):
         alone = torch.eye(self.speakers, self.styles, dtype=stretches.dtype, device=stretches.device)
         alone[:, self.speakers] = 1
         return alone
+
+    def recurrent_layers(self) -> tuple[BothWays | BothWaysGru, ...]:
+        """Those whose first inputs are the poses to begin with and their flag."""
+        raise NotImplementedError
+
+    def export_module(self) -> dict[str, ExportGraph]:
+        """``make``: rows (1, T, A + W), style (N, T, S + 8), noise (N, T, modes) where there is any → poses (N, T, D)."""
+        inputs: dict[str, Shape] = {"rows": (1, "T", self.audio), "style": ("N", "T", self.styles)}
+        inputs |= {"noise": ("N", "T", self.modes)} if self.modes else {}
+        hop, ahead = max(1, self.window // 2), self.window // 4
+        poses = {"poses": ("N", "T", self.pose)}
+        return {"make": ExportGraph(_Playing(self), inputs, poses, window=self.window, hop=hop, look_ahead=ahead)}
+
+
+class _Playing(nn.Module):
+    """``make`` of a network of many inputs, without the weights of the poses that it is never given."""
+
+    def __init__(self, net: ManyInputs) -> None:
+        super().__init__()
+        self.net = deepcopy(net)
+        for part in self.net.recurrent_layers():
+            name = "lstm" if isinstance(part, BothWays) else "gru"
+            setattr(part, name, without_inputs(getattr(part, name), net.pose + 1))
+
+    def forward(self, rows: Tensor, style: Tensor, *noise: Tensor) -> Tensor:
+        net = self.net
+        heard, words = rows.split([net.audio - net.embedding.width, net.embedding.width], -1)
+        speaker, emotion = style.split([net.speakers, EMOTIONS], -1)
+        face = rows[..., :1] * rows.new_zeros(FACE)
+        given = ModalityInputs(heard, words, face, emotion, speaker, rows[..., :0])
+        made: Tensor = net(given, noise[0] if noise else rows[..., :0])
+        return made

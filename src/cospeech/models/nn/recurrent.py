@@ -53,7 +53,7 @@ class Forwards(nn.Module):
         self.lstm = nn.LSTM(inputs, hidden, layers, batch_first=True, dropout=dropout * (layers > 1))
 
     def forward(self, x: Tensor, memory: Memory) -> Tensor:
-        rows, layers, hidden = len(x), self.lstm.num_layers, self.lstm.hidden_size
+        rows, layers, hidden = x.shape[0], self.lstm.num_layers, self.lstm.hidden_size
         state = memory.take(lambda: x.new_zeros(rows, 2 * layers * hidden, 1))
         both = state.reshape(rows, 2, layers, hidden).permute(1, 2, 0, 3).contiguous()
         out, after = self.lstm(x.mT, (both[0], both[1]))

@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 
 from torch import Tensor, nn
 
+from ...errors import InputError
+from .export import ExportGraph
 from .objective import Batch, Objective
 
 __all__ = ["Trainable"]
@@ -79,6 +81,14 @@ class Trainable(nn.Module):
     def validate(self, batch: Batch) -> dict[str, Tensor]:
         """Figures of a validation batch, by name; by default none: the loop then measures the losses."""
         return {}
+
+    def export_module(self) -> dict[str, ExportGraph]:
+        """What plays, by the names of `cospeech.runtime.signature.NETWORKS`; for ``cospeech bundle``.
+
+        Raises:
+            InputError: it makes no motion, which is the default.
+        """
+        raise InputError(f"a {type(self).__name__}, which plays no motion", "bundles are of systems")
 
     def style_of(self, poses: Tensor) -> Tensor:
         """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""

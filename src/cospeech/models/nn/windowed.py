@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ...errors import InputError
+from ...runtime.signature import STYLE_FRAMES
+from .export import ExportGraph, Playing
 from .trainable import Trainable
 
 __all__ = ["Windowed"]
@@ -56,3 +58,45 @@ class Windowed(Trainable):
         more = max(-frames % self.multiple, self.shortest - frames)
         heard, style = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, style.expand(-1, frames, -1)))
         return self.make(heard, style, heard.new_zeros(rows, frames + more, self.modes))[:, :frames]
+
+    def export_module(self) -> dict[str, ExportGraph]:
+        """``make`` with its inputs of some width: rows, style, noise → poses; and ``style`` where it recognises styles."""
+        inputs: dict[str, tuple[int | str, ...]] = {"rows": (1, "T", self.audio)}
+        inputs |= {"style": ("N", "T", self.styles)} if self.styles else {}
+        inputs |= {"noise": ("N", "T", self.modes)} if self.modes else {}
+        poses = ("N" if len(inputs) > 1 else 1, "T", self.pose)
+        frames = max(self.shortest, 4) * 2
+        graphs = {
+            "make": ExportGraph(
+                Playing(self), inputs, {"poses": poses}, frames=frames, multiple=self.multiple, shortest=self.shortest,
+                window=self.window,
+            ),
+        }  # fmt: skip
+        recognise = self.style_encoder()
+        if recognise is not None:
+            graphs["style"] = ExportGraph(
+                recognise,
+                {"poses": (1, "T", self.pose)},
+                {"style": (1, self.styles)},
+                frames=80,
+                shortest=STYLE_FRAMES,
+                window=STYLE_FRAMES,
+            )
+        return graphs
+
+    def style_encoder(self) -> nn.Module | None:
+        """What recognises a style: (B, T, D) poses → (B, styles); None: it recognises none."""
+        return StyleOf(self) if self.encodes_style else None
+
+
+class StyleOf(nn.Module):
+    """``style_of`` of a network as a module."""
+
+    def __init__(self, net: Windowed) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(self, poses: Tensor) -> Tensor:
+        """(B, T, D) → (B, styles)."""
+        style: Tensor = self.net.style_of(poses)  # type: ignore[operator]
+        return style

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import torch
+
+from ...audio.emotions import EMOTIONS
 from ...errors import InputError, nearest
-from ...runtime.chain_bundle import VOICE
+from ...motion.rotations import Array
+from ...runtime.network import Network
+from ...runtime.spec import VOICE, half, unpack_half
+from ...runtime.statistics import Statistics
+from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
-from .chain import bundle_chain
-from .flow import bundle_flow
-from .window import bundle_window
+from .calibration import calibrate, relative_error, stretch_rows
+from .exported_model import ExportedModel, export_model
+from .flow import bundle_flow, control_quantiles
 
 __all__ = ["EXAMPLES", "bundle_run"]
 
 EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.training.calibration_clips.examples_of` took from the store."""
-_WRITERS = {"export": bundle_flow, "words": bundle_chain, "make": bundle_window}
-"""What a network offers, and what then makes its bundle."""
 
 
 def bundle_run(
@@ -37,7 +45,8 @@ def bundle_run(
         run: folder made by `cospeech.training.train.train`.
         path: file to write, ``NAME.cospeech``.
         which: "best" or "last" parameters; see `cospeech.training.checkpoint.load_run` for a run that has no best.
-        small: keep weights in fewer bits: the large products of flows in 8, all weights of networks by windows in 16.
+        small: keep weights in fewer bits: the large products of flows in 8, all weights of other networks in 16; manifest and
+            card then say by how much that moves poses (``rounding``).
         smooth: frames to either side over which poses are averaged (binomial weights).
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
@@ -52,28 +61,88 @@ def bundle_run(
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
-    write = next((writer for offer, writer in _WRITERS.items() if hasattr(model, offer)), None)
-    if write is None:
-        raise InputError(f"the run {str(folder)!r} is of {facts['model']!r}, which plays no motion", "bundles are of systems")
-    statistics, _ = read_tensors(folder / "statistics.safetensors")
-    examples, _ = read_tensors(folder / EXAMPLES)
+    exported = export_model(model, facts["model"])
+    kept = {
+        name: tensor.numpy()
+        for file in ("statistics.safetensors", EXAMPLES)
+        for name, tensor in read_tensors(folder / file)[0].items()
+    }
     audio = facts["recipe"]["data"].get("audio")
     if audio is None and "audio" in model.arrays:
         raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
-    if "stretches" not in examples:
+    if not {"stretches", "speech"} <= set(kept):
         raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
     store = facts["store"]
     if style is not None and style not in store["speakers"]:
         raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
-    styles = [*store["speakers"], *([VOICE] if hasattr(model, "classify") else [])]
+    styles = [*store["speakers"], *([VOICE] if model.estimates_speaker else [])]
     known = {
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
-        "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]),
+        "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]), "pose": store["pose"],
+        "fps": float(store["fps"]), "audio": audio, "smooth": smooth, "controls": list(model.controls),
     }  # fmt: skip
-    write(
-        target, model, statistics, examples, small=small, facts=known, pose=store["pose"], fps=float(store["fps"]),
-        audio=audio, smooth=smooth, card=card or _card(facts, early=stands_for(folder, which) != which),
-    )  # fmt: skip
+    said = card or _card(facts, early=stands_for(folder, which) != which)
+    if exported is None:
+        bundle_flow(target, model, kept, small=small, facts=known, card=said)
+    else:
+        _bundle_networks(target, model, exported, kept, small=small, facts=known, card=said)
+
+
+def _bundle_networks(
+    path: Path, model: Any, exported: ExportedModel, kept: Mapping[str, Array], *, small: bool, facts: dict[str, Any], card: str
+) -> None:  # fmt: skip
+    """Calibrate networks as they will play, and write them."""
+    if "pose_spread" in kept:
+        raise InputError(
+            f"a run of {facts['model']!r} on poses per_clip_normalisation", "only flows play poses by their recording's moments"
+        )
+    if exported.words.size and "texts" not in kept:
+        raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
+    codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()
+    space, statistics = _style_space(codes), _statistics(model, exported, kept, codes)
+    weights, opened = exported.weights, _players(exported, exported.weights)
+    columns = len(model.controls)
+    if not model.literal:
+        measures = space == "speaker-emotion"
+        statistics = calibrate(opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures)
+    if small:
+        weights = half(weights)
+        rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpack_half(weights))
+        name = "make" if "make" in opened else "live"
+        facts |= {"rounding": relative_error(opened[name], rounded[name], rows, statistics.style_codes)}
+        card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"
+    if space in ("one-hot", "speaker-emotion"):
+        statistics = replace(statistics, style_codes=np.zeros(0, np.float32))
+    facts |= {"style_space": space}
+    write_networks(path, exported.signatures, exported.graphs, weights, statistics, facts=facts, card=card)
+
+
+def _players(exported: ExportedModel, weights: Mapping[str, Array]) -> dict[str, Network]:
+    """The networks that make poses, opened."""
+    return {
+        name: Network(signature, exported.graphs[name], weights)
+        for name, signature in exported.signatures.items() if name in ("make", "live")
+    }  # fmt: skip
+
+
+def _style_space(codes: Array) -> str:
+    """Of `cospeech.runtime.spec.STYLE_SPACES` the one in which the speakers have these styles (S, C)."""
+    speakers, width = codes.shape
+    alone = np.eye(speakers, width)
+    if width == speakers + len(EMOTIONS):
+        alone[:, speakers] = 1  # neutral
+        return "speaker-emotion" if (codes == alone).all() else "code"
+    return "none" if not width else "one-hot" if width == speakers and (codes == alone).all() else "code"
+
+
+def _statistics(model: Any, exported: ExportedModel, kept: Mapping[str, Array], codes: Array) -> Statistics:
+    """Out of those of the run, with a code for each speaker."""
+    codes = codes[:, : len(codes)] if _style_space(codes) == "speaker-emotion" else codes
+    own = {f.name: kept[f.name] for f in fields(Statistics)[:8]} | {"speaker_mean": kept["pose_centre"]}
+    own |= {"style_codes": codes, "words": exported.words}
+    if model.controls:
+        own["control_quantiles"] = control_quantiles(model, kept)
+    return Statistics(**{name: np.ascontiguousarray(value, np.float32) for name, value in own.items()})
 
 
 def _card(facts: dict[str, Any], *, early: bool) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields
 from os import PathLike
 from typing import Any
 
@@ -11,11 +13,13 @@ import torch
 from ...errors import InputError
 from ...models.nn.conditioning import frame_windows
 from ...models.nn.objective import StepRandom
-from ...motion.poses.controls import CONTROLS, QUANTILES
-from ...runtime.flow_bundle import Statistics, write_flow
+from ...motion.poses.controls import CONTROLS
+from ...motion.rotations import Array
 from ...runtime.flow_weights import FlowSizes
+from ...runtime.statistics import Statistics
+from ...runtime.system import write_flow
 
-__all__ = ["bundle_flow"]
+__all__ = ["bundle_flow", "control_quantiles"]
 
 WARM = 24  # frames; ours: after which a network has left the poses that it was begun with
 FEEDBACK_GAINS = (1.0, 0.9975, 0.995, 0.9925, 0.99, 0.985, 0.98, 0.97)  # ours
@@ -25,8 +29,7 @@ LEAST = 0.2  # ours: a number that a network hardly moves is not magnified witho
 def bundle_flow(
     path: str | PathLike[str],
     model: Any,
-    statistics: dict[str, torch.Tensor],
-    examples: dict[str, torch.Tensor],
+    kept: Mapping[str, Array],
     *,
     small: bool,
     facts: dict[str, Any],
@@ -37,52 +40,50 @@ def bundle_flow(
     Args:
         path: file to write.
         model: the flow.
-        statistics, examples: of the run folder.
+        kept: statistics and examples of the run folder.
         small: quantise the large products to whole numbers of 8 bits.
         facts: for the manifest.
         options: of `write_flow`.
 
     Raises:
-        InputError: a history longer than the stretches that a run keeps, or a run from before it kept their speech.
+        InputError: a history longer than the stretches that a run keeps,
     """
-    if "pose_spread" in examples and "speech" not in examples:
-        raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
-    measured, feedback_gain = _statistics(model, statistics, examples)
+    measured, feedback_gain = _statistics(model, {name: torch.from_numpy(value) for name, value in kept.items()})
     sizes = FlowSizes(**model.runtime_sizes(), int8=small, feedback_gain=feedback_gain)
-    write_flow(path, model.export(), sizes, measured, facts=facts | {"controls": _controls(model)}, **options)
+    write_flow(path, model.export(), sizes, measured, facts=facts, **options)
 
 
 @torch.no_grad()
-def _statistics(model: Any, statistics: dict[str, torch.Tensor], examples: dict[str, torch.Tensor]) -> tuple[Statistics, float]:
+def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statistics, float]:
     """What the runtime has to know, with a style code and beginnings for each speaker; and the pull."""
     stretches = examples["stretches"]
     speakers, count = stretches.shape[:2]
     history: int = model.config.history
     if history > stretches.shape[2]:
         raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
-    codes = model.style(stretches.flatten(0, 1)) if hasattr(model, "style") else None
-    codes = torch.zeros(speakers * count, 0) if codes is None else codes
+    codes = model.style_of(stretches.flatten(0, 1))
     feedback_gain, made = 1.0, {}
     if "pose_spread" in examples:
-        feedback_gain, made["model_mean"], made["model_std"] = _calibrate(model, examples, codes)
-        made["style_gain"] = examples["pose_spread"]
+        feedback_gain, made["free_mean"], made["free_std"] = _calibrate(model, examples, codes)
+        made["speaker_std"] = examples["pose_spread"]
     known = {
-        **{name: statistics[name] for name in ("pose_mean", "pose_std", "audio_mean", "audio_std")},
-        **{name: examples[name] for name in ("pose_low", "pose_high", "audio_low", "audio_high")},
-        "histories": _calmest(stretches.flatten(0, 1), history), "styles": codes.view(speakers, count, -1).mean(1),
-        "speaker_mean": examples["pose_centre"], "controls": _quantiles(model, statistics), **made,
+        **{f.name: examples[f.name] for f in fields(Statistics)[:8]},
+        "histories": _calmest(stretches.flatten(0, 1), history), "style_codes": codes.view(speakers, count, -1).mean(1),
+        "speaker_mean": examples["pose_centre"], **made,
     }  # fmt: skip
+    if model.controls:
+        known["control_quantiles"] = torch.from_numpy(control_quantiles(model, {n: x.numpy() for n, x in examples.items()}))
     return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), feedback_gain
 
 
 @torch.no_grad()
 def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """Calibrate a network that was trained with ``per_clip_normalisation``, by the motion that it makes for known speech.
+    """How a network moves when nobody corrects it, for the speech of the stretches; for one of ``per_clip_normalisation``.
 
-    A network is trained on the next frame. A slow return to the mean hardly shows there, so that its own motion drifts too far
-    from the mean, for too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds vary,
-    for the size of its movement, as much as those of the data do. The runtime removes the mean and the standard deviation that
-    remain, number by number; in the data they are 0 and 1.
+    A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
+    too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of
+    its movement, as much as those of the data do. In the data, mean and deviation are 0 and 1; the runtime takes off what is
+    left of them, number by number.
 
     Returns:
         The feedback gain, (D,) mean, (D,) standard deviation.
@@ -112,7 +113,7 @@ def _wandering(poses: torch.Tensor) -> torch.Tensor:
 def _generate_freely(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, feedback_gain: float) -> torch.Tensor:
     """(N, F, D) poses with random latents."""
     stretches, audio = (examples[name].flatten(0, 1) for name in ("stretches", "speech"))
-    if _controls(model):
+    if model.controls:
         audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
     tau, poses, states = model.config.history, stretches[:, : model.config.history], None
     heard, style = frame_windows(audio, model.speech_frames), [codes] if codes.shape[1] else []
@@ -124,14 +125,8 @@ def _generate_freely(model: Any, examples: dict[str, torch.Tensor], codes: torch
     return poses[:, tau:]
 
 
-def _controls(model: Any) -> list[str]:
-    """Names of the style controls that it was trained with."""
-    return list(getattr(model.config, "controls", ()))
-
-
-def _quantiles(model: Any, statistics: dict[str, torch.Tensor]) -> torch.Tensor:
-    """(101, C) standardised, of each."""
-    if not _controls(model):
-        return torch.zeros(QUANTILES, 0)
-    quantiles, mean, std = (statistics[f"control_{what}"] for what in ("quantiles", "mean", "std"))
-    return ((quantiles - mean) / std)[:, [CONTROLS.index(name) for name in _controls(model)]]
+def control_quantiles(model: Any, kept: Mapping[str, Array]) -> Array:
+    """(101, C) standardised, of each style control of a model."""
+    quantiles, mean, std = (kept[f"control_{what}"] for what in ("quantiles", "mean", "std"))
+    found: Array = ((quantiles - mean) / std)[:, [CONTROLS.index(name) for name in model.controls]]
+    return found

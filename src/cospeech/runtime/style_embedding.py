@@ -1,4 +1,4 @@
-"""Manners: what a system knows of how somebody moves, of its own speakers and out of an example, any motion of any length."""
+"""What a system knows of how somebody moves, of its own speakers and out of an example, any motion of any length."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -13,26 +14,11 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.poses import Pose, find_pose
 from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
-from .flow_bundle import FlowSystem
-from .speech_frontend import System
+from .spec import BundleFacts
 
-__all__ = [
-    "StyleEmbedding",
-    "StyleMixture",
-    "average_parts",
-    "embed_flow_speaker",
-    "encode_motion",
-    "example",
-    "latents_of",
-    "standardise_example",
-    "stretches",
-]
+__all__ = ["StyleEmbedding", "StyleMixture", "encode_motion", "mix", "standardise_example", "stretches", "average_parts"]
 
-SHORTEST = 1.0  # s; ours: less shows no movement
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
-SPREAD_FLOOR = 0.1  # cospeech.training.batch_loader
-STRETCH = 128  # frames that a style code is made of; cospeech.training.calibration_clips
-BEGINNINGS = 8  # ours: places in an example that takes begin from
 ASIDE, FACING = 0.25, np.pi / 4  # metres and radians; ours: a place or a heading beyond belongs to the room, not to the person
 _POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "cospeech.corpora.pats.points"}
 """Representation of key points → the module whose ``points_of`` sees motion in its layout."""
@@ -40,25 +26,29 @@ _POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "co
 
 @dataclass(frozen=True, eq=False)
 class StyleEmbedding:
-    """How somebody moves, in a system's standardised numbers."""
+    """How somebody moves, in a system's standardised numbers; None: the system knows no such thing."""
 
     code: Array
-    """(style,) of no width for a system that has no codes."""
+    """(C,) what the network is given; of no width for a system that has no codes."""
     speaker_mean: Array
     """(D,) mean pose."""
     beginnings: Array
-    """(n, τ, D) stretches that a performance may begin with."""
-    style_gain: Array | None = None
-    """(D,) deviation, for a flow that knows poses by their recording's own mean and deviation; of a network by windows: by what
-    its poses are multiplied (`WindowStatistics.style_gain`)."""
+    """(n, τ, D) stretches that an autoregressive network may begin with."""
+    speaker_std: Array | None = None
+    """(D,) standard deviation, for a flow that knows poses by their recording's own mean and standard deviation."""
     poses: tuple[Array, ...] = ()
     """(T, D) each: the poses of an example; nothing for a speaker by name."""
     model_mean: Array | None = None
-    """(D,) mean of what a network by windows makes in this style, which ``centre`` takes the place of."""
+    """(D,) mean of what a network of windows makes in this style, which ``speaker_mean`` takes the place of."""
+    style_gain: Array | None = None
+    """(D,) by what its poses are multiplied, so that they deviate as the speaker's do."""
+    live_model_mean: Array | None = None
+    """(D,) and (D,): the same of the network of frames."""
+    live_style_gain: Array | None = None
 
 
 StyleMixture = tuple[tuple[float, StyleEmbedding], ...]
-"""Manners with their shares, in sum 1."""
+"""Styles with their shares, in sum 1."""
 
 
 def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
@@ -69,50 +59,21 @@ def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
     return np.sum([share * values for share, values in parts], 0).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def embed_flow_speaker(system: FlowSystem, name: str) -> StyleEmbedding:
-    """One of a system's speakers."""
-    s, k = system.statistics, system.styles.index(name)
-    each = len(s.histories) // len(system.styles)
-    return StyleEmbedding(
-        s.styles[k], s.speaker_mean[k], s.histories[k * each : (k + 1) * each], s.style_gain[k] if s.style_gain.size else None
-    )
+def mix(mixture: StyleMixture) -> StyleEmbedding:
+    """One style out of several: the weighted means of their numbers; it has no examples and no beginnings."""
+    found: dict[str, Any] = {}
+    for name in ("code", "speaker_mean", "speaker_std", "model_mean", "style_gain", "live_model_mean", "live_style_gain"):
+        parts = [(share, getattr(style, name)) for share, style in mixture if getattr(style, name) is not None]
+        found[name] = average_parts(parts) if parts else None
+    return StyleEmbedding(**found, beginnings=np.zeros((0, 0, 0), np.float32))
 
 
-def example(system: FlowSystem, motion: Motion, name: str = "the example") -> StyleEmbedding:
-    """What a motion shows of somebody's style; the face is not looked at.
-
-    Args:
-        system: who looks at it.
-        motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
-        name: for messages.
-
-    Raises:
-        InputError: it is shorter than a second, or its skeleton is not recognised.
-    """
-    sizes = system.engine.sizes
-    least = max(SHORTEST, max(8, sizes.history + 2) / system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
-    shown = standardise_example(system, motion, least, name)
-    centre, spread = np.concatenate(shown).mean(0), None
-    if system.statistics.style_gain.size:
-        spread = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
-        shown = tuple((poses - centre) / spread for poses in shown)
-    shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
-    if sizes.style:
-        code = np.mean([system.engine.style_code(stretch) for poses in shown for stretch in stretches(poses, STRETCH)], 0)
-    else:
-        code = np.zeros(0)
-    places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
-    every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
-    beginnings = np.concatenate(every)[places.astype(int)]
-    return StyleEmbedding(code.astype(np.float32), centre.astype(np.float32), beginnings.astype(np.float32), spread, shown)
-
-
-def standardise_example(system: System, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
+def standardise_example(system: BundleFacts, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
     """(T, D) standardised poses of an example, or of pieces of it.
 
     Args:
         system: who looks at it.
-        motion: see `example`.
+        motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
         least: seconds that it has at least.
         name: for messages.
 
@@ -142,12 +103,12 @@ def stretches(poses: Array, length: int) -> list[Array]:
     return [poses[start : start + length] for start in [*range(0, last, length // 2), last]]
 
 
-def _standardise(motion: Motion, system: System) -> Array:
+def _standardise(motion: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses."""
     return encode_motion(_move_to_origin(motion.resample(system.fps).retarget("humanoid")), system)
 
 
-def encode_motion(body: Motion, system: System) -> Array:
+def encode_motion(body: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses of motion on our humanoid, at whatever rate."""
     pose: Pose = find_pose(system.pose)
     if pose.source == "points":
@@ -172,13 +133,3 @@ def _move_to_origin(body: Motion) -> Motion:
     if np.hypot(middle[0], middle[2]) > ASIDE:
         root = root - middle
     return Motion(body.fps, rotations, root.astype(np.float32))
-
-
-def latents_of(system: FlowSystem, embedding: StyleEmbedding, code: Array) -> list[Array]:
-    """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
-    sizes, found = system.engine.sizes, []
-    after = sizes.speech_frames - 1 - sizes.history
-    for poses in embedding.poses:
-        rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
-        found.append(system.engine.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
-    return found

@@ -1,4 +1,4 @@
-"""ONNX of networks with memory over time: convolutions, channel attention, LSTMs and GRUs; needs the package onnx.
+"""Small graphs with memory over time, written by hand for tests of what plays them; needs the package onnx, not torch.
 
 A signal is (N or 1, C, T) as in the networks themselves. What a causal layer keeps from one call to the next is an input
 ``state0``, ``state1`` … (N or 1, width) and an output ``next.state0`` …, in the order in which layers ask for it.
@@ -6,19 +6,18 @@ A signal is (N or 1, C, T) as in the networks themselves. What a causal layer ke
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ...motion.rotations import Array
-from ...runtime.graph_builder import GraphBuilder
+from cospeech.motion.rotations import Array
+from cospeech.runtime.graph_builder import GraphBuilder
 
 __all__ = ["RecurrentGraph", "Wave"]
 
 _LSTM = (0, 3, 1, 2)  # PyTorch's gates are input, forget, cell, output; ONNX' input, output, forget, cell
-_GRU = (1, 0, 2)  # PyTorch's reset, update, new; ONNX' update, reset, hidden
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class RecurrentGraph(GraphBuilder):
 
     def rows(self, name: str, channels: int, *, many: bool, frames: bool = True) -> Wave:
         """An input (N or 1, T, channels), or of one frame (N or 1, channels)."""
-        turned = self.node("Transpose", name, perm=[0, 2, 1]) if frames else self.reshape(name, 0, channels, 1)
+        turned = self.node("Transpose", name, perm=[0, 2, 1]) if frames else self.shaped(name, 0, channels, 1)
         return Wave(str(turned), channels, many)
 
     def as_rows(self, x: Wave, name: str, *, frames: bool = True) -> None:
@@ -57,7 +56,7 @@ class RecurrentGraph(GraphBuilder):
         else:
             self.node("Reshape", x.name, self.const([0, x.channels], np.int64), outputs=(name,))
 
-    def serialise(self, inputs: Mapping[str, tuple[Any, ...]], outputs: Mapping[str, tuple[Any, ...]]) -> bytes:
+    def made(self, inputs: Mapping[str, tuple[Any, ...]], outputs: Mapping[str, tuple[Any, ...]]) -> bytes:
         """The file, its states among inputs and outputs."""
         after = {f"next.{name}": shape for name, shape in self.states.items()}
         return self.file("recurrent", {**inputs, **self.states}, {**outputs, **after})
@@ -70,7 +69,7 @@ class RecurrentGraph(GraphBuilder):
 
     # layers ---------------------------------------------------------------------------------------------------------
 
-    def add_weight(self, value: Array) -> str:
+    def held(self, value: Array) -> str:
         """A weight of its own."""
         name = f"{self.prefix}.{sum(key.startswith(f'{self.prefix}.') for key in self.store)}"
         self.store[name] = np.ascontiguousarray(value, np.float32)
@@ -78,7 +77,7 @@ class RecurrentGraph(GraphBuilder):
 
     def conv(self, x: Wave, weight: Array, bias: Array | None, *, pads: tuple[int, int] = (0, 0), dilation: int = 1) -> Wave:
         """(outputs, inputs, kernel), with zeros before the first frame and after the last."""
-        given = [self.add_weight(weight)] + ([] if bias is None else [self.add_weight(bias)])
+        given = [self.held(weight)] + ([] if bias is None else [self.held(bias)])
         name = self.node("Conv", x.name, *given, pads=list(pads), dilations=[dilation])
         return Wave(str(name), len(weight), x.many)
 
@@ -90,11 +89,7 @@ class RecurrentGraph(GraphBuilder):
         """Add or Mul of two signals; one may have one frame."""
         return Wave(str(self.node(op, x.name, y.name)), x.channels, x.many or y.many)
 
-    def number(self, op: str, x: Wave, number: float) -> Wave:
-        """Add or Mul with a number."""
-        return Wave(str(self.node(op, x.name, self.const(number))), x.channels, x.many)
-
-    def concatenate(self, *parts: Wave) -> Wave:
+    def joined(self, *parts: Wave) -> Wave:
         """Channels one behind the other; those that are the same for all takes are repeated where others are not."""
         parts = tuple(part for part in parts if part.channels)
         many = next((part for part in parts if part.many), None)
@@ -105,16 +100,7 @@ class RecurrentGraph(GraphBuilder):
         name = parts[0].name if len(parts) == 1 else str(self.node("Concat", *(part.name for part in parts), axis=1))
         return Wave(name, sum(part.channels for part in parts), many is not None)
 
-    def parts(self, x: Wave, *widths: int) -> list[Wave]:
-        """Channels apart."""
-        names = self.split(x.name, *[width for width in widths if width])
-        return [Wave(names.pop(0) if width else "", width, x.many) for width in widths]
-
-    def select_channels(self, x: Wave, order: Sequence[int]) -> Wave:
-        """Channels in another order."""
-        return Wave(str(self.node("Gather", x.name, self.const(order, np.int64), axis=1)), len(order), x.many)
-
-    def pool(self, x: Wave, op: str) -> Wave:
+    def pooled(self, x: Wave, op: str) -> Wave:
         """ReduceMean or ReduceMax over all frames."""
         return Wave(str(self.node(op, x.name, self.const([2], np.int64), keepdims=1)), x.channels, x.many)
 
@@ -127,7 +113,7 @@ class RecurrentGraph(GraphBuilder):
         if not frames:
             return x
         name = self.state(x.channels * frames, x.many)
-        whole = self.node("Concat", self.reshape(name, 0, x.channels, frames), x.name, axis=2)
+        whole = self.node("Concat", self.shaped(name, 0, x.channels, frames), x.name, axis=2)
         edges = [self.const([value], np.int64) for value in (1, frames + 1, 2)]
         kept = self.node("Slice", whole, *edges)
         self.node("Reshape", kept, self.const([0, x.channels * frames], np.int64), outputs=(f"next.{name}",))
@@ -150,27 +136,17 @@ class RecurrentGraph(GraphBuilder):
         y = str(self.node("Transpose", x.name, perm=[2, 0, 1]))
         for k in range(layers):
             given = self._recurrent_weights(weights, k, ways, _LSTM)
-            begun = [self.reshape(kept[k + part * layers], 1, -1, hidden) for part in (0, 1)] if stateful else []
+            begun = [self.shaped(kept[k + part * layers], 1, -1, hidden) for part in (0, 1)] if stateful else []
             made = self.node("LSTM", y, *given, "", *begun, outputs=3, hidden_size=hidden, direction=_WAYS[ways])
             after += made[1:]
             y = self._layer_end(made[0], ways, k == layers - 1)
         if stateful:
             order = [after[2 * k + part] for part in (0, 1) for k in range(layers)]
-            flat = [self.reshape(each, -1, hidden) for each in order]
+            flat = [self.shaped(each, -1, hidden) for each in order]
             self.node("Concat", *flat, outputs=(f"next.{state}",), axis=1)
         return Wave(str(self.node("Transpose", y, perm=[1, 2, 0])), hidden, x.many)
 
-    def gru(self, x: Wave, weights: Mapping[str, Array], *, ways: int, layers: int) -> Wave:
-        """The same of PyTorch's `GRU`, which has no state from call to call."""
-        hidden = weights["weight_hh_l0"].shape[1]
-        y = str(self.node("Transpose", x.name, perm=[2, 0, 1]))
-        for k in range(layers):
-            given = self._recurrent_weights(weights, k, ways, _GRU)
-            made = self.node("GRU", y, *given, hidden_size=hidden, direction=_WAYS[ways], linear_before_reset=1)
-            y = self._layer_end(made, ways, k == layers - 1)
-        return Wave(str(self.node("Transpose", y, perm=[1, 2, 0])), hidden, x.many)
-
-    def reshape(self, name: str, *shape: int) -> str:
+    def shaped(self, name: str, *shape: int) -> str:
         """In another shape."""
         return str(self.node("Reshape", name, self.const(shape, np.int64)))
 
@@ -178,23 +154,23 @@ class RecurrentGraph(GraphBuilder):
         """W, R and B of a layer as ONNX has them: (ways, gates · hidden, inputs) and so on."""
         ends = ["", "_reverse"][:ways]
         w, r, *biases = (
-            np.stack([_reorder_gates(weights[f"{kind}_l{layer}{end}"], gates) for end in ends])
+            np.stack([_gated(weights[f"{kind}_l{layer}{end}"], gates) for end in ends])
             for kind in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
         )
-        return [self.add_weight(w), self.add_weight(r), self.add_weight(np.concatenate(biases, 1))]
+        return [self.held(w), self.held(r), self.held(np.concatenate(biases, 1))]
 
     def _layer_end(self, made: str, ways: int, last: bool) -> str:
         """(T, ways, N, hidden) → (T, N, ways · hidden), of the last layer the sum (T, N, hidden)."""
         if ways == 2 and last:
             ahead, back = self.split(made, 1, 1)
             made = str(self.node("Add", ahead, back))
-        return self.reshape(str(self.node("Transpose", made, perm=[0, 2, 1, 3])), 0, 0, -1)
+        return self.shaped(str(self.node("Transpose", made, perm=[0, 2, 1, 3])), 0, 0, -1)
 
 
 _WAYS = {1: "forward", 2: "bidirectional"}
 
 
-def _reorder_gates(value: Array, order: tuple[int, ...]) -> Array:
+def _gated(value: Array, order: tuple[int, ...]) -> Array:
     """Blocks of gates in another order."""
     blocks = np.split(value, len(order))
     return np.concatenate([blocks[k] for k in order])

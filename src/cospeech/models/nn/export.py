@@ -1,0 +1,116 @@
+"""What a network gives to be exported: modules with named inputs and outputs; and its layers in the form in which they play."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn.utils import parametrize
+
+__all__ = ["ExportGraph", "Playing", "fold_norm", "inference_copy", "without_inputs"]
+
+Shape = tuple[int | str, ...]
+"""Numbers, and the names of sizes that vary: N takes, T frames."""
+
+
+@dataclass(frozen=True)
+class ExportGraph:
+    """A module, and the names and shapes of what goes in and comes out.
+
+    In PyTorch every input has N takes. An input whose first size is 1 is the same for all takes; what depends on such inputs
+    alone is then worked out once for all of them.
+    """
+
+    module: nn.Module
+    """Called with the inputs, then the states, in their order; gives the outputs, then the states after it."""
+    inputs: Mapping[str, Shape]
+    outputs: Mapping[str, Shape]
+    states: Mapping[str, int] = field(default_factory=dict)
+    """Name → numbers of a take; after a call the state is the output ``next.NAME``."""
+    frames: int = 64
+    """An example of T, a multiple of ``multiple``."""
+    multiple: int = 1
+    """What T is a multiple of."""
+    shortest: int = 1
+    """The least T."""
+    window: int | None = None
+    """This, and what follows: see `cospeech.runtime.signature.Signature`."""
+    look_ahead: int = 0
+    hop: int | None = None
+    seeds: int = 0
+
+
+class Playing(nn.Module):
+    """``make`` of a network, without the inputs that have no width."""
+
+    def __init__(self, net: Any) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(self, rows: Tensor, *given: Tensor) -> Tensor:
+        others = iter(given)
+        nothing = rows[..., :0]
+        style, mode_noise = (next(others) if width else nothing for width in (self.net.styles, self.net.modes))
+        made: Tensor = self.net.make(rows, style, mode_noise)
+        return made
+
+
+def inference_copy(net: nn.Module) -> nn.Module:
+    """A copy that makes the same and is cheaper to run: norms are folded into convolutions, parametrised weights are plain.
+
+    A module with a method ``for_inference`` is replaced by what it gives.
+    """
+    copy = deepcopy(net).eval()
+    for part in copy.modules():
+        if parametrize.is_parametrized(part):
+            _make_plain(part)
+    return _simplify(copy)
+
+
+def _make_plain(part: Any) -> None:
+    """Parametrised weights as plain ones. PyTorch's own removal changes the class, which the original has too."""
+    values = {name: getattr(part, name).detach() for name in part.parametrizations}
+    del part.parametrizations
+    part.__class__ = type(part).__bases__[0]
+    for name, value in values.items():
+        setattr(part, name, nn.Parameter(value))
+
+
+def _simplify(net: Any) -> Any:
+    if hasattr(net, "for_inference"):
+        return _simplify(net.for_inference())
+    for name, child in [*net.named_children()]:
+        setattr(net, name, _simplify(child))
+    if isinstance(net, nn.Sequential):
+        for k, (layer, after) in enumerate(zip([*net], [*net][1:], strict=False)):
+            if isinstance(layer, nn.Conv1d) and isinstance(after, nn.BatchNorm1d):
+                net[k], net[k + 1] = fold_norm(layer, after), nn.Identity()
+    return net
+
+
+@torch.no_grad()
+def fold_norm(conv: Any, norm: Any) -> Any:
+    """A copy of a convolution, with the batch norm after it in its weights; folded in double precision."""
+    folded = deepcopy(conv)
+    gain = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
+    folded.weight.copy_(conv.weight.double() * gain.reshape(-1, *[1] * (conv.weight.ndim - 1)))
+    bias = (conv.bias.double() - norm.running_mean.double()) * gain + norm.bias.double()
+    folded.bias.copy_(bias)
+    return folded
+
+
+@torch.no_grad()
+def without_inputs(net: Any, count: int) -> Any:
+    """A copy of an LSTM or a GRU without its first inputs, which are zeros."""
+    if not count:
+        return net
+    cut = type(net)(
+        net.input_size - count, net.hidden_size, net.num_layers, batch_first=net.batch_first, bidirectional=net.bidirectional
+    )
+    for name, value in net.named_parameters():
+        getattr(cut, name).copy_(value[:, count:] if name.startswith("weight_ih_l0") else value)
+    return cut

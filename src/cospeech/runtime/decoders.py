@@ -1,0 +1,109 @@
+"""How a system is played: the decoder that its networks' signatures ask for.
+
+an autoregressive flow with its history        `AutoregressiveDecoder`
+frames with a state                            `CausalStreamDecoder`
+windows that fix their new frames (``hop``)    `OverlapAddDecoder`
+windows of another kind                        `SlidingWindowDecoder`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+from ..errors import InputError
+from ..motion.rotations import Array
+from ..rules.options import GenerationOptions
+from .autoregressive_decoder import AutoregressiveDecoder, Source
+from .causal_stream_decoder import CausalStreamDecoder
+from .conditioning import Conditioning, check_conditioning, poses_before
+from .flow_engine import FlowEngine
+from .latent_sources import Transfer, best_transfer
+from .network import Network
+from .session import Decoder
+from .sliding_window_decoder import OverlapAddDecoder, SlidingWindowDecoder, looking, sections
+from .speaker_emotion_tracker import SpeakerEmotionTracker
+from .style_embedding import StyleMixture
+from .style_space import StyleSpace
+from .style_track import SpokenStyleTrack, StyleTrack
+from .system import System
+from .window_layout import check_look_ahead
+
+__all__ = ["options_for_files", "start_decoder"]
+
+
+def options_for_files(system: System) -> Mapping[str, Any]:
+    """Options of a session over a file, where nobody waits: windows that hear both ways, where a system has them too."""
+    return {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
+
+
+def start_decoder(
+    system: System,
+    space: StyleSpace,
+    mixture: StyleMixture,
+    silence: Array,
+    options: GenerationOptions,
+    given: Conditioning,
+    transfer: Transfer | None = None,
+) -> Decoder:
+    """A decoder that begins with this style.
+
+    Args:
+        system: the bundle, opened.
+        space: its styles.
+        mixture: the style to begin with.
+        silence: (1, A) the row of silence, which is before the speech.
+        options: of the session.
+        given: what there is beside the speech.
+        transfer: how styles become a flow's motion; the best one for it where not given.
+
+    Raises:
+        InputError: a look-ahead that is no number of seconds from 0 on, or what is given cannot be.
+    """
+    if system.flow is not None:
+        return _flow(system, system.flow, mixture, silence, options, given, transfer)
+    check_look_ahead(options.look_ahead)
+    network = _network(system, options.look_ahead)
+    check_conditioning(given, network)
+    live = network.signature.window is None
+    style: StyleTrack | SpokenStyleTrack
+    if system.has_emotions:
+        heard = silence[0, : len(system.statistics.audio_mean)]
+        tracker = SpeakerEmotionTracker(system.networks.get("classify"), len(system.speakers), system.fps, heard, options.track)
+        style = SpokenStyleTrack(system, space, mixture, tracker, live=live)
+    else:
+        style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
+    common = system, network, style, options.seeds, silence
+    scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
+    if live:
+        return CausalStreamDecoder(*common, **scales)
+    if network.signature.hop is None:
+        return SlidingWindowDecoder(*common, looking(network.signature, system.fps, options.look_ahead), **scales)
+    before = None if given.before is None else poses_before(system, given.before, network.signature.seeds)
+    return OverlapAddDecoder(*common, sections(network.signature), face=given.face, before=before, **scales)
+
+
+def _network(system: System, seconds: float | None) -> Network:
+    """The one that plays: that of frames, where there is one and no look-ahead is asked for that it does not have."""
+    make, live = system.networks.get("make"), system.networks.get("live")
+    if live is not None and (make is None or seconds is None or seconds * system.fps <= live.signature.look_ahead):
+        return live
+    return system.main_network
+
+
+def _flow(
+    system: System, flow: FlowEngine, mixture: StyleMixture, silence: Array, options: GenerationOptions, given: Conditioning,
+    transfer: Transfer | None,
+) -> AutoregressiveDecoder:  # fmt: skip
+    if given.anything:
+        what = "a face" if given.face is not None else "motion to go on from"
+        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+    if options.look_ahead is not None:
+        raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
+    transfer = transfer or best_transfer(system)
+
+    def sources(mixture: StyleMixture) -> list[Source]:
+        return [transfer(system, mixture, seed=seed, temperature=options.temperature) for seed in options.seeds]
+
+    return AutoregressiveDecoder(system, flow, sources, mixture, silence, intensity=options.intensity)

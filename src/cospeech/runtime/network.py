@@ -1,0 +1,179 @@
+"""Runs one network of a bundle: NumPy and onnxruntime, on one core.
+
+The signature is checked against the graph once, when the network is opened, and every array against the signature whenever it
+runs. What is finite and sane goes in, what is finite and bounded comes out, whoever made the network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion.rotations import Array
+from .graph_check import check_onnx
+from .signature import Port, Signature
+
+__all__ = ["LIMIT", "Network", "explain_failure", "open_session", "run_session"]
+
+LIMIT = 1e3
+"""Ours: standardised speech, weights of styles and noise come nowhere near; keeps what is absurd out of a network."""
+_HINT = "is the bundle damaged?"
+
+
+class Network:
+    """A network ready to run; any number of sessions may share it.
+
+    Args:
+        signature: what it takes and gives.
+        graph: ONNX.
+        weights: of the graph, by name, float32; others are ignored.
+        bounds: output → (least, greatest) numbers; ± `LIMIT` where not given. What is no number comes out as 0.
+
+    Raises:
+        InputError: these do not fit together, or the graph fails.
+    """
+
+    def __init__(
+        self,
+        signature: Signature,
+        graph: bytes,
+        weights: Mapping[str, Array],
+        bounds: Mapping[str, tuple[Array, Array]] | None = None,
+    ) -> None:
+        self.signature, self._session = signature, open_session(graph, weights)
+        self._given: dict[str, Port] = {**signature.inputs, **signature.state}
+        after = {f"next.{name}": port for name, port in signature.state.items()}
+        self._made: dict[str, Port] = {**signature.outputs, **after}
+        ends = {name: (bounds or {}).get(name, (-LIMIT, LIMIT)) for name in signature.outputs}
+        self._bounds = {name: (np.asarray(low, np.float32), np.asarray(high, np.float32)) for name, (low, high) in ends.items()}
+        _check_ends(self._session.get_inputs(), self._given)
+        _check_ends(self._session.get_outputs(), self._made)
+        self._free = len({size for port in self._given.values() for size in port if isinstance(size, str)})
+        self._last: Any = (0, 0), ({}, {})
+        self._names = [end.name for end in self._session.get_outputs()]
+        sizes = {"N": 2, "T": signature.probe}
+        self.run(**{name: np.zeros(_shape(port, sizes), np.float32) for name, port in self._given.items()})
+
+    def begin(self, takes: int) -> dict[str, Array]:
+        """The state before the first frame of so many takes."""
+        return {name: np.zeros(_shape(port, {"N": takes}), np.float32) for name, port in self.signature.state.items()}
+
+    def run(self, **given: Array) -> dict[str, Array]:
+        """Outputs, and the next state, by name.
+
+        Args:
+            given: inputs and state by name; one that is left out is zeros.
+
+        Raises:
+            InputError: another name or shape, or frames that are no multiple of the network's.
+        """
+        sizes = self._sizes(given)
+        inputs, outputs = self._shapes(sizes.get("N", 1), sizes.get("T", 1))
+        for name, array in given.items():
+            if np.shape(array) != inputs.get(name) or 0 in np.shape(array):
+                shapes = {name: np.shape(array) for name, array in given.items()}
+                raise InputError(f"a network is given {shapes}"[:200], f"it takes {self._given}"[:200])
+        if sizes.get("T", 0) % self.signature.multiple:
+            raise InputError(f"{sizes['T']} frames for a network", f"a multiple of {self.signature.multiple}")
+        sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}
+        for name in self._given.keys() - given.keys():
+            sane[name] = np.zeros(inputs[name], np.float32)
+        made = dict(zip(self._names, run_session(self._session, sane), strict=True))
+        for name, array in made.items():
+            if array.shape != outputs[name]:
+                raise InputError(f"a graph makes {name!r} of shape {array.shape}"[:200], _HINT)
+        return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
+
+    def _sizes(self, given: Mapping[str, Array]) -> dict[str, int]:
+        """N and T of what is given, as the first input says that has them."""
+        sizes: dict[str, int] = {}
+        for name, array in given.items():
+            for size, found in zip(self._given.get(name, ()), np.shape(array), strict=False):
+                if isinstance(size, str):
+                    sizes.setdefault(size, found)
+            if len(sizes) == self._free:
+                break
+        return sizes
+
+    def _shapes(self, takes: int, frames: int) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
+        """Of inputs and outputs; those of the call before are kept."""
+        last = self._last  # sessions of several threads may share a network
+        if last[0] != (takes, frames):
+            sizes = {"N": takes, "T": frames}
+            found = [{name: _shape(port, sizes) for name, port in ports.items()} for ports in (self._given, self._made)]
+            last = self._last = (takes, frames), (found[0], found[1])
+        return last[1]  # type: ignore[no-any-return]
+
+
+def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
+    """Inputs or outputs of a graph have the names, types and shapes that are due."""
+    for end in found:
+        port = due.get(end.name, ())
+        fits = len(end.shape) == len(port) and all(
+            isinstance(size, str) or size == wanted for size, wanted in zip(port, end.shape, strict=False)
+        )
+        if not fits or end.type != "tensor(float)":
+            raise InputError(f"a graph with {end.name!r} of {end.type} {end.shape}"[:200], _HINT)
+    if len(found) != len(due):
+        raise InputError(f"a graph with {len(found)} ends, {len(due)} are due", _HINT)
+
+
+def _shape(port: Port, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    return tuple(sizes[size] if isinstance(size, str) else size for size in port)
+
+
+def _sane(values: Array) -> Array:
+    return np.ascontiguousarray(np.clip(values, -LIMIT, LIMIT), np.float32)
+
+
+def _clip_output(values: Array, low: Any, high: Any) -> Array:
+    """What a hostile network makes too: infinities at the bounds, what is no number at 0."""
+    bounded: Array = np.clip(np.nan_to_num(values, posinf=np.inf, neginf=-np.inf), low, high)
+    return bounded
+
+
+def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
+    """An onnxruntime session on one core, its weights handed over by name.
+
+    Raises:
+        InputError: the graph is not one of ours, or the weights do not fit it.
+    """
+    import onnxruntime as ort
+
+    ort.disable_telemetry_events()  # for a program that has imported onnxruntime before cospeech and its NO_TELEMETRY
+    wanted = check_onnx(graph)
+    for name, (kind, shape) in wanted.items():
+        if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
+            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], _HINT)
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # what goes wrong is told by the error
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
+    try:  # without its fallback, which prints, and without options that a graph names
+        return ort.InferenceSession(
+            graph, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
+        )
+    except Exception as error:  # onnxruntime raises classes of its own that have no common base
+        raise InputError("a graph does not fit together", _HINT) from error
+
+
+def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
+    """Outputs for inputs.
+
+    Raises:
+        InputError: it fails, as only a graph of somebody else's does.
+    """
+    try:
+        made: list[Array] = session.run(None, given)
+    except Exception as error:  # as where a session is opened
+        raise explain_failure() from error
+    return made
+
+
+def explain_failure() -> InputError:
+    """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
+    return InputError("a graph fails while it runs", _HINT)

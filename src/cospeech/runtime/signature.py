@@ -1,0 +1,167 @@
+"""What a network takes and gives: the part of a bundle's manifest from which the runtime chooses how to play it.
+
+A bundle has one network or several, each with a signature. Their names say what they are for:
+
+    make      windows of speech → windows of poses
+    live      a frame of speech and a state → a frame of poses and the next state
+    style     a stretch of poses → the style that it shows
+    classify  speech → logits of speakers and emotions
+
+and the names of the ports say what they hold (`PORTS`). A network has the ports that it needs and no others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from ..errors import InputError
+
+__all__ = ["NETWORKS", "PORTS", "STYLE_FRAMES", "Port", "Signature"]
+
+Port = tuple[int | str, ...]
+"""Shape of an array: whole numbers, ``"N"`` for the takes, ``"T"`` for the frames of a window."""
+STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by Mix-StAGE's encoder leave one
+PORTS = {
+    "rows": "standardised features of speech, then style controls, then what stands for the word; one speech for all takes",
+    "style": "weights of the speakers, then of the emotions where the network takes them; or a style code",
+    "noise": "noise that makes takes differ: on the logits of modes, or of any use; zeros for the most likely take",
+    "face": "ARKit weights of a face that is given, and how far it is given, 0 … 1",
+    "seed": "standardised poses before the first frame, and 1 where one is given",
+    "poses": "standardised poses",
+    "logits": "logits of the speakers, then of the emotions",
+}
+"""Port → what it holds."""
+NETWORKS = {
+    "make": ({"rows", "style", "noise", "face", "seed"}, {"poses"}),
+    "live": ({"rows", "style", "noise"}, {"poses"}),
+    "style": ({"poses"}, {"style"}),
+    "classify": ({"rows"}, {"logits"}),
+}
+"""Network → inputs that it may have, and outputs that it has."""
+_SHARED = {"rows", "face", "seed"}  # one for all takes
+_WIDEST = {"rows": 5024, "style": 1024, "noise": 256, "face": 53, "seed": 2001, "poses": 2000, "logits": 1024}
+_WIDEST_STATE = 1 << 17  # numbers; the last 34 frames of 1,000 channels are a quarter of it
+_RANGES = {
+    "window": (1, 4096), "look_ahead": (0, 64), "multiple": (1, 1024), "reach": (0, 1 << 16), "hop": (1, 4096),
+    "seeds": (0, 64),
+}  # fmt: skip
+"""Sane sizes (ours): a bundle beyond is damaged or hostile."""
+_MOST_STATES = 256  # ours
+_HINT = "is the bundle damaged?"
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Ports of a network, and how its frames lie.
+
+    Raises:
+        InputError: sizes that no network of ours can have.
+
+    >>> Signature({"rows": (1, "T", 24)}, {"poses": (1, "T", 57)}, window=32, reach=8).width("poses")
+    57
+    """
+
+    inputs: Mapping[str, Port]
+    outputs: Mapping[str, Port]
+    state: Mapping[str, Port] = field(default_factory=dict)
+    """What the network remembers from frame to frame, zeros before the first; the output ``next.NAME`` is the next one."""
+    window: int | None = None
+    """Frames of a window in training; None: the network takes a frame at a time."""
+    look_ahead: int = 0
+    """Frames of speech after a pose's own that the network waits for, or hears after the new frames of a window."""
+    multiple: int = 1
+    """What a number of frames has to be a multiple of."""
+    reach: int | None = None
+    """Frames to either side of a frame beyond which speech does not matter to it; None: all of a window matters, as it does to
+    a network that normalises over the frames, or runs over them both ways."""
+    hop: int | None = None
+    """New frames of each window where the network fixes them, and ``look_ahead`` with them; None: the player chooses."""
+    seeds: int = 0
+    """Frames of the port ``seed`` that may be given."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if (value is None and name in ("window", "reach", "hop")) or (type(value) is int and low <= value <= high):
+                continue
+            raise InputError(f"{name} = {str(value)[:60]} of a network", f"a whole number, {low} … {high}")
+        if self.state and self.window is not None:
+            raise InputError("a network of windows with a state", "windows do not remember; leave out the state or the window")
+        if self.hop is not None and not (self.window is not None and self.hop + self.look_ahead <= self.window):
+            raise InputError(f"{self.hop} new frames and {self.look_ahead} ahead of a window of {self.window}", _HINT)
+
+    @classmethod
+    def parse(cls, role: str, value: object) -> Signature:
+        """Out of a manifest, as the network ``role``.
+
+        Raises:
+            InputError: it is none, of an unknown role, or absurd.
+        """
+        names = {f.name for f in fields(cls)}
+        if role not in NETWORKS or not isinstance(value, dict) or not {"inputs", "outputs"} <= set(value) <= names:
+            raise InputError(f"{role[:40]!r} with no signature of a network", f"networks are {', '.join(NETWORKS)}")
+        ports = {key: _ports(value.get(key, {})) for key in ("inputs", "outputs", "state")}
+        found = cls(**{**value, **ports})
+        found.check(role)
+        return found
+
+    def check(self, role: str) -> None:
+        """Whether the ports are those of this network.
+
+        Raises:
+            InputError: they are not.
+        """
+        able, due = NETWORKS[role]
+        if not (due - {"style"} if role != "style" else due) <= set(self.outputs) <= due or not set(self.inputs) <= able:
+            raise InputError(
+                f"a network {role!r} of {', '.join([*self.inputs, *self.outputs])[:80]}", "see docs/add_a_model.md"
+            )
+        if not set(self.inputs) & {"rows", "poses"} or (self.window is None) != (role == "live"):
+            raise InputError(f"a network {role!r} of a window of {self.window}", "only a live one has none")
+        for name, port in {**self.inputs, **self.outputs}.items():
+            frames: Port = () if role == "live" or (role, name) == ("style", "style") else ("T",)
+            takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name == "poses" else ["N"]
+            width = port[-1] if port else 0
+            if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
+                raise InputError(f"{name!r} of shape {str(port)[:60]} of a network {role!r}", "see docs/add_a_model.md")
+        for name, port in self.state.items():
+            fits = len(port) == 2 and port[0] in (1, "N") and type(port[1]) is int and port[1] <= _WIDEST_STATE
+            if not fits or name in self.inputs or len(self.state) > _MOST_STATES:
+                raise InputError(f"a state {name[:40]!r} of shape {str(port)[:60]}", f"(N or 1, at most {_WIDEST_STATE:,})")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a manifest; what has its default is left out."""
+        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        ports = {key: {name: list(port) for name, port in found[key].items()} for key in ("inputs", "outputs", "state")}
+        plain = {f.name: found[f.name] for f in fields(self)[3:] if found[f.name] != f.default}
+        return {**{key: value for key, value in ports.items() if value or key != "state"}, **plain}
+
+    def width(self, name: str) -> int:
+        """Numbers of a port; 0 where there is none of this name."""
+        port = self.inputs.get(name) or self.outputs.get(name) or self.state.get(name) or (0,)
+        return int(port[-1])
+
+    @property
+    def probe(self) -> int:
+        """Frames that can be made: the window, filled up to the multiple."""
+        return -(-(self.window or 1) // self.multiple) * self.multiple
+
+
+def _ports(value: object) -> dict[str, Port]:
+    """Name → shape, out of a manifest.
+
+    Raises:
+        InputError: they are none.
+    """
+    if not isinstance(value, dict):
+        raise InputError(f"ports {str(value)[:60]!r} of a network", "name → shape")
+    for name, port in value.items():
+        if not isinstance(port, list | tuple) or not port or not all(_is_size(size) for size in port):
+            raise InputError(f"a port {name[:40]!r} of shape {str(port)[:60]}", "whole numbers from 1 on, N and T")
+    return {name: tuple(port) for name, port in value.items()}
+
+
+def _is_size(size: Any) -> bool:
+    return size in ("N", "T") if isinstance(size, str) else type(size) is int and 0 < size <= _WIDEST_STATE

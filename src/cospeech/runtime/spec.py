@@ -1,0 +1,283 @@
+"""What a bundle says, parsed once and validated as a whole; whoever plays it may then rely on every fact.
+
+>>> spec = read_spec(read_bundle("mine.cospeech"))                    # doctest: +SKIP
+>>> spec.signatures["make"].width("poses")                            # doctest: +SKIP
+57
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ..audio.emotions import EMOTIONS
+from ..audio.features.reduce import REDUCTIONS, audio_width
+from ..audio.features.words import BUCKETS
+from ..errors import InputError
+from ..motion.poses import POSES, find_pose
+from ..motion.poses.controls import CONTROLS, QUANTILES
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT
+from .bundle import Bundle
+from .flow_weights import FlowSizes
+from .flow_weights import check_weights as check_flow
+from .graph_check import check_onnx
+from .signature import Signature
+from .statistics import Statistics
+
+__all__ = ["STYLE_SPACES", "VOICE", "BundleFacts", "BundleSpec", "half", "read_spec", "unpack_half"]
+
+STYLE_SPACES = ("none", "one-hot", "speaker-emotion", "code")
+"""What a network takes for a style: nothing; weights of the speakers; these and weights of the emotions; a code of its own."""
+VOICE = "voice"
+"""The style that a network with a classifier hears in the voice, beside its speakers' names."""
+STATISTICS, WEIGHTS, CARD = "statistics.safetensors", "weights.safetensors", "card.md"
+FRAME_RATES = (1.0, 240.0)
+MOST_SMOOTH = 8  # frames; ours
+LARGEST = 1e6  # ours: no weight of a trained network comes near
+_GRAPHS = {"speech", "past", "frame"}  # of a flow; style where it has codes
+
+
+@dataclass(frozen=True)
+class BundleFacts:
+    """What every system says of itself."""
+
+    name: str
+    """Of the file."""
+    pose: str
+    """Name of the representation of poses."""
+    fps: float
+    audio: str
+    """Name of the reduction of audio."""
+    smooth: int
+    """How many frames to either side poses are averaged over, with binomial weights."""
+    styles: tuple[str, ...]
+    """Names of the speakers, and `VOICE` where there is a classifier."""
+    style: str
+    """The one that is played where nobody says."""
+    style_space: str
+    """One of `STYLE_SPACES`."""
+    controls: tuple[str, ...]
+    """Names of the style controls (`cospeech.motion.poses.controls`) that the network takes: further columns of the speech."""
+    vocabulary: Mapping[str, int] | None
+    """Word → its row of ``statistics.words``; None: words are the mean of their subwords' rows."""
+    card: str
+    """Markdown."""
+    statistics: Statistics
+
+    @property
+    def speakers(self) -> tuple[str, ...]:
+        """Names of the speakers alone."""
+        return tuple(name for name in self.styles if name != VOICE)
+
+
+@dataclass(frozen=True)
+class BundleSpec(BundleFacts):
+    """All that a bundle holds. It is either some networks or a flow, whose step is an engine of its own."""
+
+    signatures: Mapping[str, Signature]
+    """Network → its signature; nothing for a flow."""
+    flow: FlowSizes | None
+    graphs: Mapping[str, bytes]
+    weights: Mapping[str, Array]
+
+
+def half(weights: Mapping[str, Array]) -> dict[str, Array]:
+    """Weights at half the size: float16 but for biases.
+
+    Raises:
+        InputError: some are too large for it.
+    """
+    with np.errstate(over="ignore"):
+        small = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in weights.items()}
+    _check_weights(unpack_half(small))
+    return small
+
+
+def read_spec(bundle: Bundle) -> BundleSpec:
+    """Parse and validate a bundle.
+
+    Raises:
+        InputError: something is missing, unknown, absurd, or does not go with the rest.
+    """
+    try:
+        return _read(bundle)
+    except InputError as error:
+        if repr(bundle.name) in error.problem:
+            raise
+        raise InputError(f"{bundle.name!r}: {error.problem}", error.hint) from error
+
+
+def _read(bundle: Bundle) -> BundleSpec:
+    flow, signatures = _networks(bundle)
+    facts = _facts(bundle)
+    statistics, weights, graphs = _statistics(bundle), unpack_half(bundle.arrays(WEIGHTS)), bundle.graphs()
+    if flow is not None:
+        statistics = _check_flow_statistics(flow, statistics, facts)
+        check_flow(weights, flow)
+        if missing := (_GRAPHS | ({"style"} if flow.style else set())) - set(graphs):
+            raise InputError(f"no graph {', '.join(sorted(missing))}", "is the bundle damaged?")
+        widths = flow.pose, flow.audio
+    else:
+        statistics = _check_network_statistics(signatures, statistics, facts)
+        _check_weights(weights)
+        _check_graphs(graphs, signatures, weights)
+        decoder = signatures.get("make") or signatures["live"]
+        words = statistics.words.shape[1] if statistics.words.size else 0
+        widths = decoder.width("poses"), decoder.width("rows") - words
+    pose, audio = facts["pose"], facts["audio"]
+    if find_pose(pose).dimensions != widths[0] or audio_width(audio) != widths[1] - len(facts["controls"]):
+        raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
+    return BundleSpec(**facts, statistics=statistics, signatures=signatures, flow=flow, graphs=graphs, weights=weights)
+
+
+def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
+    """The sizes of a flow, or the signatures of networks that fit together."""
+    if ("flow" in bundle.manifest) == ("networks" in bundle.manifest):
+        raise InputError(f"{bundle.name!r} does not tell its networks", "is it of another version?")
+    if "flow" in bundle.manifest:
+        sizes = bundle.fact("flow", dict)
+        if not set(sizes) <= {f.name for f in fields(FlowSizes)}:
+            raise InputError(f"{bundle.name!r} has a flow of unknown sizes", "is it of another version?")
+        try:
+            return FlowSizes(**sizes), {}
+        except TypeError:
+            raise InputError(f"{bundle.name!r} does not tell the sizes of its flow", "is it of another version?") from None
+    found = {name: Signature.parse(name, value) for name, value in bundle.fact("networks", dict).items()}
+    decoder = found.get("make") or found.get("live")
+    if decoder is None:
+        raise InputError(f"{bundle.name!r} has no network that plays", "make, live, or both")
+    live, style = found.get("live", decoder), found.get("style")
+    for port in ("poses", "rows", "style", "noise"):
+        if live.width(port) != decoder.width(port):
+            raise InputError(
+                f"{port!r} of {live.width(port)} and of {decoder.width(port)}", "networks of a bundle fit together"
+            )
+    faced = decoder.width("face") in (0, len(ARKIT) + 1)
+    if not faced or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
+        raise InputError(
+            "a network that is given a face or poses of another size", f"{len(ARKIT) + 1}, and one more than poses"
+        )
+    if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), decoder.width("style")):
+        raise InputError("a style encoder of another network", "is the bundle damaged?")
+    return None, found
+
+
+def _facts(bundle: Bundle) -> dict[str, Any]:
+    """Those of `BundleFacts` but the statistics."""
+    pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
+    smooth, names, style = bundle.fact("smooth", int), bundle.fact("styles", list), bundle.fact("style", str)
+    if style not in names or len({str(name) for name in names}) < len(names) or not all(isinstance(n, str) for n in names):
+        raise InputError(f"{bundle.name!r} has no list of styles", "is it damaged?")
+    if pose not in POSES or audio not in REDUCTIONS:
+        raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
+    if not (FRAME_RATES[0] <= fps <= FRAME_RATES[1] and 0 <= smooth <= MOST_SMOOTH):
+        raise InputError(f"{bundle.name!r} has {fps} frames per second, smoothed over {smooth}", "is it damaged?")
+    space = bundle.fact("style_space", str)
+    if space not in STYLE_SPACES:
+        raise InputError(f"{bundle.name!r} has styles of the kind {space[:40]!r}", f"one of {', '.join(STYLE_SPACES)}")
+    controls = bundle.fact("controls", list) if "controls" in bundle.manifest else []
+    if any(controls.count(name) > 1 or name not in CONTROLS for name in controls):
+        raise InputError(f"{bundle.name!r} has style controls {str(controls)[:60]}", f"of {', '.join(CONTROLS)}, each once")
+    words = bundle.fact("vocabulary", list) if "vocabulary" in bundle.manifest else None
+    if words is not None and not all(isinstance(word, str) for word in words):
+        raise InputError("a vocabulary that is not of words", "is the bundle damaged?")
+    return {
+        "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
+        "style_space": space, "controls": tuple(controls),
+        "vocabulary": None if words is None else {word: row for row, word in enumerate(words, 1)},
+        "card": bundle.members.get(CARD, b"").decode("utf-8", "replace"),
+    }  # fmt: skip
+
+
+def _statistics(bundle: Bundle) -> Statistics:
+    """By their names; not checked."""
+    arrays = bundle.arrays(STATISTICS)
+    required = {f.name for f in fields(Statistics)[:9]}
+    if not required <= set(arrays) <= {f.name for f in fields(Statistics)}:
+        raise InputError(f"{bundle.name!r} has other statistics than a bundle has", "is it of another version?")
+    return Statistics(**arrays)
+
+
+def _common_shapes(pose: int, audio: int, speakers: int, controls: int) -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = {f"pose_{what}": (pose,) for what in ("mean", "std", "low", "high")}
+    shapes |= {f"audio_{what}": (audio,) for what in ("mean", "std", "low", "high")}
+    return shapes | {"speaker_mean": (speakers, pose), "control_quantiles": (QUANTILES, controls)}
+
+
+def _check_flow_statistics(flow: FlowSizes, s: Statistics, facts: Mapping[str, Any]) -> Statistics:
+    """Statistics as a flow needs them."""
+    speakers, controls = len(facts["styles"]), len(facts["controls"])
+    each = max(1, len(np.atleast_1d(s.histories)) // max(speakers, 1))
+    if facts["style_space"] != ("code" if flow.style else "none"):
+        raise InputError(f"a flow with styles of the kind {facts['style_space']!r}", "is the bundle damaged?")
+    shapes = _common_shapes(flow.pose, flow.audio - controls, speakers, controls)
+    shapes |= {"histories": (speakers * each, flow.history, flow.pose), "style_codes": (speakers, flow.style)}
+    shapes |= {"speaker_std": (speakers, flow.pose)}
+    shapes |= dict.fromkeys(("free_mean", "free_std"), (flow.pose if s.speaker_std.size else 0,))
+    s.check(shapes)
+    if not s.histories.size or (flow.style and not s.style_codes.size) or (controls and not s.control_quantiles.size):
+        raise InputError("a flow without histories, codes or quantiles", "is the bundle damaged?")
+    if s.speaker_std.size and not (s.free_mean.size and s.free_std.size):
+        raise InputError("a flow by recordings that does not say how it moves", "is the bundle damaged?")
+    return s.complete(one_hot=False)
+
+
+def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics, facts: Mapping[str, Any]) -> Statistics:
+    """Statistics as networks need them; and whether styles are those of these networks."""
+    decoder = signatures.get("make") or signatures["live"]
+    speakers, controls, space = len([n for n in facts["styles"] if n != VOICE]), len(facts["controls"]), facts["style_space"]
+    hears = VOICE in facts["styles"]
+    if hears != ("classify" in signatures) or (hears and (facts["styles"][-1] != VOICE or space != "speaker-emotion")):
+        raise InputError(f"styles {', '.join(facts['styles'])[:60]}", f"speakers, and {VOICE!r} after them with a classifier")
+    emotions = len(EMOTIONS) if space == "speaker-emotion" else 0
+    width = {"none": 0, "code": decoder.width("style")}.get(space, speakers + emotions)
+    if decoder.width("style") != width or (space == "code" and not width) or not speakers:
+        raise InputError(f"a style of {decoder.width('style')} numbers for {speakers} speakers", f"{width} for {space}")
+    words, shapes = s.words.shape[-1] if s.words.size else 0, dict[str, tuple[int, ...]]()
+    audio = decoder.width("rows") - words
+    if hears and (signatures["classify"].width("rows"), signatures["classify"].width("logits")) != (audio - controls, width):
+        raise InputError("a classifier of another network", "is the bundle damaged?")
+    if hears and signatures["classify"].reach is None:
+        raise InputError("a classifier that hears without an end", "its reach is a whole number")
+    rows = BUCKETS if facts["vocabulary"] is None else len(facts["vocabulary"])
+    shapes = _common_shapes(decoder.width("poses"), audio - controls, speakers, controls)
+    shapes |= dict.fromkeys(
+        ("model_mean", "style_gain", "live_model_mean", "live_style_gain"), (speakers, decoder.width("poses"))
+    )
+    shapes |= {"noise_gain": (2,), "words": (rows + 1, words), "style_codes": (speakers, width - emotions)}
+    s.check(shapes)
+    if (space == "code" and not s.style_codes.size) or (facts["vocabulary"] is not None and not words):
+        raise InputError("styles without codes, or a vocabulary without numbers", "is the bundle damaged?")
+    if controls and not s.control_quantiles.size:
+        raise InputError("style controls without quantiles", "is the bundle damaged?")
+    return s.complete(one_hot=space in ("one-hot", "speaker-emotion"))
+
+
+def _check_graphs(graphs: Mapping[str, bytes], signatures: Mapping[str, Signature], weights: Mapping[str, Array]) -> None:
+    """One graph for each signature, and no weight too many; what is missing is told where a graph is opened."""
+    if set(graphs) != set(signatures):
+        raise InputError(f"graphs {', '.join(sorted(graphs))[:60]!r}", f"one for each of {', '.join(signatures)}")
+    if odd := set(weights) ^ {name for graph in graphs.values() for name in check_onnx(graph)}:
+        raise InputError(f"weights that no graph has: {min(odd)!r}"[:200], "is the bundle damaged?")
+
+
+def unpack_half(weights: Mapping[str, Array]) -> dict[str, Array]:
+    """Those in float16 as float32; others as they are."""
+    return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
+
+
+def _check_weights(weights: Mapping[str, Array]) -> None:
+    """Types and values.
+
+    Raises:
+        InputError: some are not float32, not finite or absurd.
+    """
+    for name, value in weights.items():
+        if value.dtype != np.float32:
+            raise InputError(f"weights {name[:60]!r} of {value.dtype}", "float32")
+        if not np.abs(value).max(initial=0) <= LARGEST:  # not a number fails this too
+            raise InputError(f"weights {name[:60]!r} hold numbers that are not finite or absurd", "did the training diverge?")

@@ -1,0 +1,115 @@
+"""What a bundle has to know of the data that its network was trained on, as one record of arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion.rotations import Array
+
+__all__ = ["Statistics"]
+
+MARGIN = 0.25  # ours: of the range of a number in the training data, beyond either end, that a pose may reach
+FARTHEST = 1e6  # ours: no pose, no feature comes near
+
+
+def _none() -> Array:
+    return np.zeros(0, np.float32)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What stands between vectors of a pose or of speech and what a network sees, and what stands for each speaker.
+
+    D are the numbers of a pose, A those of a frame of speech, S the speakers. Poses are standardised, but for ``pose_mean`` and
+    ``pose_std``. An array after ``speaker_mean`` may be of no size: there is none, or `complete` knows one. float32.
+    """
+
+    pose_mean: Array
+    """(D,)"""
+    pose_std: Array
+    audio_mean: Array
+    """(A,)"""
+    audio_std: Array
+    pose_low: Array
+    """(D,) least standardised value in the training data."""
+    pose_high: Array
+    audio_low: Array
+    audio_high: Array
+    speaker_mean: Array
+    """(S, D) mean pose of each speaker."""
+    style_codes: Array = field(default_factory=_none)
+    """(S, C) what the network is given for each speaker."""
+    model_mean: Array = field(default_factory=_none)
+    """(S, D) mean of what the network of windows makes in each speaker's style; the speaker's own takes its place."""
+    style_gain: Array = field(default_factory=_none)
+    """(S, D) by what its poses are multiplied, so that they deviate from their mean as the speaker's do; positive."""
+    live_model_mean: Array = field(default_factory=_none)
+    """(S, D) and (S, D): the same of the network of frames."""
+    live_style_gain: Array = field(default_factory=_none)
+    noise_gain: Array = field(default_factory=_none)
+    """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
+    words: Array = field(default_factory=_none)
+    """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first:
+    none."""
+    histories: Array = field(default_factory=_none)
+    """(S · M, τ, D) stretches of the training data, with which an autoregressive network begins: M of each speaker."""
+    speaker_std: Array = field(default_factory=_none)
+    """(S, D) standard deviation of each speaker's poses, for a network that knows poses by their recording's own mean and
+    standard deviation. With it, ranges and histories are of such poses."""
+    free_mean: Array = field(default_factory=_none)
+    """(D,) mean of what an autoregressive network makes when nobody corrects it, taken off before ``speaker_std``."""
+    free_std: Array = field(default_factory=_none)
+    """(D,) its standard deviation."""
+    control_quantiles: Array = field(default_factory=_none)
+    """(101, K) standardised quantiles 0, 0.01 … 1 of each style control, over the training data."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """(D,) least and greatest numbers of a pose that is made: those of the training data and some more."""
+        margin = MARGIN * (self.pose_high - self.pose_low) + 1e-3
+        return self.pose_low - margin, self.pose_high + margin
+
+    def complete(self, one_hot: bool) -> Statistics:
+        """With what follows where it is not given: a network's poses are taken as they are, and noise is.
+
+        Args:
+            one_hot: whether speakers' weights are the codes.
+        """
+        mean = self.model_mean if self.model_mean.size else self.speaker_mean
+        gain = self.style_gain if self.style_gain.size else np.ones_like(self.speaker_mean)
+        known = {
+            "model_mean": mean, "style_gain": gain, "live_model_mean": mean, "live_style_gain": gain,
+            "noise_gain": np.ones(2, np.float32),
+        }  # fmt: skip
+        speakers = len(self.speaker_mean)
+        known["style_codes"] = np.eye(speakers, dtype=np.float32) if one_hot else np.zeros((speakers, 0), np.float32)
+        return replace(self, **{name: value for name, value in known.items() if not getattr(self, name).size})
+
+    def check(self, shapes: dict[str, tuple[int, ...]]) -> None:
+        """Types, shapes and values.
+
+        Args:
+            shapes: of the arrays that are not of a pose or of speech.
+
+        Raises:
+            InputError: they cannot be used.
+        """
+        for f in fields(self):
+            value, optional = getattr(self, f.name), f.name not in _REQUIRED
+            shape = shapes.get(f.name, (0,))
+            if value.dtype != np.float32 or (value.shape != shape and not (optional and not value.size)):
+                raise InputError(f"statistics {f.name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
+            if not np.abs(value).max(initial=0) < FARTHEST:  # not a number fails this too
+                raise InputError(f"statistics {f.name!r} hold numbers that are not finite or absurd")
+            if f.name.endswith(("_std", "_gain")) and value.size and value.min() <= 0:
+                raise InputError(f"statistics {f.name!r} that are not positive", "is the bundle damaged?")
+        if (self.pose_low > self.pose_high).any() or (self.audio_low > self.audio_high).any():
+            raise InputError("statistics with a range whose ends are exchanged")
+        if self.words.size and self.words[0].any():
+            raise InputError("a word that is none and has numbers", "is the bundle damaged?")
+
+
+_REQUIRED = {f.name for f in fields(Statistics)[:9]}

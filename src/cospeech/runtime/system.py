@@ -1,0 +1,155 @@
+"""A bundle, opened: its facts and its networks, ready to run; and a system written as a bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from os import PathLike, fsdecode
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..audio.features.words import plain_word, subword_rows
+from ..errors import InputError
+from ..motion.rotations import Array
+from .bundle import Bundle, pack_arrays, read_bundle, write_bundle
+from .flow_engine import FlowEngine
+from .flow_graph import build_graphs
+from .flow_weights import FlowSizes, pack_weights
+from .network import Network
+from .signature import Signature
+from .spec import CARD, STATISTICS, WEIGHTS, BundleFacts, BundleSpec, read_spec
+from .statistics import Statistics
+
+__all__ = ["System", "open_bundle", "open_system", "write_flow", "write_networks"]
+
+
+@dataclass(frozen=True)
+class System(BundleFacts):
+    """What plays."""
+
+    networks: Mapping[str, Network]
+    """See `cospeech.runtime.signature.NETWORKS`; none for a flow."""
+    flow: FlowEngine | None = None
+
+    @property
+    def pose_width(self) -> int:
+        """D."""
+        return len(self.statistics.pose_mean)
+
+    @property
+    def main_network(self) -> Network:
+        """The network of windows, or that of frames where there is no other; not of a flow."""
+        return self.networks.get("make") or self.networks["live"]
+
+    @property
+    def has_emotions(self) -> bool:
+        """Whether emotions are a part of the style."""
+        return self.style_space == "speaker-emotion"
+
+    def word_rows(self, words: list[str | None]) -> Array:
+        """(T, W) what stands for the words of T frames; zeros where there is none, or one that is not known."""
+        table = self.statistics.words
+        if self.vocabulary is not None:
+            return table[[self.vocabulary.get(plain_word(word), 0) if word else 0 for word in words]]
+        ids = subword_rows(words)
+        total, count = table[ids].sum(1), np.maximum((ids > 0).sum(1, keepdims=True), 1)
+        return (total / count).astype(np.float32)
+
+
+def open_system(spec: BundleSpec) -> System:
+    """The networks of a bundle, ready to run.
+
+    Raises:
+        InputError: a graph is not what its signature says, or fails.
+    """
+    known = {f.name: getattr(spec, f.name) for f in fields(BundleFacts)}
+    bounds = spec.statistics.bounds
+    try:
+        flow = None if spec.flow is None else FlowEngine(spec.flow, spec.weights, spec.graphs, *bounds)
+        networks = {
+            name: Network(signature, spec.graphs[name], spec.weights, {"poses": bounds})
+            for name, signature in spec.signatures.items()
+        }
+    except InputError as error:
+        raise InputError(f"{spec.name!r}: {error.problem}", error.hint) from error
+    return System(**known, networks=networks, flow=flow)
+
+
+def open_bundle(path: str | PathLike[str]) -> System:
+    """A bundle's file, ready to play.
+
+    Raises:
+        InputError: it cannot be read, or is no bundle of ours.
+    """
+    return open_system(read_spec(read_bundle(path)))
+
+
+def write_networks(
+    path: str | PathLike[str],
+    signatures: Mapping[str, Signature],
+    graphs: Mapping[str, bytes],
+    weights: Mapping[str, Array],
+    statistics: Statistics,
+    *,
+    facts: Mapping[str, Any],
+    card: str = "",
+) -> None:
+    """Write networks as a bundle.
+
+    Args:
+        path: file to write.
+        signatures: network → signature.
+        graphs: network → ONNX.
+        weights: of the graphs, float32, or some float16 (`cospeech.runtime.spec.half`).
+        statistics: of the training data.
+        facts: for the manifest, those of `cospeech.runtime.spec.BundleFacts` among them.
+        card: Markdown.
+
+    Raises:
+        InputError: these do not fit together, or the file cannot be written.
+    """
+    known = {**facts, "networks": {name: signature.to_dict() for name, signature in signatures.items()}}
+    _write(path, known, graphs, weights, statistics, card)
+
+
+def write_flow(
+    path: str | PathLike[str],
+    arrays: Mapping[str, Array],
+    sizes: FlowSizes,
+    statistics: Statistics,
+    *,
+    facts: Mapping[str, Any],
+    card: str = "",
+) -> None:
+    """Write a flow as a bundle.
+
+    Args:
+        path: file to write.
+        arrays: of the network, see `cospeech.runtime.flow_weights.pack_weights`.
+        sizes: of the network; ``int8`` says how weights are kept.
+        statistics, facts, card: as of `write_networks`.
+
+    Raises:
+        InputError: as of `write_networks`.
+    """
+    weights = pack_weights(arrays, sizes)
+    known = {**facts, "flow": vars(sizes), "style_space": "code" if sizes.style else "none"}
+    _write(path, known, build_graphs(weights, sizes), weights, statistics, card)
+
+
+def _write(
+    path: str | PathLike[str], facts: Mapping[str, Any], graphs: Mapping[str, bytes], weights: Mapping[str, Array],
+    statistics: Statistics, card: str,
+) -> None:  # fmt: skip
+    """What can be opened is written."""
+    members = {
+        WEIGHTS: pack_arrays(weights),
+        STATISTICS: pack_arrays({name: value for name, value in vars(statistics).items() if value.size}),
+        **{f"{name}.onnx": graph for name, graph in graphs.items()},
+        CARD: card.encode(),
+    }
+    manifest = {"smooth": 1, **facts}
+    open_system(read_spec(Bundle(Path(fsdecode(path)).name, manifest, members)))
+    write_bundle(path, manifest, members)

@@ -1,0 +1,152 @@
+"""What a bundle's networks make of its speakers' speech, measured as they will play: how far from the speakers' own motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...audio.emotions import EMOTIONS
+from ...models.nn.gumbel import smooth_gumbel
+from ...models.nn.objective import StepRandom
+from ...motion.rotations import Array
+from ...runtime.mode_noise import SECONDS
+from ...runtime.network import Network
+from ...runtime.statistics import Statistics
+
+__all__ = ["calibrate", "relative_error", "stretch_rows"]
+
+GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
+APART, NOISE_GAINS = 0.7, (1.0, 5.0)
+"""How far takes are to lie from each other, in standard deviations within a window, and by what noise is multiplied for it;
+ours: independent takes would lie √2 apart, and beyond five times the noise that it knows a network slows down."""
+DIGITS = 6  # of the measured error
+
+
+def stretch_rows(statistics: Statistics, examples: Mapping[str, Array], columns: int) -> Array:
+    """(S, n, F, R) rows of the speakers' speech as a network takes them: style controls at their means, words as said.
+
+    Args:
+        statistics: of the bundle.
+        examples: of the run folder.
+        columns: of style controls.
+    """
+    speech = examples["speech"]
+    rows = [speech, np.zeros((*speech.shape[:3], columns), np.float32)]
+    if statistics.words.size:
+        ids = examples["texts"].astype(int)
+        rows.append(statistics.words[ids].sum(-2) / np.maximum((ids > 0).sum(-1, keepdims=True), 1))
+    return np.concatenate(rows, -1).astype(np.float32)
+
+
+def calibrate(
+    networks: Mapping[str, Network], statistics: Statistics, examples: Mapping[str, Array], fps: float, *, columns: int,
+    measures_noise: bool,
+) -> Statistics:  # fmt: skip
+    """Statistics with the mean of what each network makes in each style, and by what its poses are multiplied.
+
+    Args:
+        networks: those that play.
+        statistics: without these.
+        examples: of the run folder.
+        fps: of the poses.
+        columns: of style controls.
+        measures_noise: whether noise is multiplied so that takes lie `APART`.
+    """
+    found, gains = dict[str, Array](), np.ones(2, np.float32)
+    for name, prefix, place in (("make", "", 0), ("live", "live_", 1)):
+        if name not in networks:
+            continue
+        measured = _Measured(networks[name], statistics, examples, fps, columns, 1 + measures_noise)
+        if measures_noise and measured.noise.shape[-1]:
+            gains[place:] = measured.find_noise_gain()
+        found |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), measured.compare(gains[place]), strict=True)
+    return replace(statistics, noise_gain=gains, **found)
+
+
+class _Measured:
+    """Windows of everybody's speech, played by a network in each style."""
+
+    def __init__(
+        self, network: Network, s: Statistics, examples: Mapping[str, Array], fps: float, columns: int, takes: int
+    ) -> None:
+        signature, stretches = network.signature, examples["stretches"]
+        speakers, frames = len(stretches), stretches.shape[2]
+        if signature.window is not None:
+            frames = min(signature.probe, frames // signature.multiple * signature.multiple)
+        self.network, self.codes = network, s.style_codes
+        self.rows = _cut(stretch_rows(s, examples, columns), frames).reshape(-1, frames, signature.width("rows"))
+        self.own = _cut(stretches, frames)
+        emotions = examples.get("emotions", np.zeros((*stretches.shape[:3], 1)))
+        labels = _cut(emotions, frames)[..., 0].reshape(-1, frames).astype(int).clip(0)
+        has = signature.width("style") - self.codes.shape[1]
+        self.moods = np.eye(len(EMOTIONS), dtype=np.float32)[labels][..., :has]
+        width, count = signature.width("noise"), len(self.rows)
+        noise = smooth_gumbel(StepRandom(0, 0), takes * count, width, frames, SECONDS * fps) if width else np.zeros(0)
+        self.noise = np.asarray(noise).reshape(takes, count, width, frames).swapaxes(2, 3) if width else np.zeros((1, 1, 1, 0))
+        self.speakers = speakers
+
+    def find_noise_gain(self) -> float:
+        """By what noise is multiplied so that two takes lie `APART` as far from each other as one moves; they do so nearly in
+        proportion to the noise."""
+        take, other = (np.stack([*self.play_styles(self.codes[:1], noise)]) for noise in self.noise)
+        apart, moved = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
+        return float(np.clip(APART * moved / max(apart, 1e-6), *NOISE_GAINS))
+
+    def compare(self, gain: float) -> tuple[Array, Array]:
+        """(S, D) mean of what is made in each style; and the standard deviation within a window of the speakers' own poses, in
+        that of what is made."""
+        made = np.stack([*self.play_styles(self.codes, gain * self.noise[0])])  # (n, S, T, D)
+        wanted = np.sqrt(self.own.var(2, ddof=1).mean(1))
+        moved = np.sqrt(made.var(2, ddof=1).mean(0))
+        return made.mean((0, 2)).astype(np.float32), np.clip(wanted / np.maximum(moved, 1e-6), *GAINS).astype(np.float32)
+
+    def play_styles(self, codes: Array, noise: Array) -> Iterator[Array]:
+        """(S, T, D) of each window, one take in each of these styles (S, C)."""
+        for k, rows in enumerate(self.rows):
+            style = [np.broadcast_to(codes[:, None], (len(codes), len(rows), codes.shape[1]))]
+            style.append(np.broadcast_to(self.moods[k], (len(codes), *self.moods[k].shape)))
+            each = np.broadcast_to(noise[k % len(noise)], (len(codes), len(rows), noise.shape[-1]))
+            yield play(self.network, rows, np.concatenate(style, -1), each)
+
+
+def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
+    """(N, T, D) poses for rows (T, R) of speech, styles (N, T, C) and noise (N, T, Z), by windows or frame by frame."""
+    ports = {"style": style, "noise": noise}
+    ports = {name: x for name, x in ports.items() if name in network.signature.inputs}
+    shape = len(style), len(rows), network.signature.width("poses")
+    if network.signature.window is not None:
+        return np.broadcast_to(network.run(rows=rows[None], **ports)["poses"], shape)
+    state, made = network.begin(len(style)), []
+    for k, row in enumerate(rows):
+        found = network.run(rows=row[None], **{name: x[:, k] for name, x in ports.items()}, **state)
+        state = {name: found[f"next.{name}"] for name in state}
+        made.append(np.broadcast_to(found["poses"], (shape[0], shape[2])))
+    return np.stack(made, 1)
+
+
+def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -> float:
+    """√mean square of how far poses of one network are from those of another, in that of the latter.
+
+    Args:
+        exact, other: of one signature.
+        rows: (S, F, R) of speech.
+        styles: (S, C) of the speakers, what they lack are emotions: neutral ones.
+    """
+    error, size, signature = 0.0, 0.0, exact.signature
+    frames = rows.shape[1] // signature.multiple * signature.multiple
+    for heard, code in zip(rows[:, :frames], styles, strict=True):
+        style = np.zeros((1, frames, signature.width("style")), np.float32)
+        style[..., : len(code)] = code
+        style[..., len(code) : len(code) + 1] = 1  # the first emotion is the neutral one
+        noise = np.zeros((1, frames, signature.width("noise")), np.float32)
+        right, nearly = (play(network, heard, style, noise) for network in (exact, other))
+        error, size = error + float(np.square(nearly - right).sum()), size + float(np.square(right).sum())
+    return round((error / max(size, 1e-12)) ** 0.5, DIGITS)
+
+
+def _cut(x: Array, frames: int) -> Array:
+    """(S, n, F, C) → (S, n · (F // frames), frames, C)."""
+    pieces = x.shape[2] // frames
+    return x[:, :, : pieces * frames].reshape(len(x), -1, frames, x.shape[3])

@@ -1,0 +1,71 @@
+"""A trained network as graphs that play without PyTorch, with their signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from ...errors import InputError
+from ...models.chain_live import ChainLive
+from ...models.chain_of_generation import ChainOfGeneration
+from ...models.moglow import MoGlow
+from ...models.nn.modalities import ManyInputs
+from ...models.stylised_flow import StylisedFlow
+from ...motion.rotations import Array
+from ...runtime.signature import Signature
+from .onnx_export import export_graphs
+
+__all__ = ["ExportedModel", "export_model"]
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """Graphs, and what a bundle says of them."""
+
+    signatures: Mapping[str, Signature]
+    graphs: Mapping[str, bytes]
+    weights: Mapping[str, Array]
+    words: Array
+    """(n, W) rows of subwords; of no size for a network that reads none."""
+
+
+def export_model(model: Any, name: str) -> ExportedModel | None:
+    """A network that makes motion, as graphs; None for a flow, whose step is an engine of its own.
+
+    Args:
+        model: of a run.
+        name: of the model, for messages.
+
+    Raises:
+        InputError: it makes no motion, or what no bundle can hold.
+    """
+    if isinstance(model, MoGlow | StylisedFlow):
+        return None
+    words = _check_inputs(model, name) if isinstance(model, ChainOfGeneration | ManyInputs) else np.zeros(0, np.float32)
+    exported = export_graphs(model.export_module())
+    return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
+
+
+def _check_inputs(model: Any, name: str) -> Array:
+    """Rows of subwords of a network of many inputs, of which a bundle can hold all that it needs."""
+    whole = model
+    if isinstance(model, ChainLive):
+        if model.teacher is None:
+            raise InputError(f"a run of {name!r} without a teacher", "train it with [needs] teacher = …")
+        whole = model.teacher
+    if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
+        raise InputError(f"a run of {name!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch")
+    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
+        raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
+    table = getattr(whole, "word", None) or whole.embedding
+    if not hasattr(table, "table"):
+        raise InputError(
+            "a run on word vectors of somebody else's", "bundles are of runs that learnt words; leave out data.words"
+        )
+    rows: Tensor = table.table.weight.detach().clone()
+    rows[0] = 0
+    return rows.numpy()

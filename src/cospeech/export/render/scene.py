@@ -90,7 +90,6 @@ class Scene:
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
-        lit = measure_light(vertices, normals, self._casting, (light.KEY @ axes).astype(np.float32), _PENUMBRA)
         screen = camera.project(vertices)
         levels = self._surfaces.levels(screen, self._corners)
         front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
@@ -105,6 +104,10 @@ class Scene:
             backdrop[:, rows, columns] *= left
             picture[rows, columns] = light.develop(backdrop[:, rows, columns]).transpose(1, 2, 0)
         if len(seen.sample):
+            asked = np.zeros(len(vertices), bool)
+            asked[self._triangles[seen.triangle]] = True
+            key = (light.KEY @ axes).astype(np.float32)
+            lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
             sight = (axes @ (camera.position - vertices).T).astype(np.float32)
             sight /= np.sqrt(_dot(sight, sight))
             shine = (axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit)

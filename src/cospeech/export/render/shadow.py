@@ -6,10 +6,13 @@ Shadows are looked up at the vertices and interpolated over the triangles, like 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...motion.rotations import Array
 from .camera import Camera
 from .raster import SAMPLES, Floats, Ints, front_facing, see
+
+Bools = NDArray[np.bool_]
 
 __all__ = ["floor_shadow", "measure_light", "openness"]
 
@@ -27,7 +30,9 @@ _LOW = 0.22  # metres of height over which a body part stops darkening the floor
 _DENSE = 0.62  # share of the light that the floor loses at most; ours
 
 
-def measure_light(vertices: Floats, normals: Floats, triangles: Ints, towards: Floats, blur: float) -> Floats:
+def measure_light(
+    vertices: Floats, normals: Floats, triangles: Ints, towards: Floats, blur: float, asked: Bools | None = None
+) -> Floats:
     """How much of a light far away in the direction ``towards`` reaches each vertex: (V,) 0 … 1.
 
     Only what stands in the way counts, not the angle at which light arrives.
@@ -38,6 +43,7 @@ def measure_light(vertices: Floats, normals: Floats, triangles: Ints, towards: F
         triangles: (F, 3).
         towards: (3,) unit.
         blur: radius in metres around each point in which is looked, for a soft edge; 0 for one look.
+        asked: (V,) for which vertices it matters, all where None; the others get 0.
     """
     side = np.cross(towards, (0.0, 0.0, 1.0) if abs(towards[1]) > 0.9 else (0.0, 1.0, 0.0))
     side /= np.linalg.norm(side)
@@ -53,6 +59,8 @@ def measure_light(vertices: Floats, normals: Floats, triangles: Ints, towards: F
     depth = np.full((width * height, SAMPLES), -np.inf, np.float32)
     depth.ravel()[seen.sample] = (seen.inverse - 1) / scale
 
+    if asked is not None:
+        flat, slope = flat[asked], slope[asked]
     flat += slope * np.float32(_LIFT / _CELL)
     flat[:, 2] += np.float32(_LIFT / _CELL)
     fall = -slope[:, :2] / np.maximum(np.abs(slope[:, 2:]), 1 / _STEEPEST)  # how the surface goes on beside the point
@@ -65,7 +73,12 @@ def measure_light(vertices: Floats, normals: Floats, triangles: Ints, towards: F
         y = np.clip(flat[:, 1] + dy, 0, height - 1).astype(np.intp)
         over = flat[:, 2] + np.maximum(fall[:, 0] * dx + fall[:, 1] * dy, 0)
         hidden += depth.take(y * width + x, axis=0) > over[:, None]
-    return 1 - hidden.astype(np.float32) @ np.full(SAMPLES, 1 / (SAMPLES * taps), np.float32)
+    light = 1 - hidden.astype(np.float32) @ np.full(SAMPLES, 1 / (SAMPLES * taps), np.float32)
+    if asked is None:
+        return light
+    found = np.zeros(len(vertices), np.float32)
+    found[asked] = light
+    return found
 
 
 def openness(vertices: Floats, normals: Floats, triangles: Ints) -> Floats:
@@ -76,7 +89,7 @@ def openness(vertices: Floats, normals: Floats, triangles: Ints) -> Floats:
     total, most = np.zeros(len(vertices), np.float32), np.full(len(vertices), 1e-6, np.float32)
     for towards in np.stack([around * np.cos(angle), height, around * np.sin(angle)], 1).astype(np.float32):
         weight = np.maximum(normals @ towards, 0)
-        total += weight * measure_light(vertices, normals, triangles, towards, 0.0)
+        total += weight * measure_light(vertices, normals, triangles, towards, 0.0, weight > 0)
         most += weight
     return _DARKEST + (1 - _DARKEST) * total / most
 

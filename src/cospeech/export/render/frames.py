@@ -84,7 +84,7 @@ class FrameStream:
 
     def _order(self, least: int) -> Iterator[Pictures]:
         """Hand waiting rows, if at least so many, to helpers; give the oldest pictures where many are under way."""
-        if not sys.executable:  # an embedded Python, Blender's say, cannot start another
+        if cores() == 1 or not sys.executable:  # an embedded Python, Blender's say, cannot start another
             yield from self._draw_here()
         while len(self._rows) >= least:
             if self._threads is None:

@@ -104,8 +104,9 @@ class Scene:
             backdrop[:, rows, columns] *= left
             picture[rows, columns] = light.develop(backdrop[:, rows, columns]).transpose(1, 2, 0)
         if len(seen.sample):
-            asked = np.zeros(len(vertices), bool)
-            asked[self._triangles[seen.triangle]] = True
+            shown, asked = np.zeros(len(self._triangles), bool), np.zeros(len(vertices), bool)
+            shown[seen.triangle] = True
+            asked[self._triangles[shown]] = True
             key = (light.KEY @ axes).astype(np.float32)
             lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
             sight = (axes @ (camera.position - vertices).T).astype(np.float32)
@@ -173,7 +174,8 @@ class Scene:
         corner = self._corners.take(points.triangle, axis=1)  # (3, N)
         weight = _weights(posed.screen, corner, points.x, points.y)
         colour = _mix(light.shade(*shine), corner, weight)
-        textured = np.flatnonzero(self._surfaces.textured.take(points.triangle))
+        has_texture = self._surfaces.textured
+        textured = np.flatnonzero(has_texture.take(points.triangle) if has_texture.any() else has_texture[:0])
         texture = np.ones((3, 0), np.float32)
         if len(textured):
             own = corner[:, textured], weight[:, textured]

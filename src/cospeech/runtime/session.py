@@ -171,7 +171,7 @@ class TrainedSession:
 
     @property
     def arousal(self) -> float | None:
-        """See `cospeech.rules.Session.arousal`; the rules play it, in the face. A network hears the sound itself."""
+        """See `cospeech.rules.Session.arousal`; a trained model does not play it: its body depends on the sound."""
         return self._faces[0].arousal
 
     @property

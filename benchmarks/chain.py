@@ -21,11 +21,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from cospeech.runtime.backends import backend_of
-from cospeech.runtime.chain_bundle import VOICE, ChainStatistics, ChainSystem
-from cospeech.runtime.chain_engine import ChainEngine
 from flow import medians, processor, verdict
-from mix_stage import load
+from mix_stage import BOUND, load, open_network, playing
 from speed import resident
 
 from cospeech.audio.features.reduce import audio_width
@@ -36,16 +33,23 @@ from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.joints import hand_columns
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.options import GenerationOptions
+from cospeech.runtime.conditioning import NOTHING
+from cospeech.runtime.decoders import start_decoder
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
+from cospeech.runtime.spec import VOICE
+from cospeech.runtime.speech_frontend import SpeechTextFrontend
+from cospeech.runtime.statistics import Statistics
+from cospeech.runtime.style import Styles
+from cospeech.runtime.style_space import style_space
+from cospeech.runtime.system import System
 from cospeech.training.checkpoint import network
-from cospeech.training.export.onnx_export import LoweredChain, lower_chain
+from cospeech.training.export.onnx_export import export_graphs
 from cospeech.training.recipe import SHIPPED, Recipe, build, load_recipe
 
 SPEAKERS = 8
 SECONDS, PIECE, FPS = 60.0, 1 / 30, 30.0
-BOUND = 8.0  # deviations; poses of the training data lie within
 PARTS = ("face", "body", "hands")
 
 
@@ -57,29 +61,24 @@ def untrained(recipe: Recipe, **needs: Any) -> Any:
     return kind(build(kind.Config, recipe.config, "model"), **sizes, hands=hand_columns(pose.names), text=0, **needs).eval()
 
 
-def engine_of(low: LoweredChain) -> ChainEngine:
-    edge = np.full(low.sizes.pose, BOUND)
-    return ChainEngine(low.sizes, low.weights, low.graphs, -edge, edge)
-
-
-def system_of(recipe: Recipe, net: Any) -> ChainSystem:
-    """A bundle's contents; poses move by tenths."""
-    low = lower_chain(net)
-    d, a = np.ones(low.sizes.pose, np.float32), np.ones(low.sizes.audio, np.float32)
-    zeros, ones = np.zeros((SPEAKERS, low.sizes.pose), np.float32), np.ones((SPEAKERS, low.sizes.pose), np.float32)
+def system_of(recipe: Recipe, net: Any) -> tuple[System, int]:
+    """A bundle's contents, whose poses move by tenths; and the number of its parameters."""
+    exported = export_graphs(net.export_module())
+    pose, audio = find_pose(recipe.data.pose).dimensions, audio_width(recipe.data.audio)
+    d, a = np.ones(pose, np.float32), np.ones(audio, np.float32)
     words = (net.teacher if hasattr(net, "teacher") else net).word.table.weight.detach().numpy().copy()
     words[0] = 0
-    statistics = ChainStatistics(
+    statistics = Statistics(
         pose_mean=0 * d, pose_std=0.1 * d, audio_mean=-4 * a, audio_std=3 * a, pose_low=-BOUND * d, pose_high=BOUND * d,
-        audio_low=-4 * a, audio_high=4 * a, speaker_mean=zeros, model_mean=zeros, style_gain=ones,
-        live_model_mean=zeros, live_style_gain=ones, noise_gain=np.ones(2, np.float32),
-        words=words,
+        audio_low=-4 * a, audio_high=4 * a, speaker_mean=np.zeros((SPEAKERS, pose), np.float32), words=words,
     )  # fmt: skip
-    styles = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE)
-    data = recipe.data
-    return ChainSystem(
-        data.pose, data.fps, data.audio, 1, styles, styles[0], "", engine=engine_of(low), statistics=statistics, vocabulary=None
-    )
+    styles, data = (*(f"speaker{k}" for k in range(SPEAKERS)), VOICE), recipe.data
+    system = System(
+        name="random", pose=data.pose, fps=data.fps, audio=data.audio, smooth=1, styles=styles, style=styles[0],
+        style_space="speaker-emotion", controls=(), vocabulary=None, card="", statistics=statistics.complete(one_hot=True),
+        networks={name: open_network(exported, name, pose) for name in exported.graphs},
+    )  # fmt: skip
+    return system, sum(value.size for value in exported.weights.values())
 
 
 def speech_of(seconds: float) -> Speech:
@@ -111,12 +110,13 @@ class Timed:
         return self._told(self._inner.finish, *given)
 
 
-def by_part(system: ChainSystem, speech: Speech) -> dict[str, float]:
+def by_part(system: System, speech: Speech) -> dict[str, float]:
     """Seconds of processor time of each part, whole speech, offline: `TrainedModel.session`, its parts timed."""
-    backend = backend_of(system)
-    resolved_style = ResolvedStyle(backend.styles.blend(None), np.zeros(0))
-    frontend = backend.listen(resolved_style.controls)
-    decoder = backend.play(resolved_style.blend, frontend.silence, GenerationOptions(look_ahead=inf))
+    space = style_space(system)
+    resolved_style = ResolvedStyle(Styles(system, space).blend(None), np.zeros(0))
+    frontend = SpeechTextFrontend(system, resolved_style.controls)
+    options = GenerationOptions(look_ahead=inf)
+    decoder = start_decoder(system, space, resolved_style.blend, frontend.silence, options, NOTHING)
     face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=decoder.moods or "auto")
     shared = SharedProsody()
     for each in (frontend, face):
@@ -151,14 +151,6 @@ def live(gesturer: TrainedModel, speech: Speech, **options: Any) -> tuple[np.nda
         clock.append((time.perf_counter() - begun) * 1e3)
     list(session.finish())
     return np.array(work[60:]), np.array(clock[60:]), session.latency  # two seconds on, all parts are at work
-
-
-def windows(engine: ChainEngine) -> Callable[[], object]:
-    """A window as in training."""
-    s, rng = engine.sizes, np.random.default_rng(0)
-    shapes = (s.window, s.rows), (1, s.window, s.style), (1, s.window, s.noise)
-    given = [rng.normal(size=shape).astype(np.float32) for shape in shapes]
-    return lambda: engine.windows.make(*given)
 
 
 def eager(net: Any) -> Callable[[], object]:
@@ -198,9 +190,8 @@ def main() -> None:
     }
     teacher = untrained(recipes["chain_of_generation_humanoid"])
     net = untrained(recipes["chain_live_humanoid"], teacher=teacher)
-    system = system_of(recipes["chain_live_humanoid"], net)
+    system, played = system_of(recipes["chain_live_humanoid"], net)
     gesturer, speech = TrainedModel(system), speech_of(SECONDS)
-    played = sum(value.size for value in system.engine.weights.values())
     print(
         f"        {played:,} parameters to play, of both networks and classifier, and {system.statistics.words.size:,} of words"
     )
@@ -213,8 +204,8 @@ def main() -> None:
     told_live(gesturer, speech)
     large = load_recipe(SHIPPED / "chain_of_generation_beat.toml")
     paper = untrained(large)
-    engine = engine_of(lower_chain(paper))
-    ms = medians({"a window, paper's size": windows(engine), "by PyTorch eager": eager(paper)}, 15, 1)
+    network = open_network(export_graphs(paper.export_module()), "make", find_pose(large.data.pose).dimensions)
+    ms = medians({"a window, paper's size": playing(network, paper.window, 1), "by PyTorch eager": eager(paper)}, 15, 1)
     seconds = paper.window / large.data.fps
     parameters = sum(p.numel() for p in paper.parameters())
     print(f"        the paper's sizes, {parameters:,} parameters: a window of {paper.window} frames lasts {seconds:.2f} s")

@@ -241,7 +241,7 @@ def paper_size() -> None:
 
 
 def shipped_size() -> None:
-    engine = load("stylised-flow").system.engine  # type: ignore[attr-defined]  # a bundle
+    engine = load("stylised-flow").system.flow  # type: ignore[attr-defined]  # a bundle
     print(f"the bundle that ships, K = {engine.sizes.steps}, {engine.sizes.hidden} units, {engine.sizes.pose} numbers a pose")
     ms = medians({"int8": stepping(engine, 1), "int8, 8 takes": stepping(engine, 8)}, rounds=60)
     verdict("a frame", ms["int8"], 0.6, " ms")
@@ -272,11 +272,11 @@ def endless_speech(frames: int) -> None:
     """The bundle that ships on the example speech, over and over."""
     decoder = load("stylised-flow")
     system = decoder.system  # type: ignore[attr-defined]  # a bundle
-    s, sizes = system.statistics, system.engine.sizes
+    s, sizes = system.statistics, system.flow.sizes
     speech = Speech.load(EXAMPLE)
     rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)
-    windows = system.engine.windows(np.concatenate([(rows - s.audio_mean) / s.audio_std] * 2))[: len(rows)]
-    takes, draw = system.engine.begin(s.histories[:1], s.styles[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
+    windows = system.flow.windows(np.concatenate([(rows - s.audio_mean) / s.audio_std] * 2))[: len(rows)]
+    takes, draw = system.flow.begin(s.histories[:1], s.styles[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
     spreads, begun, done = [], time.perf_counter(), 0
     while done < frames:
         made = np.concatenate([takes.frames(windows, draw.draw(len(windows))[None])[0] for _ in range(20)])

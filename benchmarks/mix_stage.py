@@ -23,15 +23,17 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from cospeech.runtime.style_measures import StyleEmbedding
-from cospeech.runtime.window_bundle import WindowStatistics, WindowSystem
-from cospeech.runtime.window_engine import WindowEngine
 from flow import medians, processor, verdict
 
 from cospeech.models.mix_stage import MixStage, MixStageConfig
 from cospeech.models.nn.objective import Batch, StepRandom
+from cospeech.runtime.network import Network
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
-from cospeech.training.export.onnx_export import export_graphs
+from cospeech.runtime.statistics import Statistics
+from cospeech.runtime.style_space import style_space
+from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.system import System
+from cospeech.training.export.onnx_export import Exported, export_graphs
 
 POSE, AUDIO, SPEAKERS, FPS = 96, 64, 8, 15.0
 SECONDS, FRAMES = 10.0, 160
@@ -44,36 +46,43 @@ def paper_size() -> MixStage:
     return MixStage(MixStageConfig(), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
 
 
-def system_of(engine: WindowEngine) -> WindowSystem:
+def open_network(exported: Exported, name: str, pose: int) -> Network:
+    """One network of an export, whose poses have so many numbers."""
+    edge = np.full(pose, BOUND)
+    return Network(exported.signatures[name], exported.graphs[name], exported.weights, {"poses": (-edge, edge)})
+
+
+def system_of(network: Network) -> System:
     """Enough of a bundle for a player."""
     zeros, ones = np.zeros(POSE, np.float32), np.ones(POSE, np.float32)
     silence, loud = np.zeros(AUDIO, np.float32), np.ones(AUDIO, np.float32)
-    statistics = WindowStatistics(
+    statistics = Statistics(
         pose_mean=zeros, pose_std=ones, audio_mean=silence, audio_std=loud, pose_low=-BOUND * ones, pose_high=BOUND * ones,
-        audio_low=-BOUND * loud, audio_high=BOUND * loud, centres=np.zeros((SPEAKERS, POSE), np.float32),
-        codes=np.eye(SPEAKERS, dtype=np.float32), made=np.zeros((SPEAKERS, POSE), np.float32),
-        gains=np.ones((SPEAKERS, POSE), np.float32),
+        audio_low=-BOUND * loud, audio_high=BOUND * loud, speaker_mean=np.zeros((SPEAKERS, POSE), np.float32),
     )  # fmt: skip
     names = tuple(f"speaker{k}" for k in range(SPEAKERS))
-    return WindowSystem("keypoints2d", FPS, "mel64", 1, names, names[0], "", engine, statistics)
+    return System(
+        name="random", pose="keypoints2d", fps=FPS, audio="mel64", smooth=1, styles=names, style=names[0],
+        style_space="one-hot", controls=(), vocabulary=None, card="", statistics=statistics.complete(one_hot=True),
+        networks={"make": network},
+    )  # fmt: skip
 
 
-def playing(engine: WindowEngine, frames: int, takes: int) -> Callable[[], object]:
-    """One pass."""
-    sizes, rng = engine.sizes, np.random.default_rng(0)
-    shapes = (frames, sizes.audio), (takes, frames, sizes.styles), (takes, frames, sizes.modes)
-    given = [rng.normal(size=shape).astype(np.float32) for shape in shapes]
-    return lambda: engine.make(*given)
+def playing(network: Network, frames: int, takes: int) -> Callable[[], object]:
+    """One pass over so many frames of speech."""
+    rng, sizes = np.random.default_rng(0), {"N": takes, "T": frames}
+    shapes = {name: tuple(sizes.get(size, size) for size in port) for name, port in network.signature.inputs.items()}
+    given = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    return lambda: network.run(**given)
 
 
-def paced(engine: WindowEngine, seconds: float = 20.0) -> tuple[float, float, float, int]:
+def paced(network: Network, seconds: float = 20.0) -> tuple[float, float, float, int]:
     """Milliseconds a frame in processor time, milliseconds of a window on the clock (median and 99th percentile), frames a
     window: a loop that sleeps until the next frames of speech are due."""
-    system, setting = system_of(engine), live(engine.sizes)
-    statistics = system.statistics
-    manner = StyleEmbedding(statistics.codes[0], statistics.centres[0], np.zeros((0, 0, POSE), np.float32))
-    silence = np.zeros((1, AUDIO), np.float32)
-    decoder = SlidingWindowDecoder(system, setting, ((1.0, manner),), [0], silence)
+    system, setting = system_of(network), live(network.signature)
+    space, silence = style_space(system), np.zeros((1, AUDIO), np.float32)
+    style = StyleTrack(system, space, ((1.0, space.by_name(system.style)),), [0])
+    decoder = SlidingWindowDecoder(system, network, style, [0], silence, setting)
     rows = np.random.default_rng(0).normal(size=(int(seconds * FPS), AUDIO)).astype(np.float32)
     work, clock, due = [], [], time.perf_counter()
     for first in range(0, len(rows) - setting.hop + 1, setting.hop):
@@ -129,19 +138,18 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"Mix-StAGE of the paper's size, one core of {processor()}, onnxruntime; {load()}")
     net = paper_size().eval()
-    low = export_graphs(net.export_module())
-    edge = np.full(POSE, BOUND)
-    engine = WindowEngine(low.sizes, low.weights, low.graphs, -edge, edge)
-    played = sum(value.size for value in low.weights.values())
+    exported = export_graphs(net.export_module())
+    network = open_network(exported, "make", POSE)
+    played = sum(value.size for value in exported.weights.values())
     print(f"        {sum(p.numel() for p in net.parameters()):,} parameters, {played:,} of them to play; "
-          f"a frame hears {low.sizes.reach} frames to either side")  # fmt: skip
-    runs = {"10 s offline": playing(engine, FRAMES, 1), "8 takes": playing(engine, FRAMES, 8)}
-    runs |= {"a window of 64 frames": playing(engine, 64, 1), "10 s by PyTorch eager": eager(net)}
+          f"a frame hears {network.signature.reach} frames to either side")  # fmt: skip
+    runs = {"10 s offline": playing(network, FRAMES, 1), "8 takes": playing(network, FRAMES, 8)}
+    runs |= {"a window of 64 frames": playing(network, 64, 1), "10 s by PyTorch eager": eager(net)}
     ms = medians(runs, 15, 1)
     verdict("real-time factor, 10 s offline, float32", ms["10 s offline"] / 1e3 / SECONDS, 0.006, "")
     verdict("faster than PyTorch eager", ms["10 s by PyTorch eager"] / ms["10 s offline"], 1, "×", at_least=True)
     print(f"        8 takes cost {ms['8 takes'] / ms['10 s offline']:.2f} times one")
-    each, middle, late, hop = paced(engine)
+    each, middle, late, hop = paced(network)
     print(f"        live: {each:.3g} ms a frame; a window of {hop} new frames takes {middle:.3g} ms on the clock, "
           f"99th percentile {late:.3g} ms, and has {1e3 * hop / FPS:.0f} ms")  # fmt: skip
     verdict("live, 99th percentile of a window, of the time that its frames last", 100 * late / (1e3 * hop / FPS), 100, " %")

@@ -12,26 +12,25 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from cospeech.runtime.systems import open_system
-from cospeech.runtime.window_bundle import WindowSystem
-from cospeech.runtime.window_style import embed_window_speaker
 
 from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.runtime.bundle import read_bundle
-from cospeech.runtime.sliding_window_decoder import Setting, SlidingWindowDecoder, live, whole
+from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live, whole
 from cospeech.runtime.speech_frontend import SpeechFrontend
+from cospeech.runtime.style_space import style_space
+from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.system import System, open_bundle
+from cospeech.runtime.window_layout import WindowLayout
 
 AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
 
 
-def play_speakers(system: WindowSystem, setting: Setting, rows: np.ndarray, silence: np.ndarray) -> tuple[np.ndarray, float]:
+def play_speakers(system: System, setting: WindowLayout, rows: np.ndarray, silence: np.ndarray) -> tuple[np.ndarray, float]:
     """(S, T, D) standardised poses in every speaker's style, and milliseconds of work a frame and style."""
-    began, made = time.process_time(), []
+    began, made, space = time.process_time(), [], style_space(system)
     for name in system.styles:
-        decoder = SlidingWindowDecoder(
-            system, setting, ((1.0, embed_window_speaker(system, name)),), [0], silence, temperature=0.0
-        )
+        style = StyleTrack(system, space, ((1.0, space.by_name(name)),), [0], temperature=0.0)
+        decoder = SlidingWindowDecoder(system, system.main_network, style, [0], silence, setting, temperature=0.0)
         made += [decoder.push(rows), decoder.finish(silence)]
     pairs = [np.concatenate(pair, 1) for pair in zip(made[::2], made[1::2], strict=True)]
     return np.concatenate(pairs), (time.process_time() - began) / (len(rows) * len(system.styles)) * 1e3
@@ -53,16 +52,17 @@ def main() -> None:
     parser.add_argument("bundle")
     parser.add_argument("--speech", default=str(EXAMPLE))
     given = parser.parse_args()
-    system = open_system(read_bundle(given.bundle))
-    if not isinstance(system, WindowSystem):
-        raise SystemExit("no network of windows")
+    system = open_bundle(given.bundle)
+    network = system.networks.get("make")
+    if network is None or network.signature.hop is not None or system.has_emotions:
+        raise SystemExit("no network of windows whose look-ahead can be chosen")
     frontend = SpeechFrontend(system, np.zeros(0, np.float32))
     silence = frontend.silence
     rows = np.concatenate([frontend.push(Speech.load(given.speech)), frontend.finish()])
-    wanted, cost = play_speakers(system, whole(system.engine.sizes), rows, silence)
+    wanted, cost = play_speakers(system, whole(network.signature), rows, silence)
     print("| frames ahead | seconds | correlation with the whole | speed, of the whole's | ms a frame |\n" + "|---:" * 5 + "|")
     for ahead in AHEAD:
-        usual = live(system.engine.sizes)
+        usual = live(network.signature)
         setting = replace(usual, ahead=ahead, fade=min(usual.hop, ahead))
         made, work = play_speakers(system, setting, rows, silence)
         shares = f"{alike(made, wanted):.2f} | {speed(made) / speed(wanted):.2f} | {work:.2f}"

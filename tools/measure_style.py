@@ -19,8 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cospeech.runtime.flow_bundle import FlowSystem, open_flow
-from cospeech.runtime.style_measures import embed_flow_speaker
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
@@ -31,10 +29,12 @@ from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
-from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
 from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
-from cospeech.runtime.style import Blend, CodeSource, NormalSource, SegmentSource, Styles, Transfer, best_transfer
+from cospeech.runtime.style import StyleMixture, Styles
+from cospeech.runtime.style_space import style_space
+from cospeech.runtime.system import System, open_bundle
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
@@ -104,11 +104,11 @@ def movement(motion: Motion) -> np.ndarray:
     return np.array([wrist_speeds(track).mean(), np.sqrt(np.square(away).sum(-1).mean())])
 
 
-def perform(system: FlowSystem, speech: Speech, sources: Sequence[Source]) -> list[Motion]:
+def perform(system: System, speech: Speech, sources: Sequence[Source]) -> list[Motion]:
     """A performance of each source in one pass, without faces."""
     resolved_style = ResolvedStyle((), np.zeros(len(system.controls), np.float32))
     frontend = SpeechFrontend(system, resolved_style.controls)
-    decoder = AutoregressiveDecoder(system, lambda blend: sources, resolved_style.blend, frontend.silence)
+    decoder = AutoregressiveDecoder(system, flow_of(system), lambda blend: sources, resolved_style.blend, frontend.silence)
     faces: Any = [Silent() for _ in sources]
     playing = TrainedSession(
         system,
@@ -126,7 +126,7 @@ def perform(system: FlowSystem, speech: Speech, sources: Sequence[Source]) -> li
 
 
 def play_speeches(
-    system: FlowSystem, transfer: Callable[..., Source], blends: dict[str, Blend], speeches: Sequence[Speech]
+    system: System, transfer: Callable[..., Source], blends: dict[str, StyleMixture], speeches: Sequence[Speech]
 ) -> dict[str, list[Motion]]:
     """Speaker → the performances of all speeches; every performance has a seed of its own."""
     made: dict[str, list[Motion]] = {name: [] for name in blends}
@@ -141,18 +141,18 @@ def play_speeches(
 class Begun(CodeSource):
     """A control: the default style, which only begins with the example's poses."""
 
-    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
+    def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
-        plain = CodeSource(system, ((1.0, embed_flow_speaker(system, system.style)),), seed=seed)
+        plain = CodeSource(system, ((1.0, style_space(system).by_name(system.style)),), seed=seed)
         self.style, self.speaker_mean, self.style_gain = plain.style, plain.speaker_mean, plain.style_gain
 
 
 class Posed(CodeSource):
     """The example's mean pose and deviation alone, with the code of the default style."""
 
-    def __init__(self, system: FlowSystem, blend: Blend, *, seed: int, temperature: float = 1.0) -> None:
+    def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
-        self.style = embed_flow_speaker(system, system.style).code
+        self.style = style_space(system).by_name(system.style).code
 
 
 def recognise_speakers(votes_of: SpeakerVotes, votes: Iterable[tuple[str, np.ndarray]], chosen: list[str]) -> list[str]:
@@ -213,7 +213,7 @@ def examples_of(clips: Sequence[Clip], votes_of: SpeakerVotes) -> dict[str, Moti
     return found
 
 
-def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[list[str]]:
+def compare(system: System, store: Store, clips: Sequence[Clip]) -> list[list[str]]:
     """The rows of the table."""
     votes_of = SpeakerVotes(store)
     examples = dict(list(examples_of(clips, votes_of).items())[:SPEAKERS])
@@ -224,11 +224,11 @@ def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[lis
     ]
     speeches = [clip.speech for clip in talks if clip.speech is not None]
     print(f"{len(examples)} speakers, {len(speeches)} speeches of {', '.join(sorted({c.speaker for c in talks}))}")
-    known = Styles(system)
+    known = Styles(system, style_space(system))
     shown = {name: known.blend(motion) for name, motion in examples.items()}
     halves = {name: known.blend({motion: 0.5}) for name, motion in examples.items()}
     by_name = {name: known.blend(name) for name in examples if name in system.styles}
-    ways: dict[str, tuple[Transfer, dict[str, Blend]]] = {
+    ways: dict[str, tuple[Transfer, dict[str, StyleMixture]]] = {
         "default style": (CodeSource, {name: known.blend(None) for name in examples}),
         "begins like the example": (Begun, shown),
         "latents: in order, then stretches (paper)": (partial(SegmentSource, coded=False), shown),
@@ -240,9 +240,9 @@ def compare(system: FlowSystem, store: Store, clips: Sequence[Clip]) -> list[lis
         "half way to the example": (best_transfer(system), halves),
         "speaker by name": (best_transfer(system), by_name),
     }
-    if not system.engine.sizes.style:
+    if not flow_of(system).sizes.style:
         ways = {name: way for name, way in ways.items() if "code" not in name}
-    if system.statistics.style_gain.size:
+    if system.statistics.speaker_std.size:
         ways = {name.replace("style code", "poses, style code"): way for name, way in ways.items()}
     else:
         del ways["mean and deviation of the poses"]
@@ -267,7 +267,7 @@ def main() -> None:
     parser.add_argument("--raw", type=Path, required=True)
     parser.add_argument("--write", action="store_true", help="put the table into docs/styles.md")
     chosen = parser.parse_args()
-    system, store = open_flow(read_bundle(chosen.bundle)), Store(chosen.store)
+    system, store = open_bundle(chosen.bundle), Store(chosen.store)
     clips = [clip for clip in load_stored_clips(chosen.store, split=None, raw=chosen.raw) if clip.split != "train"]
     rows = compare(system, store, clips)
     head = ["", f"recognised of {len(store.speakers)}", f"of {SPEAKERS}", "beat alignment", "speed", "reach"]

@@ -22,8 +22,9 @@ from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
+from ..rules.stance_layer import StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
-from .decoders import options_for_files, start_decoder
+from .decoders import has_legs, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
@@ -108,8 +109,14 @@ class TrainedModel:
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
-            direct=self._resolve_style, before=conditioning.before,
+            direct=self._resolve_style, before=conditioning.before, stances=self._stances(options),
         )  # fmt: skip
+
+    def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
+        """One for each take, of a system that has no legs, where the body is wanted and a stance is asked for."""
+        if not options.stance or "body" not in options.parts or self.system.pose == POSE or has_legs(self.system):
+            return []
+        return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""

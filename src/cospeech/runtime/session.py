@@ -27,6 +27,7 @@ from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
+from ..rules.stance_layer import StanceLayer
 from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
 from .seam import Seam
@@ -118,6 +119,7 @@ class TrainedSession:
         resolved_style: the style that the player begins with.
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
+        stances: what carries the body of each take; none for a body that has legs of its own.
     """
 
     def __init__(
@@ -132,7 +134,9 @@ class TrainedSession:
         resolved_style: ResolvedStyle,
         direct: Callable[[object], ResolvedStyle],
         before: Motion | None = None,
+        stances: Sequence[StanceLayer] = (),
     ) -> None:
+        self._stances = stances
         self._pose: Pose = find_pose(system.pose)
         self._frontend, self._decoder = frontend, decoder
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
@@ -167,7 +171,7 @@ class TrainedSession:
 
     @property
     def arousal(self) -> float | None:
-        """See `cospeech.rules.Session.arousal`; the rules play it, in the face. A network hears the sound itself."""
+        """See `cospeech.rules.Session.arousal`; a trained model does not play it: its body depends on the sound."""
         return self._faces[0].arousal
 
     @property
@@ -312,6 +316,8 @@ class TrainedSession:
         made = []
         for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
             rotations, root = body.take(count)
+            if self._stances:
+                rotations, root = self._stances[take].push(rotations, root)
             face = None
             if "face" in self._parts:
                 eyes, face = head.take(count)

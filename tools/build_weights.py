@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calibrate_face import calibrate
 from measure_face import measure_faces
 
 from cospeech.audio.speech import Speech
@@ -166,11 +167,12 @@ ships. `grid_s1`: one man, English commands of a small vocabulary. `facegood`: o
 
 **Network.** {parameters:,} parameters, 16-bit weights, {fps:g} faces per second; hears {ahead:.0f} ms ahead. Trained for
 {train_steps} steps of {batch} windows on {machine}. In training, speech was made louder and softer, brighter and darker, of
-longer and shorter vocal tracts, noisy, and interrupted by pauses.
+longer and shorter vocal tracts, noisy, and interrupted by pauses. Channels were then stretched to the size of the tracked ones
+(tools/calibrate_face.py).
 
 **Speakers**, for `--style NAME`: {names}; what is played without is grid_s1.
 
-## Held-out clips of the same two people
+## Held-out takes of the same two people
 
 {table}
 
@@ -179,8 +181,8 @@ Means with 95 % intervals over clips (tools/measure_face.py). Of other voices an
 ## What it cannot do
 
 Eyes, brows and cheeks do not move: rules do that. Two people, both calm: nothing is learnt of shouting, laughing or singing,
-and emotions are added by rules. It is a regression: lips close less, and open less, than people's; one speech has one face. The
-turn of the head hardly follows from speech. No tongue.
+and emotions are added by rules. One speech has one face: smiles and pressed lips that the sound does not tell of are missing.
+The turn of the head hardly follows from speech. No tongue.
 
 Rebuild: `python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER`. Licence of the weights:
 Apache-2.0, with the attribution above.
@@ -245,6 +247,8 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
         print(prepare("faces", chosen.faces, store, pose="face", fps=60).summary())
     recipe = load_recipe("speech_to_face", [*chosen.set, f"train.threads={chosen.threads}"])
     report = train(recipe, store, run, resume=True)
+    if report.resumed < report.step:  # once: what is stretched already stays
+        print(*calibrate(run, store), sep=", ")
     shape = {"which": "last", "smooth": 0, "style": FACE_STYLE}  # velocity was learnt: nothing is left to smooth
     bundle_run(run, out, **shape)
     facts = read_facts(run)

@@ -1,10 +1,13 @@
-"""How near a bundle's face comes to faces that were tracked, on the clips that were held out (docs/models/speech_to_face.md).
+"""How near a bundle's face comes to faces that were tracked, on the takes that were held out (docs/models/speech_to_face.md).
 
     python tools/measure_face.py RAW [--bundle BUNDLE.cospeech] [--clips 20]
 
-RAW is what ``cospeech prepare faces`` reads; held out is what it puts into the split "test". Every clip's sound is played in
-the style of its own speaker at the rate of its track, by what every system speaks with. Figures are means over clips with 95 %
-intervals (percentile bootstrap over clips); shares of a distance are quotients of such means.
+RAW is what ``cospeech prepare faces`` reads; held out is what it puts into the split "test", whole takes. Every clip's sound is
+played in the style of its own speaker at the rate of its track, by what every system speaks with; a speaker whom the bundle
+does not know is played in its default style, and all of their clips are held out. Figures are means over clips with 95 %
+intervals (percentile bootstrap over clips); shares of a distance are quotients of such means. Lips are judged where words tell
+of b, p and m: they are closed where the aperture ``jawOpen − mouthClose`` falls below .03 around the onset, or ``mouthPress``
+exceeds .05.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +25,11 @@ from cospeech.audio.features.reduce import reduce_audio
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.faces import LOWER, read
 from cospeech.corpora.prepare.pieces import split_of
+from cospeech.face.visemes import VISEMES, Phones, phones_of
 from cospeech.metrics.interval import bootstrap
 from cospeech.models import BUNDLE, SHIPPED
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from cospeech.rules import RuleBasedModel
 from cospeech.runtime.mouth import BundleMouth, open_mouth
 
 JAW = ARKIT_INDEX["jawOpen"]
@@ -35,6 +40,10 @@ CLOSED = 0.1  # jawOpen of a mouth that counts as closed
 LAGS = range(-6, 7)  # frames of 40 ms
 RIDGE = 10.0  # of the linear regression; in squared deviations of a column per frame, times 100
 DRAWS = 1000
+APERTURE, PRESSED = 0.03, 0.05  # jawOpen − mouthClose of closed lips, mouthPress of pressed ones: 97 % of GRID's b, p and m
+ONSET = (-0.06, 0.10)  # s around an onset in which the lips have to close: a track of 25 frames per second has four of them
+RATIO = (0.6, 1.3)  # standard deviation, made ÷ tracked, of a channel that moves as much as it should (issue 14)
+BILABIAL, ROUNDED = ("PP",), ("O", "U")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +55,9 @@ class Played:
     linear: np.ndarray
     silent: np.ndarray
     fps: float
+    phones: Phones
+    shown: dict[str, np.ndarray]
+    """The whole face with this mouth, as far as words are known: by the sound alone, and with the words."""
 
 
 def features(clip: Clip) -> np.ndarray:
@@ -100,6 +112,8 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
     off = np.array([[np.abs(kind(c) - c.real)[:, live].mean() for kind in kinds] for c in clips])
     closed = [[(face[:, JAW] < CLOSED) & c.silent for face in (c.made, c.real)] for c in clips]
     shut = np.array([[*map(np.sum, pair), c.silent.sum()] for pair, c in zip(closed, clips, strict=True)])
+    ratios = {ARKIT[k]: np.concatenate([c.made for c in clips])[:, k].std() / real[:, k].std() for k in live}
+    inside = sum(RATIO[0] <= ratio <= RATIO[1] for ratio in ratios.values())
     return {
         "held-out clips; frames; live channels": f"{len(clips)}; {len(real)}; {len(live)}",
         "correlation of jawOpen within clips": format_figure(np.array([np.corrcoef(a, b)[0, 1] for a, b, _ in pairs]), mean),
@@ -113,8 +127,75 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
         "below the regression by, %": format_figure(off, quotient(0, 2, 1, -1), 100),
         "mouth closed in silent frames, %": format_figure(shut, quotient(0, 2), 100),
         "that of the tracked mouth, %": format_figure(shut, quotient(1, 2), 100),
+        "channels whose deviation is .6 to 1.3 of the tracked": f"{inside} of {len(live)}",
+        "deviation of each, of the tracked": ", ".join(
+            f"{name.removesuffix('Left')} {ratio:.2f}" for name, ratio in ratios.items() if not name.endswith("Right")
+        ),
+        **lips(clips),
         "least and greatest weight": f"{min(c.made.min() for c in clips):.3g} … {max(c.made.max() for c in clips):.3g}",
     }
+
+
+def lips(clips: list[Played]) -> dict[str, str]:
+    """What lips do at b, p and m, and at o and u; nothing where no words are known."""
+    faces = {"tracked": lambda c: c.real, "mouth alone": lambda c: c.made}
+    faces |= {name: (lambda c, name=name: c.shown[name]) for name in clips[0].shown}
+    found = {}
+    for name, face in faces.items():
+        closed = [np.mean(hit) for c in clips if len(hit := closures(c, face(c)))]
+        if closed:
+            found[f"lips closed at b, p, m: {name}, %"] = format_figure(np.array(closed), mean, 100)
+            rounds = [roundness(c, face(c)) for c in clips]
+            found[f"pucker and funnel at o and u, of elsewhere in speech: {name}"] = f"{np.nanmean(rounds):.2f}"
+    return found
+
+
+def closures(clip: Played, face: np.ndarray) -> np.ndarray:
+    """(onsets,) whether the lips close, of each b, p and m that lies within the clip."""
+    names = ("jawOpen", "mouthClose", "mouthPressLeft", "mouthPressRight")
+    jaw, close, *press = (face[:, ARKIT_INDEX[name]] for name in names)
+    aperture, pressed, hits = jaw - np.minimum(close, jaw), np.maximum(*press), []
+    for centre, half, viseme in zip(clip.phones.centre, clip.phones.half, clip.phones.viseme, strict=True):
+        first, last = (round((centre - half + way) * clip.fps) for way in ONSET)
+        if VISEMES[viseme] in BILABIAL and first >= 0 and last < len(face):
+            hits.append(aperture[first : last + 1].min() < APERTURE or pressed[first : last + 1].max() > PRESSED)
+    return np.array(hits)
+
+
+def roundness(clip: Played, face: np.ndarray) -> float:
+    """Mean of pucker and funnel within o and u, over that within other phones."""
+    lips = face[:, ARKIT_INDEX["mouthPucker"]] + face[:, ARKIT_INDEX["mouthFunnel"]]
+    at = np.rint(clip.phones.centre * clip.fps).astype(int)
+    inside = (at >= 0) & (at < len(face))
+    named = np.array([VISEMES[v] in ROUNDED for v in clip.phones.viseme], bool)
+    here, there = (lips[at[inside & which]] for which in (named, ~named))
+    return float(here.mean() / max(there.mean(), 1e-3)) if len(here) and len(there) else np.nan
+
+
+def faces(clip: Clip, mouth: Callable[[], BundleMouth], frames: int) -> dict[str, np.ndarray]:
+    """The whole face at the track's rate, without and with the words."""
+    assert clip.speech is not None
+    assert clip.motion is not None
+    if not clip.speech.words:
+        return {}
+    options = {"parts": ("face",), "emotion": "neutral", "fps": clip.motion.fps}
+    kinds = {"face by the sound": replace(clip.speech, words=None), "face with words": clip.speech}
+    return {name: RuleBasedModel(mouth).generate(speech, **options).face[:frames] for name, speech in kinds.items()}
+
+
+def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[[], BundleMouth]) -> Played:
+    """A held-out clip, made and tracked."""
+    assert clip.speech is not None
+    assert clip.motion is not None
+    mouth = make()
+    mouth.push(clip.speech.samples)
+    mouth.finish()
+    rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
+    made = mouth.at(np.arange(frames) / clip.motion.fps)
+    energy = rows[:, AUDIO_NAMES.index("energy")]
+    parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)
+    phones = phones_of(clip.speech.words or (), 0.0, clip.duration)
+    return Played(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames))
 
 
 def measure_faces(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:
@@ -124,20 +205,17 @@ def measure_faces(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> s
         if isinstance(clip, Clip):
             every[clip.speaker, split_of(clip)].append(clip)
     for speaker in sorted({name for name, _ in every}):
-        train, played = every[speaker, "train"], []
+        train, style = every[speaker, "train"], speaker if speaker in system.styles else None
+        held = (
+            every[speaker, "test"] if style else [clip for (name, _), own in every.items() if name == speaker for clip in own]
+        )
         linear = fit_ridge(train[::LINEAR])
-        for clip in every[speaker, "test"][:clips]:
-            mouth = BundleMouth(system, speaker)
-            mouth.push(clip.speech.samples)
-            mouth.finish()
-            rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
-            made = mouth.at(np.arange(frames) / clip.motion.fps)
-            energy = rows[:, AUDIO_NAMES.index("energy")]
-            parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)
-            played.append(Played(*(x[:frames] for x in parts), clip.motion.fps))
-        columns[speaker] = figures(played, np.concatenate([clip.motion.face for clip in train]).mean(0))
+        played = [play(clip, linear, lambda style=style: BundleMouth(system, style)) for clip in held[:clips]]
+        title = speaker if style else f"{speaker}, never heard"
+        columns[title] = figures(played, np.concatenate([clip.motion.face for clip in train]).mean(0))
+    rows = dict.fromkeys(row for own in columns.values() for row in own)
     lines = ["| | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
-    lines += [f"| {row} | " + " | ".join(own[row] for own in columns.values()) + " |" for row in next(iter(columns.values()))]
+    lines += [f"| {row} | " + " | ".join(own.get(row, "–") for own in columns.values()) + " |" for row in rows]
     return "\n".join(lines)
 
 

@@ -77,7 +77,7 @@ def generate_files(
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
-        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto`` to hear it from the speech; or one that changes over
+        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``: the arousal of the voice; or one that changes over
             time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
         transcript: words of the speech, with times or without.
@@ -129,9 +129,9 @@ def generate_files(
         result = Report(
             model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
-            speaker=performance.speaker, style=_style_text(options.style) or gesturer.default_style,
-            style_mixture=performance.style_mixture, outputs=[str(path) for path in names], version=__version__,
-        )  # fmt: skip
+            played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
+            style=_style_text(options.style) or gesturer.default_style, style_mixture=performance.style_mixture,
+            outputs=[str(path) for path in names])  # fmt: skip
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
     return result

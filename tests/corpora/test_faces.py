@@ -198,3 +198,17 @@ def test_a_folder_without_tracks_is_an_error(tmp_path):
     (tmp_path / "x").mkdir()
     with pytest.raises(InputError, match=r"face\.npz"):
         faces.read(tmp_path)
+
+
+def test_long_takes_lie_in_one_split_each(tmp_path):
+    """Neighbouring pieces of a take are too alike to tell what a network has learnt."""
+    names, frames = [f"take{k}" for k in range(5)], 520
+    folder = tmp_path / "face_eva"
+    sounds(folder, dict.fromkeys(names, frames / 25))
+    weights = np.zeros((5 * frames, len(MEDIAPIPE)))
+    save(folder, names, [frames] * 5, weights, MEDIAPIPE, 25.0)
+    splits: dict[str, set] = {}
+    for clip in faces.read(folder):
+        splits.setdefault(clip.name.split("@")[0], set()).add(clip.split)
+    assert sorted(map(len, splits.values())) == [1] * 5
+    assert sorted(split for found in splits.values() for split in found) == ["test", "train", "train", "train", "validation"]

@@ -70,7 +70,12 @@ def act(face, times, heard, *, accents=(), words=(), emotion="neutral", gaze=Non
     mood = np.zeros((len(times), 8))
     mood[:, EMOTIONS.index(emotion)] = 1
     gaze = np.zeros((len(times), 2)) if gaze is None else gaze
-    return face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=gaze, **more)
+    return face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=eyes(gaze), **more)
+
+
+def eyes(gaze):
+    """(T, 2) of both eyes alike: (T, 2, 2)."""
+    return np.repeat(gaze[:, None], 2, 1)
 
 
 def channel(weights, name):
@@ -93,7 +98,7 @@ def test_blocks_equal_the_whole(words, frames):
     face, fps = Face(seed=5, intensity=1.2), 30
     times = np.arange(16 * fps) / fps
     random = np.random.default_rng(1)
-    mood, gaze = random.dirichlet(np.ones(8), len(times)), 0.3 * random.standard_normal((len(times), 2))
+    mood, gaze = random.dirichlet(np.ones(8), len(times)), eyes(0.3 * random.standard_normal((len(times), 2)))
     shifts = [(t, 0.4) for t in np.arange(0.7, 16, 1.9)]
     give = {"accents": accents, "words": words, "shifts": shifts}
     whole = face.weights(times, heard, emotion=mood, gaze=gaze, **give)

@@ -22,6 +22,7 @@ from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 CALMED = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
 ROWS, BANDS, SPEAKERS = 6, 12, 2
+JAW = ARKIT_INDEX["jawOpen"]
 
 
 def network(pose: int = 55, **changes) -> SpeechToFace:
@@ -83,7 +84,7 @@ def test_no_loss_comes_from_frames_whose_surroundings_the_window_cuts():
 
 
 def test_the_loss_is_the_distance_in_units_of_weights():
-    """Computed in NumPy, frame by frame."""
+    """Computed in NumPy, frame by frame, in standard deviations."""
     net = network(**CALMED)
     data = batch(net)
     mean, std = net.pose_mean.numpy(), net.pose_std.numpy()
@@ -97,11 +98,35 @@ def test_the_loss_is_the_distance_in_units_of_weights():
     made[..., :52] = np.where(made[..., :52] < 0, 0.02 * made[..., :52], made[..., :52])
     rows = slice(net.config.past, net.window - net.config.future)
     shares = np.ones(55)
-    shares[ARKIT_INDEX["jawOpen"]] = net.config.jaw
-    off = np.abs(made[:, rows] - even[:, rows]) * shares
-    speed = np.abs(np.diff(made[:, rows], axis=1) - np.diff(even[:, rows], axis=1)) * shares
-    assert terms["distance"].item() == pytest.approx(off.mean(), rel=1e-4)
-    assert terms["velocity"].item() == pytest.approx(net.config.velocity * speed.mean(), rel=1e-4)
+    shares[52:] = 0.25
+    shares[JAW] = net.config.jaw
+    made, even = made[:, rows] / std, even[:, rows] / std
+    off, speed = np.abs(made - even), np.abs(np.diff(made, axis=1) - np.diff(even, axis=1))
+    off = (1 - net.config.squared) * off + net.config.squared * off**2 / 2
+    jaw = even[..., JAW] * std[JAW]
+    around = np.stack([np.roll(np.pad(jaw, ((0, 0), (9, 9)), constant_values=-np.inf), k, 1) for k in range(-9, 10)]).max(0)
+    closures = (jaw < 0.03) & (around[:, 9:-9] > 0.06)
+    assert closures.any()
+    at_closures = (off[..., JAW] * closures).mean() * net.config.jaw / 55
+    assert terms["distance"].item() == pytest.approx((off * shares).mean() + net.config.closure * at_closures, rel=1e-4)
+    assert terms["velocity"].item() == pytest.approx(net.config.velocity * (speed * shares).mean(), rel=1e-4)
+    apart = []
+    for speaker in range(SPEAKERS):
+        own = data["speaker"].numpy() == speaker
+        a, b = (np.sort(x[own].reshape(-1, 55), 0) for x in (made, even))
+        apart.append((np.abs(a - b) + (a - b) ** 2 / 2) * shares)
+    assert terms["distribution"].item() == pytest.approx(net.config.distribution * np.mean(apart), rel=1e-4)
+
+
+def test_a_lip_that_never_moves_is_further_away_than_one_that_moves_at_the_wrong_time():
+    """Absolute distance says the opposite, and so leads to lips that stand still."""
+    net = network(**CALMED)
+    moves = torch.zeros(SPEAKERS, 200, 55)
+    moves[:, ::20] = 4.0
+    apart = lambda made: net._between_distributions(made, moves, torch.arange(SPEAKERS), torch.ones(55)).item()  # noqa: E731
+    late = moves.roll(5, 1)
+    assert apart(late) == 0 < apart(torch.zeros_like(moves))
+    assert (late - moves).abs().mean() > moves.abs().mean()
 
 
 def test_a_number_that_never_moves_stays_what_it_is():
@@ -122,7 +147,7 @@ def test_a_number_that_never_moves_stays_what_it_is():
 def changed(net, seed: int = 0):
     data = batch(net, seed)
     face = torch.ones(ROWS, net.window, 55)
-    audio, rested = net._changed(data["audio"], face, StepRandom(seed, 0))
+    audio, rested = net._augment(data["audio"], face, StepRandom(seed, 0))
     return data["audio"] * net.audio_std + net.audio_mean, audio * net.audio_std + net.audio_mean, rested
 
 

@@ -410,7 +410,7 @@ class TestPosture:
         style = replace(STYLES["natural"], steps=40.0)
         posture = Posture(style, Random(1), 1.0)
         for tick in range(600):
-            posture.decide(tick * 0.1, phrases=[], manner=MANNERS["neutral"], speaking=False)
+            posture.decide(tick * 0.1, phrases=[], modifier=MANNERS["neutral"], speaking=False)
         b = posture.track.at(np.arange(0, 60, 1 / 30))
         left, right = b[:, Body.LEFT_LIFT] > 0.01, b[:, Body.RIGHT_LIFT] > 0.01
         assert left.any()

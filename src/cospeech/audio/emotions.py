@@ -93,7 +93,7 @@ class EmotionTrack:
 
 
 def emotion_track(emotion: object) -> Moods | None:
-    """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the voice.
+    """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the arousal of the voice.
 
     Raises:
         InputError: neither "auto", nor the name of an emotion, nor a track.

@@ -50,6 +50,12 @@ class Heard:
     onset: Array
     bands: Array
 
+    def last(self, seconds: float) -> Heard:
+        """The end of the window."""
+        skip = max(len(self.loudness) - round(seconds * RATE), 0)
+        rows = (self.loudness, self.tone, self.voicing, self.onset, self.bands)
+        return Heard(self.start + skip, *(array[skip:] for array in rows))
+
     def at(self, times: Array, values: Array) -> Array:
         """Linear interpolation of one of the arrays, (T,) or (T, C), at ``times`` in seconds; the ends are held."""
         x = np.clip(np.asarray(times) * RATE - self.start, 0, len(values) - 1)

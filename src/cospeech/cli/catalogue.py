@@ -59,7 +59,7 @@ def _styles() -> list[Row]:
 def _emotions() -> list[Row]:
     from ..audio.emotions import EMOTIONS
 
-    return [{"name": "auto", "what": "estimated from the speech; the default"}] + [
+    return [{"name": "auto", "what": "arousal of the voice, no category; the default"}] + [
         {"name": name, "what": f"{name}, independent of the speech"} for name in EMOTIONS
     ]
 

@@ -81,7 +81,7 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (estimated from the speech), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        help="auto (arousal of the voice), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
         "or a .csv file with the emotion over time.",
     ),
 ]

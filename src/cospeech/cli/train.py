@@ -38,8 +38,6 @@ Resume = Annotated[bool, Option("--resume", help="Continue the run in the folder
 Out = Annotated[
     Path | None, Option("--out", "-o", metavar="FOLDER", help="Folder of the run. The default is runs/ and the recipe's name.")
 ]
-Resume = Annotated[bool, Option("--resume", help="Go on with the run in the folder, where there is one.")]
-Out = Annotated[Path | None, Option("--out", "-o", metavar="FOLDER", help="Run folder; else runs/ and the recipe's name.")]
 Run = Annotated[
     Path,
     Argument(metavar="RUN", help="Folder made by `cospeech train`; or a bundle of an older version, which is converted."),

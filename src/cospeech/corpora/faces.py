@@ -6,13 +6,14 @@ for a ``_neutral`` that is nothing, and the 116 of FACEGOOD. What comes out is A
 turn of the head; eyes and brows, which do not follow from speech, and what the trackers leave at rest, are 0.
 
     GRID (Cooke et al. 2006), with blendshapes by MediaPipe: `words/CLIP.align` (start, end, word; 25,000 a second)
-    FACEGOOD-Audio2Face: long takes, cut here into clips of ten seconds
+    FACEGOOD-Audio2Face: long takes, cut here into clips of ten seconds; a take lies in one split as a whole
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from hashlib import blake2b
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ from .reading import check_lengths, files_of, number, read_each, read_text, usab
 
 __all__ = ["LOWER", "SECONDS", "read"]
 
-SECONDS = 10.0  # of a clip at most; ours: longer takes are cut, so that a tenth of the clips can be held out
+SECONDS = 10.0  # of a clip at most; [ours]: longer takes are cut into windows of a usual length
 ALIGN = 25_000.0  # units per second in GRID's alignments (Cooke et al. 2006)
 _QUIET = ("sil", "sp")  # what GRID's alignments call silence
 LOWER = tuple(name for name in ARKIT if name.startswith(("jaw", "mouth", "cheek", "nose")))
@@ -223,9 +224,8 @@ def _pieces(
     """A recording as one clip, or as several of `SECONDS` at most."""
     rows = tracks.rows(name)
     frames, most = rows.stop - rows.start, round(SECONDS * tracks.fps)
-    cuts = [*range(0, frames, most), frames]
-    if len(cuts) > 2 and cuts[-1] - cuts[-2] < most // 2:
-        del cuts[-2]
+    cuts = _cuts(frames, most)
+    split = _split_of_takes(tracks, most).get(name)
 
     def one(piece: str) -> Clip:
         first, end = spans[piece]
@@ -242,11 +242,33 @@ def _pieces(
         if not len(samples):
             raise InputError(f"'audio/{name}.flac' ends before {start:.1f} s", "is it cut short?")
         heard = Speech(samples, speech.rate, _words(said, len(samples) / speech.rate), name=piece)
-        return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=heard, motion=motion, start=start)
+        return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=heard, motion=motion, split=split, start=start)
 
     whole = len(cuts) == 2
     spans = {name if whole else f"{name}@{k:02d}": (cuts[k], cuts[k + 1]) for k in range(len(cuts) - 1)}
     return read_each(spans, one)
+
+
+def _cuts(frames: int, most: int) -> list[int]:
+    """Where a recording is cut into pieces of ``most`` frames; a short rest stays with the piece before it."""
+    cuts = [*range(0, frames, most), frames]
+    if len(cuts) > 2 and cuts[-1] - cuts[-2] < most // 2:
+        del cuts[-2]
+    return cuts
+
+
+def _split_of_takes(tracks: _Tracks, most: int) -> dict[str, str]:
+    """Split of each take that is cut: neighbouring pieces share a voice's course, so a take is held out as a whole.
+
+    A tenth of a speaker's takes is held out for choosing and another tenth for the figures, one of each at least; the order is
+    that of a hash of the name. Fewer than three takes all train.
+    """
+    lengths = np.diff(tracks.starts)
+    takes = [name for name, frames in zip(tracks.clips, lengths, strict=True) if len(_cuts(int(frames), most)) > 2]
+    takes.sort(key=lambda name: blake2b(name.encode(), digest_size=4).digest())
+    held = max(1, round(len(takes) / 10)) if len(takes) >= 3 else 0
+    kinds = ["test"] * held + ["validation"] * held
+    return {name: kinds[k] if k < len(kinds) else "train" for k, name in enumerate(takes)}
 
 
 def _read_alignment(path: Path) -> list[tuple[float, float, str]]:

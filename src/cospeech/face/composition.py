@@ -16,6 +16,8 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from ..motion.weighted_sum import add_weighted_rows
 from .blinks import eyelids
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
+from .gaze import lids_and_looks
+from .laughter import LAUGHS, laughter
 from .lips import MouthEstimate, voice_to_mouth
 from .visemes import MOUTH, phones_of, phones_to_mouth, snap_visemes
 
@@ -32,26 +34,27 @@ _SQUINT = _columns("eyeSquintLeft", "eyeSquintRight")
 _SMILE = _columns("mouthSmileLeft", "mouthSmileRight")
 _PRESS = _columns("mouthPressLeft", "mouthPressRight")
 _BROWS = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight", "browDownLeft", "browDownRight")
-_LOOK = _columns(
-    "eyeLookOutLeft", "eyeLookInLeft", "eyeLookOutRight", "eyeLookInRight", "eyeLookUpLeft", "eyeLookUpRight",
-    "eyeLookDownLeft", "eyeLookDownRight",
-)  # fmt: skip
-_JAW, _CLOSE, _DOWN = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"], _LOOK[6:]
+_JAW, _CLOSE = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"]
 _ROLL = _columns("mouthRollLower", "mouthRollUpper")
 _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
 for _row, _name in enumerate(MOUTH):
     _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
-_OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 0.9
+_ROUND = [MOUTH.index("mouthFunnel"), MOUTH.index("mouthPucker")]
+_SPREAD_LIPS = 0.8 * np.array(
+    [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
+)  # [ours] what rounded lips, fully, leave less of
+_PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
+_TOUCH = (0.035, 0.065)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: GRID's b, p and m
+_SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
+_OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
+_OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
 _OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
 _OPENS += np.array([name == "tongueOut" for name in ARKIT]) * 1.0
 
-_LOOK_FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 (ours: what ARKit reports near the limits of comfort)
-_CONVERGENCE = 0.012  # weight inwards on both eyes: something a few metres away is looked at (ours)
-_LID_FOLLOWS = 0.28  # lid lowered for each unit of eyeLookDown, where the look-down shape alone leaves the iris half covered
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
 _WORDS_GAIN = 1.2  # jaw of words at effort 1; ours, so that jawOpen has the range of motion.md
-_CALM, _SWELL, _DRIFT = 0.64, 0.28, 0.16  # an expression's course: its level, more on accents, slow wandering
+_CALM, _SWELL, _DRIFT = 0.78, 0.24, 0.12  # an expression's course: its level, more on accents, slow wandering
 _TALKS = (
     0.05,
     0.40,
@@ -68,6 +71,7 @@ class Face:
         seed: which performance.
         intensity: 0 … about 2; scales the expression of emotion and, less, the articulation.
         expressiveness: 0 … about 2; scales brows, small signs and, less, the articulation.
+        emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
         gains: (52,) factors of what comes out; all 1 where not given.
     """
@@ -78,11 +82,13 @@ class Face:
         seed: int,
         intensity: float = 1.0,
         expressiveness: float = 1.0,
+        emphasis: float = 1.0,
         blink_rate: float = 22.0 / 60,
         gains: Array | None = None,
     ) -> None:
         self._gains = np.ones(len(ARKIT)) if gains is None else gains
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
+        self.emphasis = emphasis
         self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
         lean = 0.05 * hash_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
         self._lean = np.ones(len(ARKIT))
@@ -98,7 +104,7 @@ class Face:
         accents: Sequence[Accent],
         words: Sequence,
         emotion: Array,
-        gaze: Array,
+        gaze: Array | None = None,
         head_speed: Array | None = None,
         shifts: Sequence[tuple[float, float]] = (),
         spoken: Array | None = None,
@@ -109,15 +115,16 @@ class Face:
             times: (T,) seconds, ascending.
             heard: the speech at least half a second to both sides of them, clipped at its ends.
             accents: those at most 1.5 s away (more do no harm).
-            words: those at most 0.5 s away, each with ``text``, ``start`` and ``end``; or none.
+            words: those at most 0.5 s away, and `laughter.AFTER` where they are laughter, each with ``text``, ``start`` and
+                ``end``; or none.
             emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
-            gaze: (T, 2) radians of yaw (+ to the character's left) and pitch (+ up) of the eyes in the head.
+            gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; where it is not known yet, the face waits for `finish`.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
             shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
             spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
 
         Returns:
-            (T, 52) in 0 … 1.
+            (T, 52) in 0 … 1; without ``gaze`` before gains, with lids as for eyes that look straight ahead.
         """
         times = np.asarray(times, float)
         if not len(times):
@@ -130,11 +137,26 @@ class Face:
         else:
             out, closed = self._apply_mouth(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
+        laughs = laughter(times, words)[:, None]
+        out += laughs * np.maximum(LAUGHS - out, 0.0)
         _close_lips(out, closed)
         out *= self._lean
         self._brows(out, times, accents, drift)
-        self._eyes(out, times, heard, np.asarray(gaze, float), head_speed, shifts)
-        return self._scale(np.clip(out, 0.0, 1.0))
+        self._lids(out, times, heard, head_speed, shifts)
+        out = np.clip(out, 0.0, 1.0)
+        return out if gaze is None else self.finish(out, gaze)
+
+    def finish(self, weights: Array, angles: Array) -> Array:
+        """A face that was made without its gaze, finished: eyes, the lids that follow them, gains.
+
+        Args:
+            weights: (T, 52), as `weights` returns them without ``gaze``.
+            angles: (T, 2, 2), see `gaze.eye_angles`.
+
+        Returns:
+            (T, 52) in 0 … 1.
+        """
+        return self._scale(lids_and_looks(weights, angles))
 
     def _speech(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
@@ -150,16 +172,26 @@ class Face:
     def _apply_mouth(
         self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array
     ) -> tuple[Array, Array]:
-        """(T, 52) and (T,): as a mouth says while somebody talks, and how far words close the lips.
+        """(T, 52) and (T,): as a mouth says while somebody talks, and how far the lips are closed.
 
-        Words have a say where sound tells little: the lips of m, b, p, of f and w, the tongue of th; never the jaw.
+        Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
+        Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well, and a mouth whose
+        lips all but touch closes them by itself: trackers seldom say 0.
         """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
         mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones_of(words, times[0], times[-1]), heard))
         mouth.shape[:, 0] = 0.0
-        known = (mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]) @ _SPREAD
-        return np.maximum(shape, known), mouth.claim * mouth.closed
+        known = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
+        rounded = np.minimum(known[:, _ROUND].sum(1), 1.0)
+        shape *= 1 - rounded[:, None] * _SPREAD_LIPS
+        parted = shape[:, _JAW] + shape[:, _PARTS].mean(1)
+        sealed = np.maximum(
+            _ramp(_AJAR - shape[:, _JAW], _AJAR - _SHUT) * voice.closed, _ramp(_TOUCH[1] - parted, _TOUCH[1] - _TOUCH[0])
+        )
+        sealed *= talks
+        closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
+        return np.maximum(shape, known @ _SPREAD), closed
 
     def _scale(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
@@ -180,24 +212,27 @@ class Face:
         return out
 
     def _brows(self, out: Array, times: Array, accents: Sequence[Accent], drift: Array) -> None:
-        moves = accent_brows(times, accents, seed=self.seed) * (self.expressiveness * (0.7 + 0.3 * self.intensity))
+        moves = accent_brows(times, accents, seed=self.seed, amount=self.emphasis) * (
+            self.expressiveness * (0.7 + 0.3 * self.intensity)
+        )
         down = out[:, _BROWS[3:]].mean(1)
         held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
         out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
         out[:, _BROWS[3:]] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
 
-    def _eyes(self, out: Array, times: Array, heard: Heard, gaze: Array, head_speed: Array | None, shifts: Sequence) -> None:
-        yaw, pitch = gaze[:, 0] / _LOOK_FULL[0], gaze[:, 1] / _LOOK_FULL[1]
-        look = (yaw - _CONVERGENCE, _CONVERGENCE - yaw, -yaw - _CONVERGENCE, yaw + _CONVERGENCE, pitch, pitch, -pitch, -pitch)
-        out[:, _LOOK] = np.maximum(np.array(look).T, 0.0)
-        lids = out[:, _BLINK] + _LID_FOLLOWS * out[:, _DOWN] - 0.10 * out[:, _LOOK[4:6]]
+    def _lids(self, out: Array, times: Array, heard: Heard, head_speed: Array | None, shifts: Sequence) -> None:
+        lids = out[:, _BLINK]
         if head_speed is not None:
-            lids += 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
+            lids = lids + 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
         shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts)[:, None]
         lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
-        out[:, _WIDE] = (out[:, _WIDE] + 0.15 * out[:, _LOOK[4:6]]) * (1 - shut)
+        out[:, _WIDE] *= 1 - shut
         out[:, _SQUINT] *= 1 - 0.6 * shut
+
+
+def _ramp(x: Array, top: float) -> Array:
+    return np.asarray(np.clip(x / top, 0.0, 1.0))
 
 
 def _close_lips(out: Array, closed: Array) -> None:
@@ -205,5 +240,5 @@ def _close_lips(out: Array, closed: Array) -> None:
     out *= 1 - closed[:, None] * _OPENS
     out[:, _JAW] *= 1 - 0.6 * closed
     out[:, _CLOSE] = np.clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
-    out[:, _PRESS] += 0.22 * closed[:, None]
-    out[:, _ROLL] += 0.10 * closed[:, None]
+    out[:, _PRESS] += 0.30 * closed[:, None]
+    out[:, _ROLL] += 0.16 * closed[:, None]

@@ -18,32 +18,33 @@ __all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
 # for Left and Right. The amounts are ours, by eye. Rows in the order of the emotions of `cospeech.rules`.
 _APEX: dict[str, dict[str, float]] = {
     "neutral": {},
-    "happiness": {  # AU 6 + 12
-        "mouthSmileBoth": 0.85, "cheekSquintBoth": 0.62, "eyeSquintBoth": 0.34, "mouthDimpleBoth": 0.12,
-        "mouthUpperUpBoth": 0.10, "browOuterUpBoth": 0.12, "browInnerUp": 0.08,
+    "happiness": {  # AU 6 + 12 + 25: cheeks lift the lower lid, the upper lid stays up, else it looks smug
+        "mouthSmileBoth": 1.00, "cheekSquintBoth": 0.90, "eyeSquintBoth": 0.08, "eyeWideBoth": 0.20, "mouthUpperUpBoth": 0.26,
+        "mouthLowerDownBoth": 0.16, "browOuterUpBoth": 0.26, "browInnerUp": 0.22,
     },
-    "anger": {  # AU 4 + 5 + 7 + 23/24
-        "browDownBoth": 0.88, "eyeSquintBoth": 0.42, "eyeWideBoth": 0.18, "noseSneerBoth": 0.28, "mouthPressBoth": 0.35,
-        "mouthFrownBoth": 0.20, "mouthRollLower": 0.08, "jawForward": 0.15, "mouthUpperUpBoth": 0.06,
+    "anger": {  # AU 4 + 5 + 7 + 10 + 23/24
+        "browDownBoth": 1.00, "eyeSquintBoth": 0.45, "eyeWideBoth": 0.34, "noseSneerBoth": 0.48, "mouthPressBoth": 0.35,
+        "mouthFrownBoth": 0.40, "mouthRollLower": 0.08, "jawForward": 0.25, "mouthUpperUpBoth": 0.14,
+        "mouthLowerDownBoth": 0.16,
     },
-    "sadness": {  # AU 1 + 4 + 15
-        "browInnerUp": 0.90, "browDownBoth": 0.15, "mouthFrownBoth": 0.72, "eyeBlinkBoth": 0.20, "mouthShrugLower": 0.30,
-        "eyeSquintBoth": 0.10, "cheekSquintBoth": 0.06,
+    "sadness": {  # AU 1 + 4 + 15 + 17
+        "browInnerUp": 1.00, "browDownBoth": 0.22, "mouthFrownBoth": 1.00, "eyeBlinkBoth": 0.28, "mouthShrugLower": 0.46,
+        "eyeSquintBoth": 0.12, "cheekSquintBoth": 0.10,
     },
     "contempt": {  # AU 12 + 14 on one side
-        "mouthSmileLeft": 0.50, "mouthDimpleLeft": 0.60, "eyeSquintBoth": 0.30, "mouthLeft": 0.14, "mouthPressLeft": 0.18,
-        "browOuterUpLeft": 0.36, "browDownRight": 0.36, "eyeBlinkBoth": 0.08, "cheekSquintLeft": 0.15,
+        "mouthSmileLeft": 0.62, "mouthDimpleLeft": 0.70, "eyeSquintBoth": 0.34, "mouthLeft": 0.18, "mouthPressLeft": 0.24,
+        "browOuterUpLeft": 0.50, "browDownRight": 0.50, "eyeBlinkBoth": 0.14, "cheekSquintLeft": 0.20,
     },
     "surprise": {  # AU 1 + 2 + 5 + 26
-        "browInnerUp": 0.85, "browOuterUpBoth": 0.80, "eyeWideBoth": 0.70, "jawOpen": 0.10, "mouthFunnel": 0.06,
+        "browInnerUp": 1.00, "browOuterUpBoth": 1.00, "eyeWideBoth": 0.85, "jawOpen": 0.18, "mouthFunnel": 0.12,
     },
-    "fear": {  # AU 1 + 2 + 4 + 5 + 20
-        "browInnerUp": 0.95, "browOuterUpBoth": 0.30, "browDownBoth": 0.18, "eyeWideBoth": 0.72, "mouthStretchBoth": 0.58,
-        "mouthFrownBoth": 0.20, "mouthLowerDownBoth": 0.10,
+    "fear": {  # AU 1 + 2 + 4 + 5 + 20: the brows are drawn together as they rise, the lips drawn apart
+        "browInnerUp": 1.00, "browOuterUpBoth": 0.12, "browDownBoth": 0.34, "eyeWideBoth": 0.90, "mouthStretchBoth": 0.90,
+        "mouthFrownBoth": 0.42, "mouthLowerDownBoth": 0.24,
     },
     "disgust": {  # AU 9 + 10 + 17
-        "noseSneerBoth": 0.90, "mouthUpperUpBoth": 0.42, "browDownBoth": 0.60, "eyeSquintBoth": 0.35, "cheekSquintBoth": 0.28,
-        "mouthFrownBoth": 0.38, "mouthShrugLower": 0.26, "mouthShrugUpper": 0.12,
+        "noseSneerBoth": 1.00, "mouthUpperUpBoth": 0.50, "browDownBoth": 0.66, "eyeSquintBoth": 0.50, "cheekSquintBoth": 0.36,
+        "mouthFrownBoth": 0.50, "mouthShrugLower": 0.34, "mouthShrugUpper": 0.12,
     },
 }  # fmt: skip
 
@@ -70,22 +71,23 @@ _ALONE = 0.10  # share of rises of one brow only
 _WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
 
 
-def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array:
+def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: float = 1.0) -> Array:
     """(T, 4): brow inner up, outer up left, outer up right, down, raised by accents; 0 … about 0.8.
 
-    Some 40 % of strong accents move the brows; how much, which and how evenly is drawn from the seed and the accent's time.
+    Some 40 % of strong accents move the brows, more or fewer by ``amount`` (0: none); how much, which and how evenly is drawn
+    from the seed and the accent's time.
     """
     if not len(accents):
         return np.zeros((len(times), 4))
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
-    chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength)
-    knit = (which > 1 - _KNIT) & (strength > _STRONG)
-    size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength)
+    chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
+    knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
+    size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)
     alone = np.where(side < _ALONE / 2, -1.0, np.where(side > 1 - _ALONE / 2, 1.0, 0.5 * (side - 0.5)))
-    amount = np.stack([
+    raised = np.stack([
         up * (0.55 + 0.45 * inner) * (1 - 0.6 * np.abs(alone)),
         up * (0.9 - 0.5 * inner) * (1 + np.minimum(alone, 0)),
         up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
@@ -95,7 +97,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int) -> Array
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     ramp = np.minimum(np.maximum(ramp, 0), 1)
     course = ramp * ramp * (3 - 2 * ramp)
-    return np.tanh(add_weighted_rows(course, amount))  # overlapping rises saturate
+    return np.tanh(add_weighted_rows(course, raised))  # overlapping rises saturate
 
 
 def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:

@@ -13,7 +13,7 @@ from ..motion.rotations import Array
 from ..motion.weighted_sum import add_weighted_rows
 from .graphemes import graphemes_to_phones
 
-__all__ = ["MOUTH", "MouthShape", "Phones", "phones_of", "phones_to_mouth", "snap_visemes"]
+__all__ = ["MOUTH", "VISEMES", "MouthShape", "Phones", "phones_of", "phones_to_mouth", "snap_visemes"]
 
 MOUTH = (
     "jawOpen", "mouthFunnel", "mouthPucker", "mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp",
@@ -38,13 +38,14 @@ _VISEMES = {
     "aa": (.34, .00, .00, .06, .04, .24, .10, .00, .00, .00, 1.0, 0.8, 0.0),
     "E": (.28, .00, .00, .16, .10, .22, .10, .00, .00, .00, 1.0, 0.8, 0.0),
     "I": (.19, .00, .00, .24, .18, .20, .08, .00, .00, .00, 0.9, 0.9, 0.0),
-    "O": (.26, .34, .30, .00, .00, .05, .00, .00, .00, .00, 1.0, 1.2, 0.0),
-    "U": (.08, .12, .70, .00, .00, .00, .00, .00, .00, .00, 0.9, 1.4, 0.0),
+    "O": (.26, .44, .48, .00, .00, .05, .00, .00, .00, .00, 1.0, 1.2, 0.0),
+    "U": (.08, .20, .92, .00, .00, .00, .00, .00, .00, .00, 0.9, 1.4, 0.0),
 }  # fmt: skip
-_NAMES = tuple(_VISEMES)
-_TABLE = np.array([_VISEMES[name] for name in _NAMES])
+VISEMES = tuple(_VISEMES)
+"""Names of the rows that `Phones.viseme` counts."""
+_TABLE = np.array([_VISEMES[name] for name in VISEMES])
 _SHAPE, _JAW, _LIPS, _CLOSED = _TABLE[:, : len(MOUTH)], _TABLE[:, -3], _TABLE[:, -2], _TABLE[:, -1]
-_SNAP = np.array([{"aa": 1.0, "E": 1.0, "O": 1.0, "I": 0.5, "PP": -1.0, "DD": -0.5, "kk": -0.5}.get(n, 0.0) for n in _NAMES])
+_SNAP = np.array([{"aa": 1.0, "E": 1.0, "O": 1.0, "I": 0.5, "PP": -1.0, "DD": -0.5, "kk": -0.5}.get(n, 0.0) for n in VISEMES])
 
 # Phone → (viseme, how far it is reached, milliseconds); diphthongs are two. Durations: ours, round figures of read English.
 _PHONES: dict[str, tuple[tuple[str, float, int], ...]] = {
@@ -102,7 +103,7 @@ def _parts(text: str) -> tuple[tuple[int, float, float, float], ...]:
     total = sum(part[2] for part in parts)
     out, start = [], 0.0
     for viseme, reached, length in parts:
-        out.append((_NAMES.index(viseme), reached, (start + length / 2) / total, length / 2 / total))
+        out.append((VISEMES.index(viseme), reached, (start + length / 2) / total, length / 2 / total))
         start += length
     return tuple(out)
 

@@ -42,6 +42,8 @@ class Track:
         head: (T, 4) world rotation, or None: rows of the head are then left out.
         fingers: (T, K, 4) local rotations, or None.
         feet: (T, 2, 3) ankles, or None.
+        pelvis: (T, 4) world rotation of the hips, or None (`cospeech.metrics.body` alone asks for it and for clavicles).
+        clavicles: (T, 2, 4) local rotations, or None.
     """
 
     fps: float
@@ -52,6 +54,8 @@ class Track:
     head: Array | None = None
     fingers: Array | None = None
     feet: Array | None = None
+    pelvis: Array | None = None
+    clavicles: Array | None = None
 
     @staticmethod
     def of(motion: Motion) -> "Track":
@@ -74,6 +78,10 @@ class Track:
             head=world[:, skeleton.index["head"]],
             fingers=np.asarray(motion.rotations[:, [*skeleton.left_hand, *skeleton.right_hand]], np.float64),
             feet=pair("Foot"),
+            pelvis=world[:, skeleton.index["hips"]],
+            clavicles=np.asarray(
+                motion.rotations[:, [skeleton.index["leftShoulder"], skeleton.index["rightShoulder"]]], np.float64
+            ),
         )
 
 

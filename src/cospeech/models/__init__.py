@@ -51,6 +51,16 @@ class GenerationSession(Protocol):
         ...
 
     @property
+    def expression(self) -> dict[str, float]:
+        """Weight of each emotion that was played, over the speech."""
+        ...
+
+    @property
+    def arousal(self) -> float | None:
+        """Mean arousal of the voice that was played, −1 … 1; None where an emotion is given."""
+        ...
+
+    @property
     def speaker(self) -> dict[str, float] | None:
         """Probability of each speaker, over all that was heard, where a system tells them apart."""
         ...

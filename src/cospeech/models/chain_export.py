@@ -108,7 +108,7 @@ class _Frame(_Windows):
     def forward(self, rows: Tensor, style: Tensor, *given: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
         noise, states = (given[0], given[1:]) if self.modes else (rows[:, :0], given)
         memory = Memory(x.unflatten(1, tuple(shape)) for x, shape in zip(states, self.shapes, strict=True))
-        made = self.poses(*(x.unsqueeze(2) for x in (rows, style, noise)), memory)
+        made = self.poses(rows.unsqueeze(2), style.unsqueeze(2), noise.unsqueeze(2), memory)
         return made.squeeze(2), *(x.flatten(1) for x in memory.new_states)
 
 

@@ -52,10 +52,13 @@ class RuleBasedModel:
     def __init__(self, mouth: MouthMaker | None = None) -> None:
         self._mouth = mouth
 
-    def session(self, options: GenerationOptions | None = None, /, *, moving: bool = True, **keywords: Any) -> Session:
+    def session(
+        self, options: GenerationOptions | None = None, /, *, moving: bool = True, aimed: bool = True, **keywords: Any
+    ) -> Session:
         """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
 
-        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. Options that only some trained
+        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where
+        another system turns the head, see `Session.aim`. Options that only some trained
         systems have (face, continue_from, look_ahead, takes) are refused.
         """
         options = GenerationOptions.of(options, keywords)
@@ -70,7 +73,7 @@ class RuleBasedModel:
         session = Session(
             _find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
-            gains=face_gains(options.face_gain),
+            gains=face_gains(options.face_gain), aimed=aimed,
         )  # fmt: skip
         if mouth is not None:
             session.share(SharedProsody())
@@ -82,7 +85,7 @@ class RuleBasedModel:
         Args:
             speech: any rate; words, where it has them, call for lexical gestures and better lips.
             style: a name in `STYLES`, a mixture (``"calm:0.7,lively:0.3"``) or a `Style` of your own; None: the first one.
-            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
+            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, no category.
             seed: another seed, another plausible performance; the same one, the same bytes.
             intensity: size of all movement, 0 (idle) … 2.
             temperature: freedom in the choice and place of gestures, 0 … 2.

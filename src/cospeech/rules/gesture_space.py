@@ -7,18 +7,37 @@ from random import Random
 import numpy as np
 
 from ..motion.kinematics.arms import arm_lengths
+from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .repertoire import FORMS, Form
+from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["GesturePlacement", "reach_time", "stroke_time"]
+__all__ = ["SHAPES", "GesturePlacement", "reach_time", "stroke_time"]
 
+_WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+
+SHAPES = HAND_SHAPES | HAND_VARIANTS
+SHAPE_KIN: dict[str, tuple[str, ...]] = {
+    "relaxed": ("curl", "cradle"),
+    "soft_open": ("fan", "cradle", "curl"),
+    "open": ("fan", "wide", "cradle"),
+    "spread": ("wide",),
+    "bowl": ("cup", "cradle", "claw"),
+    "frame": ("tent", "cup"),
+    "ring": ("purse", "pinch"),
+    "point": ("lazy_point",),
+    "point_soft": ("lazy_point",),
+    "loose_fist": ("half_fist", "curl"),
+    "fist": ("half_fist", "purse"),
+    "flat": ("tent", "fan"),
+}
+"""Hand shape -> others that serve as well in a form that carries no word; ours."""
 
 
 class GesturePlacement:
@@ -37,7 +56,7 @@ class GesturePlacement:
     def of(self, form: Form, effort: float, modifier: EmotionModifier) -> list[Array]:
         """Poses of a form where this speaker, in this mood, would put them this time."""
         style, free = self.style, self.temperature * (0.5 + 0.5 * modifier.variety)
-        table = [p.values() for p in form.poses]
+        table = [self._with_hand(p, form) for p in form.poses]
         if form.anchored:
             return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
@@ -61,6 +80,13 @@ class GesturePlacement:
             out.append(pose)
         return out
 
+    def _with_hand(self, pose: HandPose, form: Form) -> Array:
+        """The values of a pose; where no word asks for its hand shape, often with one that serves as well."""
+        values, kin = pose.values(), SHAPE_KIN.get(pose.shape, ())
+        if form.score < _WORDED and kin and self._random.random() < 0.6 * min(self.temperature, 1.0):
+            values[7:19] = SHAPES[self._random.choice(kin)].values()
+        return values
+
     def _shape_pose(self, table: Array, turn: float, effort: float, modifier: EmotionModifier, free: float) -> Array:
         """A pose where the table has it, turned and shaped by this speaker's hand."""
         tension = float(np.clip(self.style.tension + modifier.tension, 0, 1))
@@ -75,18 +101,26 @@ class GesturePlacement:
     def _shape(self, shape: Array, tension: float, free: float) -> Array:
         """Finger angles loosened or stiffened, and never twice the same."""
         relaxed = FORMS["beat"].poses[0].values()[7:19]
-        loose = 0.30 * (1 - tension)
+        loose = 0.15 * (1 - tension)
         out = shape + (relaxed - shape) * loose
         return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
 
-    def follower(self, pose: Array, strength: float) -> Array:
-        """The other hand of a two-handed gesture: nearly the same, never exactly."""
-        out = pose.copy()
+    def follower(self, poses: list[Array], strength: float) -> list[Array]:
+        """The other hand of a two-handed gesture: smaller, lower, and where the leader does not look."""
         loose = 1 - self.style.symmetry
         rest = RESTS[self.style.rest][_LEFT].values()
-        out[:3] += (rest[:3] - out[:3]) * loose * 0.45 * (1.2 - strength)
-        out[:3] += [self._random.gauss(0, 0.025 + 0.04 * loose) for _ in range(3)]
-        out[4] += self._random.gauss(0, 5)
+        less = 1 - self._random.uniform(0.0, 0.25 + 0.5 * loose)  # of the way from the first pose on
+        drop = loose * 0.45 * (1.2 - strength)
+        off = np.array([self._random.gauss(0, 0.035 + 0.06 * loose) for _ in range(3)])
+        soft, slack = SHAPES[self._random.choice(("relaxed", "curl", "cradle"))].values(), self._random.uniform(0, 0.6) * less
+        out = []
+        for pose in poses:
+            own = pose.copy()
+            own[:7] = poses[0][:7] + (pose - poses[0])[:7] * less
+            own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
+            own[4] += self._random.gauss(0, 9)
+            own[7:19] += (soft - own[7:19]) * slack
+            out.append(own)
         return out
 
 

@@ -4,21 +4,53 @@ A point-to-point reach of the human arm follows the minimum-jerk polynomial (Fla
 look like sums of such *submovements* that overlap in time (Flash & Henis 1991). So a track is a base value plus
 displacements, each with its own onset and duration: a new goal may be set in mid-flight, corners round off by
 themselves, and the value at any instant is a pure function of time.
+
+A displacement may be *skewed*, so that its speed peaks early or late, and *arched*, so that its path leaves the chord and
+comes back to it: people's strokes are neither symmetric in time nor straight.
 """
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MinimumJerkTrack", "minimum_jerk"]
+__all__ = ["MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
+
+MOST_SKEW = 0.85  # [ours]: beyond 1 the progress would run backwards
 
 
-def minimum_jerk(u: Array) -> Array:
-    """Progress 0 … 1 of a minimum-jerk reach at relative time ``u`` (clipped to 0 … 1)."""
+def minimum_jerk(u: Array, skew: Array | float = 0.0) -> Array:
+    """Progress 0 … 1 of a minimum-jerk reach at relative time ``u`` (clipped to 0 … 1).
+
+    Args:
+        u: (...) share of the duration.
+        skew: −0.85 … 0.85; a positive one brings the peak of the speed forward, a negative one delays it.
+    """
     u = np.clip(u, 0.0, 1.0)
+    u = u * (1.0 + skew * (1.0 - u))
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+@lru_cache(1)
+def _peaks() -> tuple[Array, Array]:
+    """Skews, and where in the duration the speed of such a reach peaks."""
+    skews, u = np.linspace(-MOST_SKEW, MOST_SKEW, 35), np.linspace(0, 1, 1001)
+    speeds = np.diff(minimum_jerk(u, skews[:, None]), axis=-1)
+    return skews, (speeds.argmax(-1) + 0.5) / 1000
+
+
+def peak_share(skew: float) -> float:
+    """Share of a reach's duration at which its speed peaks; 0.5 without skew."""
+    return float(np.interp(skew, *_peaks()))
+
+
+def skew_for(share: float) -> float:
+    """The skew with which the speed peaks at this share of the duration: the inverse of `peak_share`."""
+    skews, shares = _peaks()
+    return float(np.interp(-share, -shares, skews))
 
 
 class MinimumJerkTrack:
@@ -32,33 +64,56 @@ class MinimumJerkTrack:
     def __init__(self, base: Array, lags: Array | None = None) -> None:
         self._base = np.array(base, float)
         self.lags = np.zeros(len(self._base)) if lags is None else np.asarray(lags, float)
-        self._onsets: list[float] = []
-        self._lengths: list[float] = []
+        self._straight = np.zeros_like(self._base)
+        self._times: list[tuple[float, float, float]] = []  # onset, duration, skew
         self._deltas: list[Array] = []
+        self._arcs: list[Array] = []
         self.target = self._base.copy()
         """Where every channel comes to rest once all moves are over."""
 
-    def move(self, onset: float, duration: float, to: Array, channels: slice | list[int] | Array = slice(None)) -> None:
+    def move(
+        self,
+        onset: float,
+        duration: float,
+        to: Array,
+        channels: slice | list[int] | Array = slice(None),
+        *,
+        skew: float = 0.0,
+        arc: Array | None = None,
+    ) -> None:
         """Bring ``channels`` to the values ``to``, on top of whatever else is still under way."""
         delta = np.zeros_like(self._base)
         delta[channels] = np.asarray(to) - self.target[channels]
-        self.add(onset, duration, delta)
+        self.add(onset, duration, delta, skew=skew, arc=arc)
 
-    def add(self, onset: float, duration: float, delta: Array) -> None:
-        """Displace all channels by ``delta (C,)`` during ``duration`` seconds from ``onset``."""
-        self._onsets.append(onset)
-        self._lengths.append(duration)
+    def add(self, onset: float, duration: float, delta: Array, *, skew: float = 0.0, arc: Array | None = None) -> None:
+        """Displace all channels by ``delta (C,)`` during ``duration`` seconds from ``onset``.
+
+        Args:
+            skew: see `minimum_jerk`.
+            arc: (C,) by how much the path is off its chord halfway; it begins and ends on it.
+        """
+        self._times.append((onset, duration, min(max(skew, -MOST_SKEW), MOST_SKEW)))
         self._deltas.append(delta)
+        self._arcs.append(self._straight if arc is None else arc)
         self.target = self.target + delta
 
     def at(self, times: Array) -> Array:
         """(N, C) values at ``times (N,)``; times before those passed to `forget` are no longer known."""
-        if not self._deltas:
+        last = times[-1] if len(times) else 0.0
+        begun = [k for k, (onset, _, _) in enumerate(self._times) if onset < max(last, times[0])] if len(times) else []
+        if not begun:
             return np.broadcast_to(self._base, (len(times), len(self._base))).copy()
-        u = (times[:, None, None] - np.array(self._onsets)[:, None] - self.lags) / np.array(self._lengths)[:, None]
-        terms = np.empty((len(times), 1 + len(self._deltas), len(self._base)))
+        onset, length, skew = np.array([self._times[k] for k in begun]).T[..., None]
+        deltas = np.array([self._deltas[k] for k in begun])
+        u = np.clip((times[:, None, None] - onset - self.lags) / length, 0.0, 1.0)
+        terms = np.empty((len(times), 1 + len(begun), len(self._base)))
         terms[:, 0] = self._base
-        terms[:, 1:] = minimum_jerk(u) * np.array(self._deltas)
+        terms[:, 1:] = minimum_jerk(u, skew) * deltas
+        arched = [k for k, index in enumerate(begun) if self._arcs[index] is not self._straight]
+        if arched:
+            hump = u[:, arched] * (1.0 - u[:, arched])
+            terms[:, [k + 1 for k in arched]] += 64.0 * hump * hump * hump * np.array([self._arcs[begun[k]] for k in arched])
         return np.add.reduce(terms, axis=1)  # one after the other, as `forget` adds them
 
     def forget(self, before: float) -> None:
@@ -69,7 +124,7 @@ class MinimumJerkTrack:
         """
         last = before - float(self.lags.max(initial=0.0))
         over = 0
-        while over < len(self._deltas) and self._onsets[over] + self._lengths[over] < last:
+        while over < len(self._deltas) and sum(self._times[over][:2]) < last:
             self._base = self._base + self._deltas[over]
             over += 1
-        del self._onsets[:over], self._lengths[:over], self._deltas[:over]
+        del self._times[:over], self._deltas[:over], self._arcs[:over]

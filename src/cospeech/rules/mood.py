@@ -1,8 +1,8 @@
-"""Emotion in the voice, by rule: a running guess at the eight emotions from pitch, effort, rate and dynamics.
+"""The emotion of a performance: the one that is given; or, of the voice, its arousal, and a guess that is only reported.
 
-This is a fallback without training, good enough to colour movement: it tells lively voices from flat ones and leans to
-*neutral* when in doubt. It does not name acted emotions reliably (on one actress's anger, joy and sadness, neutral stays
-the likeliest), it cannot hear irony, and it reads no words. Numbers are ours, set on that actress and on neutral readers.
+The guess at the eight emotions follows pitch, effort, rate and dynamics by rule. It does not name acted emotions reliably (on
+one actress's anger, joy and sadness, neutral stays the likeliest), it cannot hear irony, and it reads no words. So it is never
+played: what a voice alone tells surely is arousal (`Arousal`). Numbers are ours, set on that actress and on neutral readers.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import numpy as np
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods
 from ..audio.prosodic_events import RATE, Accent, Heard
 from ..motion.rotations import Array
+from .arousal import WINDOW, Arousal
 
 __all__ = ["SPAN", "Mood", "voice_cues"]
 
 SPAN = 6.0  # seconds of speech that a guess rests on
-_DOUBT = 0.08  # a guess below this colours nothing (ours)
+_DOUBT = 0.08  # a guess below this is none (ours)
 _INERTIA = 0.85  # per look, twice a second: moods change over some three seconds
 
 
@@ -56,41 +57,54 @@ _WEIGHTS = np.array(  # rows: emotions; columns: bias, pitch movement, effort, a
 
 
 class Mood:
-    """Probabilities of the eight emotions, followed over a stream.
+    """What is felt, followed over a stream.
 
     Args:
-        track: the course to keep to, or None to follow the voice.
+        track: the course to keep to, or None to follow the voice: then *neutral* is felt, with the voice's arousal.
     """
 
     def __init__(self, track: Moods | None = None) -> None:
         self.track = track
         self.probabilities = (track or EmotionTrack.constant("neutral")).at(np.zeros(()))
-        self.total = np.zeros(len(EMOTIONS))
+        """(8,) what is felt now."""
+        self.arousal = Arousal()
+        self._guess = self.probabilities
+        self._heard, self._felt = np.zeros(len(EMOTIONS)), np.zeros(len(EMOTIONS))
         self._ticks = 0
 
     def keep(self, time: float) -> None:
         """What the track says of this time in seconds."""
         assert self.track is not None
-        self.probabilities = self.track.at(np.array(time))
+        self._guess = self.probabilities = self.track.at(np.array(time))
         self._count()
 
     def follow(self, heard: Heard, accents: list[Accent]) -> None:
-        """Take one look at the last seconds of speech."""
+        """Take one look at the last `SPAN` seconds of speech."""
         cues = voice_cues(heard, accents)
         if cues is not None:
             logits = _WEIGHTS @ np.concatenate([[1.0], np.clip(cues, -2.5, 2.5)])
             guess = np.exp(logits - logits.max())
             guess = np.maximum(guess / guess.sum() - _DOUBT, 0.0)
             guess[0] += 1.0 - guess.sum()
-            self.probabilities = _INERTIA * self.probabilities + (1 - _INERTIA) * guess
+            self._guess = _INERTIA * self._guess + (1 - _INERTIA) * guess
+        self.arousal.follow(heard.last(WINDOW), accents)
         self._count()
 
     def _count(self) -> None:
-        self.total += self.probabilities
+        self._heard = self._heard + self._guess
+        self._felt = self._felt + self.probabilities
         self._ticks += 1
 
     @property
-    def mean(self) -> dict[str, float]:
-        """Mean probabilities so far, by name: what the report shows."""
-        share = self.total / max(self._ticks, 1) if self._ticks else self.probabilities
+    def guess(self) -> dict[str, float]:
+        """Mean probabilities that the voice suggests, by name; of a track those of the track."""
+        return self._mean(self._heard, self._guess)
+
+    @property
+    def expression(self) -> dict[str, float]:
+        """Mean weights of what is played, by name."""
+        return self._mean(self._felt, self.probabilities)
+
+    def _mean(self, total: Array, now: Array) -> dict[str, float]:
+        share = total / self._ticks if self._ticks else now
         return {name: float(p) for name, p in zip(EMOTIONS, share, strict=True)}

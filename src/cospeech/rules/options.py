@@ -38,7 +38,7 @@ class GenerationOptions:
     style: Any = None
     """A name, a mixture, or for trained models an example; the model's default where None."""
     emotion: str | Moods = "auto"
-    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice."""
+    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice."""
     seed: int = 0
     """Of the first take; take k has the seed ``seed + k``."""
     intensity: float = 1.0
@@ -55,6 +55,8 @@ class GenerationOptions:
     """Seconds of speech after a frame that a network hears, for those that have a choice."""
     takes: int = 1
     """How many are played at once."""
+    stance: bool = False
+    """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`); files always have it."""
     face: MotionLike = None
     """A face that moves body and hands, or a file of one; for chains."""
     continue_from: MotionLike = None
@@ -76,6 +78,8 @@ class GenerationOptions:
         check_range("seed", self.seed, (0, SEEDS - int(self.takes)))
         for name in ("intensity", "temperature", "fps"):
             object.__setattr__(self, name, float(getattr(self, name)))
+        if not isinstance(self.stance, bool):
+            raise InputError(f"stance is {self.stance!r}", "True or False")
         for name in ("seed", "takes"):
             object.__setattr__(self, name, int(getattr(self, name)))
         object.__setattr__(self, "parts", parts)

@@ -20,12 +20,13 @@ from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .gesture_space import GesturePlacement, reach_time, stroke_time
+from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
 from .lexicon import form_for
-from .minimum_jerk import MinimumJerkTrack
+from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form
 from .rest_poses import RESTS
+from .strokes import arched, skewed, twisted_path
 from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
@@ -35,6 +36,11 @@ LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.m
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
+_EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
+_MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
+_CHAINED = (
+    0.55  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
+)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -143,7 +149,7 @@ class Planner:
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
-            if stirred and self._random.random() < 0.45:
+            if stirred and self._random.random() < 0.55:
                 self._beat(now, accent, stirred, modifier, 0.6)
             return
         if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
@@ -196,21 +202,26 @@ class Planner:
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * modifier.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
         poses = self._gesture_space.of(form, effort, modifier)
+        if leader.place == "up" and name in FORMS:
+            poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         stroke = stroke_time(poses[0], poses[1], tempo, modifier)
-        onset = at - LEAD - stroke / 2
+        skew = skewed(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
+        onset = at - LEAD + _MERGED - stroke * peak_share(skew)
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if available < 0.16:
+        if available < max(0.2, 0.25 * min(wanted, 0.9)):
             return False
-        prepare = self._preparation(at, onset, wanted, available)
+        prepare, wind_up = self._preparation(at, onset, wanted, available)
         start = onset - prepare
         end = onset
         for hand in hands:
-            own = poses if hand == hands[0] else [self._gesture_space.follower(p, strength) for p in poses]
-            late = 0.0 if hand == hands[0] else self._random.uniform(0.0, 0.05)
-            end = self._schedule(self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, modifier)
+            own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength)
+            late = 0.0 if hand == hands[0] else self._random.uniform(-0.03, 0.07)
+            end = self._schedule(
+                self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, modifier, (wind_up, skew)
+            )
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
@@ -223,14 +234,16 @@ class Planner:
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         return True
 
-    def _preparation(self, at: float, onset: float, wanted: float, available: float) -> float:
-        """Seconds of preparation: an unhurried reach, or one whose speed peaks on the accent before (hands keep the beat)."""
+    def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
+        """Seconds and skew of an unhurried preparation; its speed peaks on an accent before, where one fits."""
+        prepare = min(1.35 * wanted, available)
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:
-                fits = (onset - accent.time + LEAD) / (0.5 - 0.5 * _BLEND)
-                if 0.75 * wanted <= fits <= min(1.8 * wanted, available):
-                    return fits
-        return min(1.35 * wanted, available)
+                for length in (prepare, 0.8 * prepare, min(1.9 * wanted, available)):
+                    share = 1 - (onset - accent.time + LEAD) / length
+                    if _EARLIEST <= share / (1 + _BLEND) <= 1 - _EARLIEST and length >= 0.8 * min(wanted, prepare):
+                        return length, skew_for(share / (1 + _BLEND))
+        return prepare, skewed(self._random, 0.0, 0.2)
 
     def _schedule(
         self,
@@ -242,16 +255,24 @@ class Planner:
         stroke: float,
         tempo: float,
         modifier: EmotionModifier,
+        skews: tuple[float, float],
     ) -> float:
-        """Moves of one hand through all poses; returns the end of the last stroke."""
-        state.track.move(start, prepare * (1 + _BLEND), poses[0])
+        """Moves of one hand through all poses; returns the end of the last stroke.
+
+        It winds up on one side of the chord and strikes on the other, goes a little too far and settles.
+        """
+        draw = self._random
+        wind = arched(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
+        state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
         for k in range(1, len(poses)):
             length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, modifier)
+            way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
-            over[:7] = (poses[k] - poses[k - 1])[:7] * (0.05 + 0.06 * (self.style.tension + modifier.tension))
-            state.track.move(end, length, poses[k] + over)
-            state.track.move(end + 0.72 * length, 0.30 / tempo, poses[k])
+            over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + modifier.tension)) * draw.uniform(0.5, 1.5)
+            arc = arched(draw, way, poses[k], draw.uniform(0.08, 0.30))
+            state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
+            state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
@@ -270,23 +291,26 @@ class Planner:
 
     def _beat(self, now: float, accent: Accent, held: list[_HandState], modifier: EmotionModifier, scale: float) -> None:
         """A short stroke in place, down and a little forward, with a rebound."""
+        if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
+            held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * modifier.tempo
-        size = scale * (0.10 + 0.20 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
+        size = scale * (0.11 + 0.22 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
-        onset = accent.time - LEAD - stroke / 2
-        lift = min(0.44 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
+        skew = skewed(self._random, -0.1, 0.3)
+        onset = accent.time - LEAD - stroke * peak_share(skew)
+        lift = min(0.52 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
             return
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
-            up[:7] = (self._random.gauss(0, 0.03), 0.7 * size, -0.25 * size, 0, 0, -40 * size, -25 * size)
-            down[:7] = (self._random.gauss(0.02, 0.03), -1.15 * size, 0.45 * size, 0, 0, 70 * size, 40 * size)
-            state.track.add(onset - lift + jitter, lift * 1.2, up)
-            state.track.add(onset + jitter, stroke, down)
+            up[:7] = (self._random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
+            down[:7] = (self._random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
+            state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
+            state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
-            back[:7] = -(up + down)[:7] * 0.8
-            state.track.add(onset + stroke + 0.05, 0.7 / tempo, back)
+            back[:7] = -(up + down)[:7] * ([0.65] * 3 + [1.0] * 4)
+            state.track.add(onset + stroke + 0.05, 0.8 / tempo, back, skew=0.1)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)
             else:
@@ -305,7 +329,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = 0.10 + 0.34 * self.style.symmetry
+        share = 0.05 + 0.28 * self.style.symmetry
         if state.place == "idle" or start < state.busy:
             share *= 0.35
         for onset_, length, delta in (
@@ -346,11 +370,24 @@ class Planner:
             self._random.gauss(0, 0.03) * free,
             self._random.gauss(0, 0.025) * free,
         ]
+        if self._random.random() < 0.5 and not self.style.seated:
+            goal[7:19] = SHAPES["curl"].values()
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += modifier.shrug
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
-        state.track.move(now + _SLACK + self._random.uniform(0, 0.12), length * 1.15, goal)
-        state.place, state.home, state.busy, state.form = place, goal, now + 0.45 * length, ""
+        swing = arched(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
+        skew = skewed(self._random, 0.2, 0.2)
+        start = self._on_the_beat(now + _SLACK, 1.15 * length * peak_share(skew))
+        state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
+        state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""
+
+    def _on_the_beat(self, earliest: float, to_peak: float) -> float:
+        """When to begin a move so that its speed peaks with an accent to come: hands fall back in the rhythm of the speech."""
+        for accent in self._heard:
+            start = accent.time - LEAD - to_peak
+            if earliest <= start <= earliest + 0.4:
+                return start
+        return earliest + self._random.uniform(0, 0.12)
 
 
 def _effort(pose: Array) -> float:

@@ -1,4 +1,4 @@
-"""Hips, torso, head, gaze and feet: they carry the hands' rhythm and have a slow life of their own."""
+"""Torso, head and gaze over a stance: they carry the hands' rhythm and have a slow life of their own."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from random import Random
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
+from ..face.gaze import GazePlanner
 from ..motion.kinematics.body import BODY_CHANNELS, Body
-from ..motion.kinematics.legs import STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 from .minimum_jerk import MinimumJerkTrack
+from .stance import Stance, StanceAmounts, first_body
 from .styles import Style
 
 __all__ = ["Posture"]
@@ -25,24 +26,15 @@ class Posture:
     def __init__(self, style: Style, random: Random, intensity: float) -> None:
         self.style, self._random = style, random
         self.size = max(intensity, 0.25) ** 0.5  # stillness of the hands does not freeze the body (ours)
-        base = np.zeros(BODY_CHANNELS)
-        forward = 0.0 if style.seated else 0.03
-        base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT)
-        base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT)
-        base[Body.PITCH] = style.lean
+        base = first_body(random, seated=style.seated, lean=style.lean)
         self.track = MinimumJerkTrack(base)
-        self._next = {
-            "shift": random.uniform(0.5, 3),
-            "lean": random.uniform(0.2, 1.0),
-            "gaze": 0.4,
-            "head": 0.3,
-            "step": self._step_gap(),
-        }
-        self._away = False
+        amounts = StanceAmounts(style.sway * self.size, style.steps, style.seated)
+        self.stance = Stance(self.track, random, amounts)
+        self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3}
+        self.gaze = GazePlanner(random.getrandbits(32), style.averted)
         self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
-        self._side = random.choice((-1, 1))
         self._modifier: EmotionModifier | None = None
 
     def decide(self, now: float, *, phrases: Sequence[Phrase], modifier: EmotionModifier, speaking: bool) -> None:
@@ -51,20 +43,16 @@ class Posture:
             self._settle(-5.0, 1.0, modifier)  # where it stands before the first frame
         self._modifier = modifier
         for phrase in phrases:
-            if phrase.start > self._phrase and phrase.start <= now + 0.4:
+            if phrase.start > self._phrase and phrase.start <= now + 0.6:
                 self._phrase = phrase.start
-                self._on_phrase(now, modifier)
+                self._on_phrase(now, phrase.start)
         if now >= self._next["lean"]:
             self._settle(now, self._random.uniform(0.9, 1.8), modifier)
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
             self._turn_head(now, modifier, speaking)
-        if now >= self._next["gaze"]:
-            self._look(now, modifier, speaking)
-        if now >= self._next["shift"]:
-            self._shift_weight(now)
-        if now >= self._next["step"]:
-            self._step(now)
+        self._look(now, phrases, modifier)
+        self.stance.decide(now, speaking=speaking)
 
     def _gauss(self, size: float) -> float:
         return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
@@ -76,12 +64,14 @@ class Posture:
             self.style.lean + modifier.bow + self._gauss(2.6 * torso),
             self._gauss(1.8 * torso),
             modifier.turn + self._gauss(4.2 * torso),
+            self._gauss(1.6 * torso),
         )
-        self.track.move(now + 0.02, length, np.array(goal), [Body.PITCH, Body.ROLL, Body.YAW])
-        self.track.move(now + 0.05, length * 1.1, np.array([self._gauss(2.0 * torso)]), [Body.HIPS_YAW])
+        columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]
+        self.track.move(now + 0.02, length, np.array(goal), columns, skew=self._gauss(0.25))
 
-    def _on_phrase(self, now: float, modifier: EmotionModifier) -> None:
+    def _on_phrase(self, now: float, start: float) -> None:
         self._next["lean"] = min(self._next["lean"], now + self._random.uniform(0, 0.3))
+        self.stance.begin_phrase(now, start)
         if self._random.random() < 0.55:
             self._next["head"] = now
 
@@ -94,80 +84,31 @@ class Posture:
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
-        self._next["head"] = now + self._random.uniform(0.6, 1.5) * (1.0 if speaking else 1.7)
+        self._next["head"] = now + self._random.uniform(0.9, 2.2) * (1.0 if speaking else 1.7)
 
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
-        """A saccade to the listener or away; the head follows far ones. Gaze shifts come every 1–4 s (motion.md)."""
-        away = self._random.random() < min(0.85, self.style.averted + modifier.averted)
-        if away:
-            goal = (
-                self._random.choice((-1, 1)) * self._random.uniform(9, 24),
-                self._random.choice((-13.0, -9.0, -5.0, 4.0, 9.0)),
-            )
-        else:
-            goal = (self._gauss(1.6), self._gauss(1.2))
-        columns = [Body.GAZE_YAW, Body.GAZE_UP]
-        way = float(np.hypot(*(np.array(goal) - self.track.target[columns])))
-        self.gaze_shifts.append((now + 0.05, float(np.radians(way))))
-        self.track.move(now + 0.02, 0.04 + 0.0032 * way, np.array(goal), columns)  # main sequence, slowed a little for 30 fps
-        if away != self._away and (away or self._random.random() < 0.6):
-            self._next["head"] = now + 0.05
-        self._away = away
-        self._next["gaze"] = now + (self._random.uniform(0.5, 1.5) if away else self._random.uniform(0.9, 3.6))
-
-    def _shift_weight(self, now: float) -> None:
-        if self.style.seated:
-            self._next["shift"] = now + 30
+    def _look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
+        """The eyes jump where the plan of the gaze wants; the head follows far jumps."""
+        away = self.gaze.away
+        saccade = self.gaze.decide(now, phrases, modifier.averted)
+        if saccade is None:
             return
-        self._side = -self._side if self._random.random() < 0.75 else self._side
-        sway = self.style.sway * self.size
-        goal = (self._side * self._random.uniform(0.012, 0.042) * sway, self._gauss(0.012 * sway))
-        feet = (self.track.target[Body.LEFT_FOOT][0] + self.track.target[Body.RIGHT_FOOT][0]) / 2
-        depth = (self.track.target[Body.LEFT_FOOT][1] + self.track.target[Body.RIGHT_FOOT][1]) / 2
-        length = self._random.uniform(1.0, 1.9)
-        self.track.move(now + 0.02, length, np.array([feet + goal[0], depth + goal[1]]), [Body.HIPS_X, Body.HIPS_Z])
-        self._next["shift"] = now + self._random.uniform(2.2, 6.0) / max(sway, 0.3)
-
-    def _step_gap(self) -> float:
-        per_minute = 0.0 if self.style.seated else self.style.steps
-        return self._random.expovariate(per_minute / 60) + 1.5 if per_minute > 0 else 1e12
-
-    def _step(self, now: float) -> None:
-        """The unloaded foot takes a small step; the weight follows."""
-        self._next["step"] = now + self._step_gap()
-        left_free = self._side < 0  # weight on the right (−x): the left foot may go
-        foot, other = (Body.LEFT_FOOT, Body.RIGHT_FOOT) if left_free else (Body.RIGHT_FOOT, Body.LEFT_FOOT)
-        lift = Body.LEFT_LIFT if left_free else Body.RIGHT_LIFT
-        side = 1 if left_free else -1
-        still = self.track.target[other]
-        goal = np.array(
-            [still[0] + side * 2 * STANCE * self._random.uniform(0.85, 1.25), self._random.uniform(-0.07, 0.09), 0.0]
-        )
-        goal[0] = np.clip(goal[0], -0.24, 0.24)
-        goal[2] = side * (TOE_OUT + self._random.uniform(-4, 8))
-        length = self._random.uniform(0.42, 0.55)
-        onset = now + 0.34
-        self._lean_over(now, other)
-        self.track.move(onset, length, goal, foot)
-        self.track.move(onset - 0.15, 0.26, np.array([0.05]), [lift])
-        self.track.move(onset + length - 0.09, 0.26, np.array([0.0]), [lift])
-        middle = (goal[:2] + still[:2]) / 2
-        self.track.move(onset + 0.35 * length, 0.8, middle + np.array([side * 0.015, 0.0]), [Body.HIPS_X, Body.HIPS_Z])
-        self._next["shift"] = max(self._next["shift"], onset + length + 1.0)
-        self._side = side
-
-    def _lean_over(self, now: float, foot: slice) -> None:
-        goal = self.track.target[foot][0] * 0.36 + self.track.target[Body.HIPS_X] * 0.64
-        self.track.move(now + 0.02, 0.5, np.array([goal]), [Body.HIPS_X])
+        columns = [Body.GAZE_YAW, Body.GAZE_UP]
+        way = float(np.hypot(*(np.array([saccade.yaw, saccade.up]) - self.track.target[columns])))
+        self.gaze_shifts.append((saccade.time + 0.03, float(np.radians(way))))
+        self.track.move(saccade.time, saccade.length, np.array([saccade.yaw, saccade.up]), columns)
+        if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
+            self._next["head"] = now + 0.05
 
     def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
         """Nods and tilts of the head on accents."""
-        if accent.time < now + 0.2 or self._random.random() > 0.45 + 0.5 * accent.strength:
+        tied = self.style.emphasis
+        if accent.time < now + 0.2 or self._random.random() > (0.45 + 0.5 * accent.strength) * min(tied, 1.0):
             return
         size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
+        size *= 0.4 + 0.6 * tied
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
         nod = np.zeros(BODY_CHANNELS)
@@ -179,17 +120,35 @@ class Posture:
     def on_stroke(
         self, start: float, onset: float, stroke: float, poses: list[Array], hands: list[int], modifier: EmotionModifier
     ) -> None:
-        """The torso goes along with the hands: towards what one hand does, forward or up with both."""
+        """The trunk winds up while the hands prepare, leads the stroke, and comes back when it is over.
+
+        It turns towards what one hand does, bends forward or rises with both, and the hips go along: weight towards the
+        gesture, knees that give way under a stroke downward.
+        """
         way = poses[1][:3] - poses[0][:3]
-        torso = self.style.torso * modifier.torso * self.size
+        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
-        if len(hands) == 1:
-            side = 1 if hands[0] == 0 else -1
-            part[Body.YAW] = side * (5.0 * way[0] - 5.5 * way[2]) * torso
-            part[Body.ROLL] = -side * 2.2 * way[0] * torso
-        part[Body.PITCH] = (4.5 * way[2] - 4.0 * way[1]) * torso
-        part[Body.HIPS_Z] = 0.012 * way[2] * torso
-        part[Body.HEAD_YAW] = 0.5 * part[Body.YAW]
-        part[[Body.YAW, Body.PITCH, Body.ROLL]] = np.clip(part[[Body.YAW, Body.PITCH, Body.ROLL]], -7, 7)
-        self.track.add(onset - 0.05, stroke + 0.12, part)
-        self.track.add(onset + stroke + 0.2, 0.9, -part)
+        side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
+        part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
+        part[Body.ROLL] = -side * 5.0 * way[0] * torso + self._gauss(0.6 * torso)
+        part[Body.PITCH] = (9.0 * way[2] - 9.0 * way[1]) * torso
+        turned = [Body.YAW, Body.PITCH, Body.ROLL]
+        part[turned] = np.clip(part[turned], -8, 8)
+        head = self.style.head * modifier.head * self.size
+        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(4.3 * head)
+        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(4.0 * head)
+        part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
+        part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
+        if not self.style.seated:
+            part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso
+            part[Body.HIPS_Z] = np.clip(0.05 * way[2], -0.014, 0.014) * torso
+            part[Body.SINK] = np.clip(-0.018 * way[1], -0.002, 0.006) * torso
+        lead = self._random.uniform(0.06, 0.13)
+        wind = -self._random.uniform(0.2, 0.5) * part
+        ready = onset - lead
+        begin = max(start, ready - 0.7)
+        self.track.add(begin, max(ready - begin, 0.25) * 1.2, wind)
+        self.track.add(ready, stroke + 0.04, part - wind, skew=0.15)
+        back = self._random.uniform(0.25, 0.45)
+        self.track.add(onset + stroke * 0.9, 0.34, -back * part)
+        self.track.add(onset + stroke + self._random.uniform(0.25, 0.8), self._random.uniform(0.7, 1.2), -(1 - back) * part)

@@ -15,7 +15,7 @@ from ..motion.kinematics import arms
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
 from ..motion.kinematics.hands import Channel
-from ..motion.kinematics.legs import stand
+from ..motion.kinematics.legs import stand, weight_shift
 from ..motion.noise import smooth_noise
 from ..motion.rotations import (
     Array,
@@ -34,8 +34,12 @@ from .styles import Style
 __all__ = ["Pieces", "realise"]
 
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
-_BREATHS = 15.0 / 60  # per second (motion.md: 12–18 per minute)
-_GAZE_LIMIT = np.radians([28.0, 20.0])  # eyes in the head: sideways, up and down
+_CHEST, _RAISED = 1.7, 2.2  # degrees by which a breath opens the chest and lifts the clavicles (ours: about 1 cm)
+_LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
+"""Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
+the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
+_CARRIED = 0.6  # share of the pelvis' turn that the chest takes over (ours, by eye)
+_COUNTER = 24.0  # degrees that the chest leans to the loaded side per metre of weight shift: contrapposto (ours, by eye)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _CLEAR = 0.010  # metres of air kept between hand and body
@@ -47,7 +51,7 @@ class Pieces(NamedTuple):
     rotations: Array
     root: Array
     gaze: Array
-    """(N, 2) of the eyes in the head: yaw to the left and pitch up, radians."""
+    """(N, 2) planned, relative to the listener: yaw to the left and pitch up, radians; see `cospeech.face.gaze`."""
 
 
 @lru_cache(1)
@@ -72,7 +76,7 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: the eyes and the hips' place are all that is wanted, at a quarter
+        hands: tracks of the left and the right hand; None: the gaze and the hips' place are all that is wanted, at a quarter
             of the cost.
         style: whose noise, stance and chair.
         seed: of the noise.
@@ -83,12 +87,12 @@ def realise(
     b = body.at(times)
     _add_body_noise(b, times, style, seed, size)
     rotations = quat_identity(len(times), len(humanoid()))
-    breath = _breath(times, seed)
+    breath = b[:, Body.BREATH]
     turn = np.radians(style.turn)
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
-    torso = quat_multiply(torso, arms._about(0, np.radians(-0.9) * breath))
-    head, gaze = _head(b, torso, rotations, turn)
+    torso = quat_multiply(torso, arms._about(0, np.radians(-_CHEST) * breath))
+    head, gaze = _head(b, torso, turn), np.radians(b[:, [Body.GAZE_YAW, Body.GAZE_UP]])
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     if hands is None:
         return Pieces(rotations, quat_rotate(facing, root), gaze)
@@ -115,49 +119,35 @@ def _euler(b: Array, columns: tuple[int, int, int]) -> Array:
     return euler_to_quat(np.radians(b[:, list(columns)]), "YXZ")
 
 
-def _breath(times: Array, seed: int) -> Array:
-    wander = smooth_noise(seed + 11, 1, times, 0.10, octaves=1)[:, 0]
-    return np.sin(2 * np.pi * (_BREATHS * times + 0.12 * wander))
-
-
 def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float) -> None:
-    n = smooth_noise(seed + 1, 9, times, 0.42, octaves=3, gain=0.55)
+    """Sway that never stops, and what the chest takes over from the pelvis."""
+    n = smooth_noise(seed + 1, 11, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
-    head, torso, sway = style.head * still, style.torso * still, style.sway * still * (0.3 if style.seated else 1.0)
+    head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (1.8 if style.seated else 1.0), style.sway * still
+    moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [0.9 * torso, 0.8 * torso, 1.5 * torso, 1.5 * head, 1.5 * head, 2.2 * head, 0.007 * sway, 0.007 * sway, 1.2 * sway]
+        [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.009 * moved, 0.009 * moved]
+        + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
-    columns = [
-        Body.PITCH,
-        Body.ROLL,
-        Body.YAW,
-        Body.HEAD_PITCH,
-        Body.HEAD_ROLL,
-        Body.HEAD_YAW,
-        Body.HIPS_X,
-        Body.HIPS_Z,
-        Body.HIPS_YAW,
-    ]
-    b[:, columns] += n * scale
+    b[:, _SWAYING] += n * scale
+    if not style.seated:
+        b[:, Body.ROLL] -= _COUNTER * weight_shift(b)
+    feet = 0.0 if style.seated else 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
+    b[:, Body.YAW] += _CARRIED * (b[:, Body.HIPS_YAW] + feet)
 
 
-def _head(b: Array, torso: Array, rotations: Array, turn: float) -> tuple[Array, Array]:
-    """The eyes; returns how the head is turned in the world (N, 4), and the gaze in it (N, 2)."""
-    joint = humanoid().index
+_SWAYING = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z] + [
+    Body.HIPS_YAW, Body.HIPS_PITCH, Body.HIPS_ROLL
+]  # fmt: skip
+
+
+def _head(b: Array, torso: Array, turn: float) -> Array:
+    """How the head is turned in the world, (N, 4)."""
     b = b.copy()
     b[:, Body.HEAD_YAW] -= 0.62 * np.degrees(turn)
-    b[:, Body.GAZE_YAW] -= 0.9 * np.degrees(turn)
     head = _euler(b, (Body.HEAD_YAW, Body.HEAD_PITCH, Body.HEAD_ROLL))
     carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
-    head = quat_multiply(carried, head)
-    yaw, up = np.radians(b[:, Body.GAZE_YAW]), np.radians(b[:, Body.GAZE_UP])
-    aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
-    aim = quat_rotate(quat_conjugate(head), aim)
-    gaze = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(np.clip(aim[:, 1], -1, 1))], -1)
-    gaze = _GAZE_LIMIT * np.tanh(gaze / _GAZE_LIMIT)
-    eye = quat_multiply(arms._about(1, gaze[:, 0]), arms._about(0, -gaze[:, 1]))
-    rotations[:, joint["leftEye"]] = rotations[:, joint["rightEye"]] = eye
-    return head, gaze
+    return quat_multiply(carried, head)
 
 
 # ---------------------------------------------------------------------------------------------------------- arms
@@ -220,10 +210,11 @@ def _arms(
     raised = h[..., Channel.UP]
     lift = (
         np.radians(h[..., Channel.SHRUG])
-        + np.radians(24) * _smoothstep((raised + 0.45) / 1.0)
-        + np.radians(0.7) * breath[:, None]
+        + np.radians(b[:, Body.SHOULDERS])[:, None]
+        + np.radians(_LIFTED) * _smoothstep((raised + 1.0) / 1.3)
+        + np.radians(_RAISED) * breath[:, None]
     )
-    reach_out = np.radians(14) * _smoothstep((h[..., Channel.FORWARD] - 0.35) / 0.7) * _smoothstep((raised + 0.9) / 0.5)
+    reach_out = np.radians(_REACHED) * _smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL])
@@ -236,6 +227,7 @@ def _arms(
 
 
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
+_SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger shows half as much again (ours)
 _WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))
 """Pronation, flexion, deviation: within the active ranges of adults (Boone & Azen 1979)."""
 
@@ -255,17 +247,18 @@ def _smoothstep(u: Array) -> Array:
 
 
 def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
-    n = smooth_noise(seed + 2, 22, times, 0.45, octaves=3, gain=0.5)
+    n = smooth_noise(seed + 2, 22, times, 0.40, octaves=3, gain=0.45)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
         k = n[:, side * 11 : side * 11 + 11] * still
-        h[:, side, :3] += k[:, :3] * (0.013, 0.012, 0.013)
+        h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
         h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
         fingers = k[:, 7:11] * (6.5, 7.0, 7.0, 7.5)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
     h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
     h[:, :, Channel.MIDDLES] = _limit(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
+    h[:, :, Channel.SPREAD] = _limit(h[:, :, Channel.SPREAD], *_SPREAD_LIMITS)
     if tremor.any():
         shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor[:, None])
         h[:, :, :3] += shake.reshape(-1, 2, 3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cache
 from math import ceil
 from typing import Protocol
@@ -19,10 +20,12 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
 from ..errors import InputError
 from ..face.composition import Face
+from ..face.gaze import direction_of, eye_angles, look, toward
 from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
+from .arousal import arouse
 from .emotion_modifiers import blend_modifiers
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
@@ -40,6 +43,7 @@ ticks, and what the features of a hundredth wait for."""
 MOUTH_WAITS = LOOK_AHEAD - TICK
 """Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
+_EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
 _MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
 
 
@@ -56,6 +60,8 @@ class Session:
             session listens to the mood alone.
         mouth: what the face speaks with; rules make its mouth where there is none.
         gains: (52,) factors of the face's channels; all 1 where not given.
+        aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
+            because another system turns the head.
     """
 
     def __init__(
@@ -70,6 +76,7 @@ class Session:
         parts: tuple[str, ...],
         mouth: Mouth | None = None,
         gains: Array | None = None,
+        aimed: bool = True,
     ) -> None:
         self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
         self.intensity = intensity
@@ -77,10 +84,11 @@ class Session:
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.face = Face(
-            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness, blink_rate=style.blinks / 60,
+            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness,
+            emphasis=style.emphasis, blink_rate=style.blinks / 60,
             gains=gains,
         )  # fmt: skip
-        self.mouth = mouth
+        self.mouth, self._aimed = mouth, aimed
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
         self._sound = At16kHz()
@@ -101,7 +109,17 @@ class Session:
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard; of a track its mean over the speech."""
-        return self.mood.mean
+        return self.mood.guess
+
+    @property
+    def expression(self) -> dict[str, float]:
+        """Weight of each emotion that was played, over the speech: of a track its own, else neutral alone."""
+        return self.mood.expression
+
+    @property
+    def arousal(self) -> float | None:
+        """Mean arousal that was heard in the voice and played, −1 … 1; None where an emotion is given."""
+        return self.mood.arousal.mean if self.mood.track is None else None
 
     @property
     def speaker(self) -> None:
@@ -201,7 +219,7 @@ class Session:
         elif self._ticks % 5 == 0:
             recent = [a for a in detector.accents if a.time <= now + HORIZON]
             self.mood.follow(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        modifier = blend_modifiers(self.mood.probabilities)
+        modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self.parts:
             self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
@@ -245,10 +263,24 @@ class Session:
             shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
             spoken = None if self.mouth is None else self.mouth.at(times)
             face = self.face.weights(
-                times, heard, accents=accents, words=words, emotion=mood, gaze=pose.gaze, shifts=shifts, spoken=spoken
+                times, heard, accents=accents, words=words, emotion=mood, shifts=shifts, spoken=spoken
             ).astype(np.float32)
+            rotations[:, _EYES] = toward(pose.gaze)[:, None]
         rotations = self._signs.push(rotations.astype(np.float32))
-        return Motion(self.fps, rotations, pose.root.astype(np.float32), face, humanoid(), float(times[0]))
+        made = Motion(self.fps, rotations, pose.root.astype(np.float32), face, humanoid(), float(times[0]))
+        return self.aim(made) if self._aimed else made
+
+    def aim(self, motion: Motion) -> Motion:
+        """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.
+
+        Args:
+            motion: of our humanoid. Its eyes stand as planned in the world; its face is that of a session that does not aim.
+        """
+        if motion.face is None:
+            return motion
+        angles = eye_angles(motion.rotations, motion.root, direction_of(motion.rotations[:, _EYES[0]].astype(float)))
+        face = self.face.finish(motion.face.astype(float), angles).astype(np.float32)
+        return replace(motion, rotations=look(motion.rotations, angles), face=face)
 
     def _mood_at(self, times: Array) -> Array:
         """(N, 8): of the track; or linear between ticks and one tick late, so that the later one has always been decided."""

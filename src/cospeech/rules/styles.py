@@ -37,7 +37,7 @@ class Style:
     """Share of one-handed gestures made by the right hand, 0 … 1."""
     both: float = 0.65
     """Share of gestures made with both hands, 0 … 1."""
-    symmetry: float = 0.85
+    symmetry: float = 0.75
     """How alike both hands move, and how much the other hand takes part in one-handed gestures, 0 … 1."""
     repertoire: Mapping[str, float] = field(default_factory=dict)
     """Weights of gesture forms over the common ones (`repertoire.FORMS`)."""
@@ -62,6 +62,8 @@ class Style:
     """Where they go in long pauses."""
     expressiveness: float = 1.0
     """Of the face."""
+    emphasis: float = 1.0
+    """How much brows and head go along with accents: 0 not at all, 1 as most speakers, 2 as a show host."""
     averted: float = 0.25
     """Share of time the gaze is not on the listener."""
     blinks: float = 22.0
@@ -94,7 +96,7 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
-        "natural": Style("an even-tempered conversationalist; the default"),
+        "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.08),
         "lively": Style(
             "wide and quick gestures, never still: a show host",
             rate=0.95,
@@ -103,8 +105,9 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             breadth=0.02,
             tempo=1.1,
             hold=0.75,
-            both=0.7,
-            torso=1.3,
+            both=0.65,
+            symmetry=0.65,
+            torso=1.15,
             head=1.15,
             sway=1.3,
             steps=8,
@@ -124,7 +127,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.55,
             torso=0.9,
             head=1.0,
-            sway=0.8,
+            sway=1.05,
             steps=5,
             expressiveness=0.75,
             rest="folded",
@@ -192,9 +195,9 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.4,
             symmetry=0.5,
             tension=0.5,
-            torso=0.7,
-            head=0.95,
-            sway=0.9,
+            torso=0.75,
+            head=1.05,
+            sway=1.0,
             steps=5,
             lean=1,
             rest="folded",
@@ -233,10 +236,10 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             seated=True,
             rest="lap",
             idle="lap",
-            sway=0.5,
+            sway=1.3,
             steps=0,
             lean=4,
-            torso=0.9,
+            torso=1.2,
             exempt=_SEATED_ROWS,
         ),
         "restless": Style(

@@ -13,6 +13,7 @@ from math import inf
 from typing import Any
 
 from ..errors import InputError
+from ..motion.poses import find_pose
 from ..motion.rotations import Array
 from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
@@ -30,12 +31,19 @@ from .style_track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import check_look_ahead
 
-__all__ = ["options_for_files", "start_decoder"]
+__all__ = ["has_legs", "options_for_files", "start_decoder"]
 
 
 def options_for_files(system: System) -> Mapping[str, Any]:
-    """Options of a session over a file, where nobody waits: windows that hear both ways, where a system has them too."""
-    return {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
+    """Options of a session over a file: windows that hear both ways, where a system has them too, as nobody waits; and a stance
+    for those that have no legs."""
+    ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
+    return ahead | {"stance": not has_legs(system)}
+
+
+def has_legs(system: System) -> bool:
+    """Whether the poses of a system say how the legs stand."""
+    return any(part in name for name in find_pose(system.pose).names for part in ("Leg", "Foot", "knee"))
 
 
 def start_decoder(
@@ -75,7 +83,7 @@ def start_decoder(
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
     common = system, network, style, options.seeds, silence
-    scales = {"temperature": options.temperature, "intensity": options.intensity}
+    scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
     if live:
         return CausalStreamDecoder(*common, **scales)
     if network.signature.hop is None:

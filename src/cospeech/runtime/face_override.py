@@ -33,6 +33,16 @@ class FaceOverride:
         return self._session.emotion
 
     @property
+    def expression(self) -> dict[str, float]:
+        """See `cospeech.rules.Session`."""
+        return self._session.expression
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session`."""
+        return self._session.arousal
+
+    @property
     def latency(self) -> float:
         """See `cospeech.rules.Session`."""
         return self._session.latency
@@ -48,13 +58,15 @@ class FaceOverride:
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""
-        return map(self._override, self._session.push(chunk))
+        return self._session.push(chunk)
 
     def finish(self) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""
-        return map(self._override, self._session.finish())
+        return self._session.finish()
 
-    def _override(self, piece: Motion) -> Motion:
-        weights, share = self._face.at((self._frame + np.arange(len(piece))) / piece.fps)
-        self._frame += len(piece)
-        return piece if piece.face is None else replace(piece, face=(1 - share) * piece.face + share * weights)
+    def aim(self, motion: Motion) -> Motion:
+        """See `cospeech.rules.Session`; the next frames."""
+        weights, share = self._face.at((self._frame + np.arange(len(motion))) / motion.fps)
+        self._frame += len(motion)
+        aimed = self._session.aim(motion)
+        return aimed if aimed.face is None else replace(aimed, face=(1 - share) * aimed.face + share * weights)

@@ -22,8 +22,9 @@ from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
+from ..rules.stance_layer import StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
-from .decoders import options_for_files, start_decoder
+from .decoders import has_legs, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
@@ -101,15 +102,21 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        heads = [rules.session(seed=seed, moving=shown, **of_face) for seed in options.seeds]
+        heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
         for each in (frontend, *faces):
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
-            direct=self._resolve_style, before=conditioning.before,
+            direct=self._resolve_style, before=conditioning.before, stances=self._stances(options),
         )  # fmt: skip
+
+    def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
+        """One for each take, of a system that has no legs, where the body is wanted and a stance is asked for."""
+        if not options.stance or "body" not in options.parts or self.system.pose == POSE or has_legs(self.system):
+            return []
+        return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """Who makes the face; of a system of faces one that speaks with it, in that style."""
@@ -122,8 +129,8 @@ class TrainedModel:
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
         """Who hears, and who plays."""
-        frontend = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
-        frontend = frontend(self.system, resolved_style.controls)
+        kind = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
+        frontend = kind(self.system, resolved_style.controls)
         decoder = start_decoder(
             self.system, self._space, resolved_style.blend, frontend.silence, options, conditioning, self._transfer
         )
@@ -144,7 +151,7 @@ class TrainedModel:
                 mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face, and of body and hands where a system knows emotions: one of
-                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": from the voice.
+                `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, see docs/styles.md.
             seed: another seed, another performance; the same one, the same bytes.
             intensity: how far poses stray from the mean one, 0 … 2.
             temperature: scale of the latents, 0 (the likeliest motion) … 2; of a window's network, of the noise on the choice

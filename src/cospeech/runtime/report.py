@@ -19,7 +19,11 @@ class Report(BaseModel):
     seed: int = Field(description="seed of the first take; the next takes count up from it")
     takes: int = Field(description="number of takes")
     realtime_factor: float = Field(description="seconds of work per second of motion, files included")
-    emotion: dict[str, float] = Field(description="probability of each emotion, over the whole speech")
+    emotion: dict[str, float] = Field(description="probability of each emotion that was given or heard, over the whole speech")
+    played: dict[str, float] = Field(description="weight of each emotion that was played; neutral alone where none was given")
+    arousal: float | None = Field(
+        None, description="mean arousal that was heard in the voice and played, -1 … 1; none where an emotion was given"
+    )
     style: str = Field(description="style in which was gestured")
     style_mixture: dict[str, float] | None = Field(
         None, description="speaker → weight, where a model plays a mixture of speakers; of an example the nearest one"

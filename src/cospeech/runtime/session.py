@@ -27,6 +27,7 @@ from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
+from ..rules.stance_layer import StanceLayer
 from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
 from .seam import Seam
@@ -118,6 +119,7 @@ class TrainedSession:
         resolved_style: the style that the player begins with.
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
+        stances: what carries the body of each take; none for a body that has legs of its own.
     """
 
     def __init__(
@@ -132,7 +134,9 @@ class TrainedSession:
         resolved_style: ResolvedStyle,
         direct: Callable[[object], ResolvedStyle],
         before: Motion | None = None,
+        stances: Sequence[StanceLayer] = (),
     ) -> None:
+        self._stances = stances
         self._pose: Pose = find_pose(system.pose)
         self._frontend, self._decoder = frontend, decoder
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
@@ -159,6 +163,16 @@ class TrainedSession:
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over all that was heard."""
         return self._decoder.emotion or self._faces[0].emotion
+
+    @property
+    def expression(self) -> dict[str, float]:
+        """See `cospeech.rules.Session.expression`."""
+        return self._faces[0].expression
+
+    @property
+    def arousal(self) -> float | None:
+        """See `cospeech.rules.Session.arousal`; a trained model does not play it: its body depends on the sound."""
+        return self._faces[0].arousal
 
     @property
     def speaker(self) -> dict[str, float] | None:
@@ -302,11 +316,15 @@ class TrainedSession:
         made = []
         for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
             rotations, root = body.take(count)
+            if self._stances:
+                rotations, root = self._stances[take].push(rotations, root)
             face = None
             if "face" in self._parts:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, _eyes()] = eyes
+                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, face = aimed.rotations, aimed.face
             if self._seams:
                 rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))

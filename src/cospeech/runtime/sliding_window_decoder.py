@@ -27,11 +27,14 @@ BLOCK = 256  # ours: frames that are made at once where nobody waits
 LIVE = WindowLayout(window=64, hop=4, ahead=8, fade=4)
 """Ours: half a second of foresight at 15 frames a second, about the preparation of a stroke; windows as in training (64 frames,
 Ahuja et al. 2020, section 5)."""
+NEAR = 16  # frames [ours]: at 60 a second, as faces are, 0.27 s
 
 
 def live(signature: Signature) -> WindowLayout:
-    """`LIVE`, in windows as the network was trained on."""
-    return replace(LIVE, window=_up(max(signature.window or 0, LIVE.waits), signature.multiple))
+    """`LIVE`, in windows as the network was trained on; a network that hears at most `NEAR` frames ahead gets all of them."""
+    near = signature.reach if signature.reach is not None and signature.reach <= NEAR else 0
+    setting = replace(LIVE, ahead=max(LIVE.ahead, _up(near, signature.multiple)))
+    return replace(setting, window=_up(max(signature.window or 0, setting.waits), signature.multiple))
 
 
 def whole(signature: Signature) -> WindowLayout:

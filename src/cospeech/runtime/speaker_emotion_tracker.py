@@ -1,5 +1,8 @@
 """Who speaks, and in which mood: what a classifier hears in a voice, followed over a speech that comes in pieces.
 
+The mood that is heard is reported and never played: somebody's neutral voice is another's contempt, and nothing in the logits
+tells (docs/emotion_from_speech.md). What is played is the emotion that is given, or neutral.
+
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
 (`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
 (`SpeakerEmotionTracker.lag`): everything follows from a frame's index alone.
@@ -17,9 +20,6 @@ from .network import Network
 __all__ = ["SpeakerEmotionTracker"]
 
 DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
-CAUTION = 0.5
-"""Share of a mood that is heard that is played, the rest is neutral; ours: somebody's neutral voice is another's contempt, and
-nothing in the logits tells (docs/emotion_from_speech.md)."""
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
 BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
 
@@ -85,7 +85,7 @@ class SpeakerEmotionTracker:
         return self._reach + BLOCK
 
     def shares(self, frames: Array) -> Array:
-        """(…, S + 8) weights to play at these frames, which were heard; between frames they change linearly.
+        """(…, S + 8) weights to play at these frames: speakers as heard, changing linearly between frames; emotions as given.
 
         Args:
             frames: (…,) whole or not.
@@ -99,16 +99,13 @@ class SpeakerEmotionTracker:
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
         heard: Array = now + (known - low)[..., None] * (after - now)
         moods = heard[..., self._speakers :]
-        moods[...] = (
-            _NEUTRAL + CAUTION * (moods - _NEUTRAL) if self._emotions is None else self._emotions.at(wanted / self._fps)
-        )
+        moods[...] = _NEUTRAL if self._emotions is None else self._emotions.at(wanted / self._fps)
         return heard
 
     def at(self, times: Array) -> Array:
-        """(…, 8) weights of the emotions at these times in seconds."""
-        if self._emotions is not None:
-            return self._emotions.at(times)
-        return self.shares(np.asarray(times, float) * self._fps)[..., self._speakers :]
+        """(…, 8) weights of the emotions that are played at these times in seconds."""
+        times = np.asarray(times, float)
+        return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._emotions is None else self._emotions.at(times)
 
     def forget(self, before: int) -> None:
         """Frames before this one are asked for no more."""
@@ -124,8 +121,8 @@ class SpeakerEmotionTracker:
 
     @property
     def knows(self) -> bool:
-        """Whether emotions are given, or heard."""
-        return self._emotions is not None or self.judges
+        """Whether emotions are given."""
+        return self._emotions is not None
 
     @property
     def hears(self) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
 
 def mix(mixture: StyleMixture) -> StyleEmbedding:
     """One style out of several: the weighted means of their numbers; it has no examples and no beginnings."""
-    found = {}
+    found: dict[str, Any] = {}
     for name in ("code", "speaker_mean", "speaker_std", "model_mean", "style_gain", "live_model_mean", "live_style_gain"):
         parts = [(share, getattr(style, name)) for share, style in mixture if getattr(style, name) is not None]
         found[name] = average_parts(parts) if parts else None

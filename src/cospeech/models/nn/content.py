@@ -6,6 +6,7 @@ The paper calls all three TCNs; channels and kernels are the authors' code's, he
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -74,7 +75,8 @@ class _AudioContentInference(nn.Module):
 
     def forward(self, audio: Tensor) -> Tensor:
         x = F.pad(audio.mT, (0, 0, 0, max(0, BANDS - audio.shape[2]))).unsqueeze(1)
-        *convs, last = self.convs
+        convs: list[Any] = [*self.convs]
+        last = convs.pop()
         for conv in convs:
             frames, high = conv.padding
             x = F.leaky_relu(F.conv2d(x, conv.weight, conv.bias, conv.stride[::-1], (high, frames)), SLOPE)

@@ -20,11 +20,11 @@ __all__ = [
     "solve_arm",
 ]  # fmt: skip
 
-MOST_REACH = 0.985  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
+MOST_REACH = 0.992  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
 FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
 FINGERS = ("Index", "Middle", "Ring", "Little")
 _SPREAD_SHARE = np.array([-1.0, -0.15, 0.65, 1.5])  # of the spread angle, index … little, about the hand's normal
-POLE = np.array([0.36, -0.45, -0.82])  # where an elbow points when left alone: out, down, back (ours, by eye)
+POLE = np.array([0.30, -0.70, -0.65])  # where an elbow points when left alone: out, down, back (ours, by eye)
 
 
 class ArmLengths(NamedTuple):
@@ -62,7 +62,7 @@ def reach(target: Array) -> Array:
     upper, fore = arm_lengths()
     far, near = MOST_REACH * (upper + fore), 0.34 * (upper + fore)
     d = np.sqrt(np.einsum("...i,...i->...", target, target))
-    soft = 0.06 * (upper + fore)  # ours: the last stretch is spread over 6 % of the arm, so the elbow never snaps
+    soft = 0.03 * (upper + fore)  # ours: the last stretch is spread over 3 % of the arm, so the elbow never snaps
     limited = far - np.logaddexp(0.0, (far - d) / soft) * soft
     limited = near + soft * np.logaddexp(0.0, (limited - near) / soft)
     return target * (limited / np.maximum(d, 1e-6))[..., None]

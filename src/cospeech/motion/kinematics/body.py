@@ -1,4 +1,4 @@
-"""Channels of everything that is not a hand: hips, torso, head, gaze, feet."""
+"""Channels of everything that is not a hand: hips, torso, head, gaze, feet, breath."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ class Body:
     HEAD_PITCH, HEAD_ROLL, HEAD_YAW = 6, 7, 8  # in the world
     GAZE_YAW, GAZE_UP = 9, 10  # where the eyes look, in the world; up is positive
     LEFT_FOOT, RIGHT_FOOT = slice(11, 14), slice(14, 17)  # x, z of the ankle, yaw
-    LEFT_LIFT, RIGHT_LIFT = 17, 18  # ankle above its place on the floor
+    LEFT_LIFT, RIGHT_LIFT = 17, 18  # sole above the floor
+    LEFT_TIP, RIGHT_TIP = 19, 20  # foot rolled over: positive onto the ball, heel up; negative onto the heel, toes up
+    SINK = 21  # hips below the highest place that the legs allow
+    HIPS_PITCH, HIPS_ROLL = 22, 23  # of the pelvis, on top of what follows from torso and weight
+    BREATH = 24  # 0 breathed out … 1 breathed in
+    SHOULDERS = 25  # both shoulders up
 
 
-BODY_CHANNELS = 19
+BODY_CHANNELS = 26

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..rotations import Array
 
-__all__ = ["CHANNELS", "HAND_SHAPES", "LAGS", "Channel", "HandShape"]
+__all__ = ["CHANNELS", "HAND_SHAPES", "HAND_VARIANTS", "LAGS", "Channel", "HandShape"]
 
 
 class Channel:
@@ -32,8 +32,8 @@ class Channel:
 
 
 CHANNELS = 20
-LAGS = np.array([0, 0, 0, 0.02, 0.03, 0.05, 0.05] + [0.06, 0.07, 0.08, 0.09] * 2 + [0.05, 0.05, 0.05, 0.06] + [0.0])
-"""Seconds by which each channel trails the wrist: motion runs outward along the arm (ours, by eye: 30–90 ms)."""
+LAGS = np.array([0, 0, 0, 0.02, 0.04, 0.06, 0.06] + [0.08, 0.09, 0.10, 0.11] * 2 + [0.07, 0.07, 0.07, 0.08] + [0.0])
+"""Seconds by which each channel trails the wrist: motion runs outward along the arm (ours, by eye: 40–110 ms)."""
 
 
 class HandShape(NamedTuple):
@@ -69,4 +69,17 @@ HAND_SHAPES: dict[str, HandShape] = {
     "three": HandShape((0, 0, 2, 66), (6, 6, 8, 84), 9, (46, 26, 36)),
     "thumb": HandShape((70, 74, 76, 76), (88, 90, 92, 90), 0, (-6, -18, 0)),
 }
-"""Ours, set by eye on the mannequin; names are those of gesture annotation schemes where there is one."""
+"""Ours, set by eye on the mannequin; names are those of gesture annotation schemes where there is one. Networks code hands in
+the principal directions of this table (`cospeech.motion.poses.humanoid`): further shapes belong in `HAND_VARIANTS`."""
+
+HAND_VARIANTS: dict[str, HandShape] = {
+    "curl": HandShape((30, 38, 46, 52), (44, 52, 58, 60), 3, (18, 8, 18)),
+    "cradle": HandShape((10, 18, 28, 36), (22, 28, 36, 42), 7, (20, 0, 12)),
+    "fan": HandShape((-6, 6, 18, 30), (6, 16, 26, 36), 9, (4, -10, 4)),
+    "wide": HandShape((-10, -8, -6, -2), (4, 6, 8, 10), 15, (0, -20, 0)),
+    "cup": HandShape((20, 26, 32, 38), (18, 24, 30, 34), 4, (26, 4, 10)),
+    "tent": HandShape((42, 44, 46, 48), (10, 12, 14, 16), 8, (36, -4, 8)),
+    "half_fist": HandShape((38, 46, 52, 56), (50, 58, 62, 62), 3, (26, 12, 28)),
+    "lazy_point": HandShape((14, 46, 56, 60), (22, 62, 70, 68), 4, (16, 6, 14)),
+}
+"""Shapes that stand in for those of `HAND_SHAPES`, so that no hand is twice the same; ours, by eye."""

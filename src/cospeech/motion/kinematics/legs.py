@@ -10,7 +10,7 @@ from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjug
 from ..skeleton import humanoid
 from .body import Body
 
-__all__ = ["SEAT", "STANCE", "TOE_OUT", "plant", "stand"]
+__all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "plant", "stand", "weight_shift"]
 
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
@@ -18,9 +18,11 @@ TOE_OUT = 9.0  # degrees
 _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
-_TILT = 32.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (ours)
+_TILT = 92.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (contrapposto; size ours, by eye)
+_BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
 _FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
+_BENT = 0.0008  # metres over which a knee begins to bend (ours)
 _SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
@@ -47,22 +49,46 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
         hips' rotation (N, 4) and position (N, 3).
     """
     feet = np.stack([b[:, Body.LEFT_FOOT], b[:, Body.RIGHT_FOOT]], 1)
-    lift = np.stack([b[:, Body.LEFT_LIFT], b[:, Body.RIGHT_LIFT]], 1)
-    middle = feet[..., 0].mean(1)
-    roll = np.zeros(len(b)) if seated else -_TILT * (b[:, Body.HIPS_X] - middle)
-    pitch = b[:, Body.PITCH] * (0.35 if seated else 0.12)
-    yaw = b[:, Body.HIPS_YAW] * (0.3 if seated else 1.0) + (0 if seated else 0.5 * feet[..., 2].mean(1))
+    lift, tip = b[:, Body.LEFT_LIFT : Body.RIGHT_LIFT + 1], np.radians(b[:, Body.LEFT_TIP : Body.RIGHT_TIP + 1])
+    roll = b[:, Body.HIPS_ROLL] + (0.0 if seated else _TILT * weight_shift(b))
+    pitch = b[:, Body.HIPS_PITCH] + b[:, Body.PITCH] * (0.35 if seated else 0.12)
+    yaw = b[:, Body.HIPS_YAW] + (0.0 if seated else feet[..., 2].mean(1))
     hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
-    ankles = np.stack([feet[..., 0], _leg()[3][1] + lift, feet[..., 1] + _leg()[3][2]], -1)
+    ankles = _ankles(feet, lift, tip)
     if seated:
         ankles = ankles + np.array([0.0, 0.0, _AHEAD])
-        root = np.stack([0.2 * b[:, Body.HIPS_X], np.full(len(b), SEAT), 0.2 * b[:, Body.HIPS_Z]], -1)
+        root = np.stack([b[:, Body.HIPS_X], SEAT - _sunk(b), b[:, Body.HIPS_Z]], -1)
     else:
         root = np.stack([b[:, Body.HIPS_X], np.zeros(len(b)), b[:, Body.HIPS_Z]], -1)
-        root[:, 1] = _height(root, hips, ankles)
+        root[:, 1] = _height(root, hips, ankles) - _sunk(b)
     if rotations is not None:
-        rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], lift)
+        rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], tip)
+        rotations[:, _toes()] = _about_x(-np.maximum(tip, 0.0))
     return hips, root
+
+
+def _sunk(b: Array) -> Array:
+    """(N,) metres by which knees that bend lower the hips: never less than nothing, or feet would leave the floor."""
+    return _BENT * np.logaddexp(0.0, b[:, Body.SINK] / _BENT)
+
+
+def weight_shift(b: Array) -> Array:
+    """(N,) metres by which the hips are to the left of the middle between the feet."""
+    return b[:, Body.HIPS_X] - 0.5 * (b[:, Body.LEFT_FOOT.start] + b[:, Body.RIGHT_FOOT.start])
+
+
+def _ankles(feet: Array, lift: Array, tip: Array) -> Array:
+    """(N, 2, 3) ankles of feet that are lifted, and rolled about ball or heel, which stay where they are.
+
+    Args:
+        feet: (N, 2, 3) x and z of the ankle of the flat foot, yaw in degrees.
+        lift, tip: (N, 2) metres, radians.
+    """
+    flat = _leg()[3]
+    turn, pivot = np.radians(feet[..., 2]), np.where(tip > 0, _BALL, _HEEL)
+    ahead = pivot + flat[1] * np.sin(tip) - pivot * np.cos(tip)
+    height = flat[1] * np.cos(tip) + pivot * np.sin(tip) + lift
+    return np.stack([feet[..., 0] + np.sin(turn) * ahead, height, feet[..., 1] + flat[2] + np.cos(turn) * ahead], -1)
 
 
 def _height(root: Array, hips: Array, ankles: Array) -> Array:
@@ -75,13 +101,13 @@ def _height(root: Array, hips: Array, ankles: Array) -> Array:
     return -_SOFT * np.logaddexp(-a / _SOFT, -c / _SOFT)
 
 
-def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, lift: Array) -> Array:
+def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Array:
     """Two-bone inverse kinematics of both legs: (N, 2, 3, 4) local rotations of upper legs, lower legs, feet.
 
     Args:
         hips, root: (N, 4) rotation and (N, 3) position of the hips.
         ankles: (N, 2, 3) where the left and the right ankle are.
-        yaw, lift: (N, 2) degrees by which feet turn to the left, metres by which they are off the floor.
+        yaw, tip: (N, 2) by which feet turn to the left, in degrees, and are rolled over their balls, in radians.
     """
     upper, lower = _lengths()
     rel = ankles - (root[:, None] + quat_rotate(hips[:, None], _leg()[0] * _SIDES))
@@ -95,7 +121,6 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, lift: Array) -> A
     knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     hinge = cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
-    tip = np.radians(9.0) * np.clip((lift - 0.012) / 0.03, 0, 1)  # the toes hang a little
     world = np.concatenate([bones, euler_to_quat(np.stack([turn, tip], -1), "YX")[:, :, None]], 2)
     above = np.concatenate([np.broadcast_to(hips[:, None, None], (*hips.shape[:1], 2, 1, 4)), bones], 2)
     return quat_multiply(quat_conjugate(above), world)
@@ -114,6 +139,37 @@ def _tilts() -> Array:
     """(2, 4): the rest offsets of knee and ankle are not quite straight down."""
     tilt = np.array([np.arctan2(rest[2], -rest[1]) / 2 for rest in _leg()[1:3]])
     return np.stack([np.sin(tilt), 0 * tilt, 0 * tilt, np.cos(tilt)], -1)
+
+
+def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Legs for hips that somebody else turned, over the feet of a body's track.
+
+    Args:
+        hips: (N, 4) rotations of the hips.
+        place: (N, 3) of the hips' joint, metres; its height is not asked for.
+        b: (N, channels) of the track: feet, lifts, tips and how far the hips sink.
+
+    Returns:
+        The eight joints, their local rotations (N, 8, 4), and the height (N,) of the hips.
+    """
+    feet = np.stack([b[:, Body.LEFT_FOOT], b[:, Body.RIGHT_FOOT]], 1)
+    lift, tip = b[:, Body.LEFT_LIFT : Body.RIGHT_LIFT + 1], np.radians(b[:, Body.LEFT_TIP : Body.RIGHT_TIP + 1])
+    ankles = _ankles(feet, lift, tip)
+    root = place.copy()
+    root[:, 1] = _height(place, hips, ankles) - _sunk(b)
+    legs = _legs(hips, root, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
+    joints = np.concatenate([_leg_joints().ravel(), _toes()])
+    return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), root[:, 1]
+
+
+def _about_x(angle: Array) -> Array:
+    zero = np.zeros_like(angle)
+    return np.stack([np.sin(angle / 2), zero, zero, np.cos(angle / 2)], -1)
+
+
+@lru_cache(1)
+def _toes() -> list[int]:
+    return [humanoid().index[side + "Toes"] for side in ("left", "right")]
 
 
 @lru_cache(1)

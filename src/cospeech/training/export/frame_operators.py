@@ -176,8 +176,8 @@ def _split(b: FrameGraph, node: NodeProto) -> Made:
 
 def _slice(b: FrameGraph, node: NodeProto) -> Made:
     value = b.value(node.input[0])
-    layout, constants = _layout(value), [b.constant(name) for name in node.input[1:]]
-    if any(each is None for each in constants) or len(constants) < 3:
+    layout, constants = _layout(value), [each for name in node.input[1:] if (each := b.constant(name)) is not None]
+    if len(constants) < max(3, len(node.input) - 1):
         raise refuse(node)
     value = b.plain(value) if layout == "plain" else b.lift(value, layout)
     rank, axes = len(b.dims(node.input[0])), [int(axis) for axis in constants[2].ravel()]
@@ -277,7 +277,7 @@ def _sum(b: FrameGraph, node: NodeProto) -> Made:
 def _pool(b: FrameGraph, node: NodeProto) -> Made:
     value, own = b.lift(b.value(node.input[0]), "waves"), attributes(node)
     before, after = own.pop("pads", [0, 0])
-    shapes = {name: [1, *own.pop(name)] for name in ("kernel_shape", "strides", "dilations") if name in own}
+    shapes: Any = {name: [1, *own.pop(name)] for name in ("kernel_shape", "strides", "dilations") if name in own}
     name = b.node(node.op_type, value.name, **own, **shapes, pads=[0, before, 0, after])
     return [Value(name, "waves", value.shared)]
 

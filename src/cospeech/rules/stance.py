@@ -1,0 +1,222 @@
+"""Weight, pelvis, steps and breath: what a body does below the ribs while its hands and head do other things.
+
+A stance writes onto a body's track (`cospeech.motion.kinematics.body.Body`), but on no channel of torso, head and gaze. So it
+may carry a planned performance (`posture`), or lie under the motion of another system (`stance_layer`). All of it is ours, set
+by eye and by the statistics of `cospeech.metrics.body`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from random import Random
+
+import numpy as np
+
+from ..motion.kinematics.body import BODY_CHANNELS, Body
+from ..motion.kinematics.legs import STANCE, TOE_OUT
+from ..motion.rotations import Array
+from .minimum_jerk import MinimumJerkTrack
+
+__all__ = ["Stance", "StanceAmounts", "first_body"]
+
+_MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
+_ROOM = (0.13, 0.11)  # metres sideways and in depth that feet keep around the first place
+_FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
+
+
+@dataclass(frozen=True)
+class StanceAmounts:
+    """How much somebody moves below the ribs.
+
+    Args:
+        sway: factor on weight shifts and turns of the pelvis; 1 is a person at ease.
+        steps: per minute.
+        seated: on a chair: no steps and no weight shifts, the pelvis rolls and tilts, feet are put elsewhere.
+    """
+
+    sway: float = 1.0
+    steps: float = 7.0
+    seated: bool = False
+
+
+def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
+    """(channels,) of a body that stands or sits before anything moves."""
+    base = np.zeros(BODY_CHANNELS)
+    forward = 0.05
+    base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT + random.uniform(-3, 9))
+    base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT - random.uniform(-3, 9))
+    base[Body.PITCH] = lean
+    base[Body.SINK] = 0.0 if seated else 0.002
+    return base
+
+
+class Stance:
+    """Plans hips, feet and breath of one take.
+
+    Args:
+        track: of the body; moves are set on it.
+        random: drawn from in tick order.
+        amounts: how much.
+    """
+
+    def __init__(self, track: MinimumJerkTrack, random: Random, amounts: StanceAmounts) -> None:
+        self.track, self._random, self.amounts = track, random, amounts
+        self._left = random.random() < 0.5
+        self._heading = 0.0
+        self._breathed = -9.0
+        self._next = {
+            "shift": random.uniform(0.2, 1.5),
+            "turn": random.uniform(0.5, 2.0),
+            "breath": random.uniform(0.0, 2.0),
+            "step": self._step_gap(),
+        }
+        self._follow: float | None = None
+        self._down = 0.0  # when the foot that steps stands again
+        self._settled = False
+
+    def decide(self, now: float, *, speaking: bool = True) -> None:
+        """One tick, at ``now`` seconds; every move that it sets begins later."""
+        if not self._settled:
+            self._settled = True
+            self._shift(-5.0)
+            self._turn(-5.0)
+        calm = 1.0 if speaking else 1.5
+        if now >= self._next["breath"]:
+            self._breathe(now, now + 0.02, self._random.uniform(0.9, 1.3), self._random.uniform(1.5, 2.4))
+        if now >= self._next["turn"]:
+            self._turn(now)
+            self._next["turn"] = now + self._random.uniform(1.3, 3.6) * calm
+        if now >= self._next["shift"]:
+            self._shift(now)
+            self._next["shift"] = now + self._random.uniform(2.2, 6.0) * calm / max(self.amounts.sway, 0.4) ** 0.5
+        if now >= max(self._next["step"], self._down):
+            self._step(now)
+
+    def begin_phrase(self, now: float, start: float) -> None:
+        """Somebody is about to speak, at ``start`` seconds: first comes a quick breath, and often the weight goes elsewhere."""
+        if start - self._breathed > 1.6:
+            self._breathe(now, max(now + 0.02, start - 0.5), self._random.uniform(0.42, 0.6), self._random.uniform(2.2, 3.6))
+        if self._random.random() < 0.35:
+            self._next["shift"] = min(self._next["shift"], now + self._random.uniform(0, 0.5))
+
+    def _gauss(self, size: float) -> float:
+        return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
+
+    def _breathe(self, now: float, onset: float, inward: float, outward: float) -> None:
+        """In and out; speech begins on full lungs and lets them go slowly."""
+        depth = self._random.uniform(0.75, 1.15)
+        self.track.move(onset, inward, np.array([depth]), [Body.BREATH], skew=-0.2)
+        self.track.move(onset + inward * 0.95, outward, np.array([0.0]), [Body.BREATH], skew=0.3)
+        self._breathed = onset
+        self._next["breath"] = onset + inward + outward + self._random.uniform(0.1, 0.5)
+
+    def _feet(self) -> tuple[Array, Array]:
+        """Where the left and the right foot come to stand."""
+        return self.track.target[Body.LEFT_FOOT], self.track.target[Body.RIGHT_FOOT]
+
+    def _turn(self, now: float) -> None:
+        """The pelvis turns and tilts a little."""
+        sway = self.amounts.sway * (0.8 if self.amounts.seated else 1.0)
+        goal = (self._gauss(5.6 * sway), self._gauss(1.9 * sway))
+        length = self._random.uniform(0.9, 1.8)
+        self.track.move(now + 0.02, length, np.array(goal), [Body.HIPS_YAW, Body.HIPS_PITCH], skew=self._gauss(0.25))
+        steps = not self.amounts.seated and self.amounts.steps > 0
+        if steps and abs(goal[0]) > 8.0 and self._random.random() < 0.25:  # turned far: the feet come after
+            self._next["step"] = min(self._next["step"], now + 0.8 * length)
+
+    def _shift(self, now: float) -> None:
+        """Onto one leg, or in between: the pelvis goes over the foot, its free side sinks, the free knee bends."""
+        if self.amounts.seated:
+            self._shift_seat(now)
+            return
+        left, right = self._feet()
+        sway = min(self.amounts.sway, 1.35)
+        kind = self._random.random()
+        depth = self._random.uniform(0.62, 0.95) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
+        self._left = not self._left if self._random.random() < 0.75 else self._left
+        side = 1.0 if self._left else -1.0
+        width = min((left[0] - right[0]) / 2, 0.125)
+        goal = np.array(
+            [
+                (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
+                (left[1] + right[1]) / 2 + self._gauss(0.016 * sway),
+                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.023) * sway,
+                -side * self._random.uniform(0.0, 1.5) * sway,
+            ]
+        )
+        length = self._random.uniform(0.85, 1.5)
+        columns = [Body.HIPS_X, Body.HIPS_Z, Body.SINK, Body.HIPS_ROLL]
+        self.track.move(now + 0.02, length, goal, columns, skew=self._gauss(0.25))
+        tip = self._random.uniform(5, 16) if depth > 0.6 and self._random.random() < 0.4 else 0.0
+        self.track.move(now + 0.02, 0.5, np.array([0.0]), [_FREE[not self._left]])
+        self.track.move(now + 0.35 * length, 0.7, np.array([tip]), [_FREE[self._left]])
+
+    def _shift_seat(self, now: float) -> None:
+        """From one side of the seat to the other, upright or sunk; now and then a foot is put elsewhere."""
+        sway = max(self.amounts.sway, 0.3)
+        self._left = not self._left
+        side = 1.0 if self._left else -1.0
+        slump = self._random.uniform(-4.0, 7.0) * sway
+        goal = (
+            side * self._random.uniform(0.002, 0.011),
+            self._gauss(0.004),
+            side * self._random.uniform(0.5, 4.5) * sway,
+            -slump,
+        )
+        columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_ROLL, Body.HIPS_PITCH]
+        self.track.move(now + 0.02, self._random.uniform(1.0, 1.8), np.array(goal), columns, skew=self._gauss(0.25))
+        if self._random.random() < 0.5:
+            foot, start = (Body.LEFT_FOOT, 1) if self._left else (Body.RIGHT_FOOT, -1)
+            place = (start * STANCE * self._random.uniform(0.8, 1.5), self._random.uniform(-0.10, 0.12))
+            self._swing(now + 0.5, foot, np.array([*place, start * (TOE_OUT + self._random.uniform(-6, 10))]), 0.4, 0.022)
+
+    def _step_gap(self) -> float:
+        per_minute = 0.0 if self.amounts.seated else self.amounts.steps
+        return self._random.expovariate(per_minute / 100) + 1.5 if per_minute > 0 else 1e12  # three in five bring a second one
+
+    def _step(self, now: float) -> None:
+        """The unloaded foot steps towards where the pelvis is turned; the weight follows, and often the other foot."""
+        self._next["step"] = now + self._step_gap()
+        if self._follow is None:
+            turned = self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)
+            self._heading = float(np.clip(turned, -_MOST_TURN, _MOST_TURN))
+            self._follow = self._heading if self._random.random() < 0.6 else None
+            if self._follow is not None:
+                self._next["step"] = now + self._random.uniform(1.1, 1.7)
+        else:
+            self._follow = None
+            self._left = not self._left
+        left_goes = not self._left
+        foot, other = (Body.LEFT_FOOT, Body.RIGHT_FOOT) if left_goes else (Body.RIGHT_FOOT, Body.LEFT_FOOT)
+        side, still = (1 if left_goes else -1), self.track.target[other]
+        apart, ahead = 2 * STANCE * self._random.uniform(0.85, 1.3), self._random.uniform(-0.09, 0.09)
+        turn = np.radians(self._heading)
+        goal = np.array(
+            [
+                np.clip(still[0] + side * apart * np.cos(turn) + ahead * np.sin(turn), -_ROOM[0] - STANCE, _ROOM[0] + STANCE),
+                np.clip(still[1] - side * apart * np.sin(turn) + ahead * np.cos(turn), -_ROOM[1], _ROOM[1]),
+                self._heading + side * (TOE_OUT + self._random.uniform(-5, 8)),
+            ]
+        )
+        if side * (goal[0] - still[0]) < 0.15:  # never across the other foot
+            goal[0] = still[0] + side * 0.15
+        self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
+        self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
+        length = self._random.uniform(0.36, 0.48)
+        self._down = now + 0.42 + length + 0.2
+        self._swing(now + 0.42, foot, goal, length, 0.04)
+        middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
+        self.track.move(
+            now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.002]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
+        )
+        self._next["shift"] = max(self._next["shift"], now + 0.42 + length + 0.9)
+
+    def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:
+        """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor."""
+        lift, tip = (Body.LEFT_LIFT, Body.LEFT_TIP) if foot == Body.LEFT_FOOT else (Body.RIGHT_LIFT, Body.RIGHT_TIP)
+        self.track.move(onset - 0.16, 0.30, np.array([16.0]), [tip])
+        self.track.move(onset - 0.08, 0.24, np.array([height]), [lift])
+        self.track.move(onset + 0.06, length, goal, foot)
+        self.track.move(onset + 0.12, length * 0.8, np.array([-7.0]), [tip])
+        self.track.move(onset + length - 0.06, 0.24, np.array([0.0]), [lift])
+        self.track.move(onset + length + 0.12, 0.22, np.array([0.0]), [tip])

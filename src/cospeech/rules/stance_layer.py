@@ -1,0 +1,193 @@
+"""A stance under somebody else's motion: legs, pelvis, breath and a trunk that follows the hands, for systems that lack them.
+
+Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
+pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn, breathes and goes along with the
+hands. The head stays nearly where it looked, and the arms ride on the chest as they are.
+
+Every frame depends on its own row, on the wrists of the 0.4 s before it, on its time and on the seed: a motion may be given in
+pieces of any size, without any look-ahead.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+
+from ..motion.kinematics.arms import arm_lengths
+from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
+from ..motion.kinematics.legs import carry, stand, weight_shift
+from ..motion.motion import Motion
+from ..motion.noise import smooth_noise
+from ..motion.rotations import (
+    Array,
+    QuatStream,
+    euler_to_quat,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    quat_to_rotvec,
+    rotvec_to_quat,
+)
+from ..motion.skeleton import humanoid
+from .minimum_jerk import MinimumJerkTrack
+from .stance import Stance, StanceAmounts, first_body
+
+__all__ = ["StanceLayer", "add_stance"]
+
+TICK = 0.1  # seconds between decisions, as in a session of the rules
+_AT_ONCE = 60  # frames; more at a time would all be compared with moves that only a few of them see
+_SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
+_MEMORY = 0.4  # seconds of wrists that the trunk follows
+_DELAY = 0.07  # seconds by which it is behind them, at the peak of its kernel
+_FOLLOWS = np.radians([30.0, 9.0, 24.0])
+"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other. [ours]: wrist and
+mid-shoulder speeds then correlate by .2 to .3 where the trunk alone knew nothing of the hands."""
+_SWAY = np.radians([1.0, 0.9, 1.6])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
+_CARRIED, _COUNTER, _CHEST = 0.6, 24.0, 1.7  # as in `cospeech.rules.realise`
+_HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
+_OWN, _FAR = (
+    0.6,
+    0.06,
+)  # share of its own travel that a motion keeps; metres at which that bends ([ours]: feet are where they are)
+
+
+class StanceLayer:
+    """Layers a stance under frames as they come.
+
+    Args:
+        seed: of this take; another one, another stance.
+        fps: of the frames.
+        amount: factor on sway, steps and the following trunk, 0 … 2; 0 leaves the motion alone but for its planted feet.
+        steps: per minute at an amount of 1.
+    """
+
+    def __init__(self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0) -> None:
+        self._seed, self._fps, self._amount, self._steps = seed, fps, amount, steps
+        self._stance: Stance | None = None
+        self._frame, self._ticks = 0, 0
+        taps = np.arange(int(np.ceil(_MEMORY * fps)) + 1) / fps
+        kernel = taps * np.exp(-taps / _DELAY) + 1e-9
+        self._kernel = kernel / kernel.sum()
+        self._wrists: Array | None = None
+        self._signs = QuatStream()
+
+    def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
+        """The next frames.
+
+        Args:
+            rotations: (n, J, 4) of our humanoid, local.
+            root: (n, 3) of its hips, metres.
+
+        Returns:
+            The same with a stance under it, in float32.
+        """
+        q, place = np.array(rotations, float), np.array(root, float)
+        if self._stance is None and len(q):
+            self._begin(seated=place[0, 1] < _SEATED)
+        for first in range(0, len(q), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            times = (self._frame + np.arange(len(q[part]))) / self._fps
+            self._frame += len(times)
+            self._write(q[part], place[part], self._body(times), times)
+        return self._signs.push(q.astype(np.float32)), place.astype(np.float32)
+
+    def _begin(self, *, seated: bool) -> None:
+        random = Random(f"{self._seed}/stance")
+        track = MinimumJerkTrack(first_body(random, seated=seated))
+        steps = 0.0 if seated else self._steps * self._amount
+        self._stance = Stance(track, random, StanceAmounts(self._amount, steps, seated))
+
+    def _body(self, times: Array) -> Array:
+        """(n, channels) of the stance at the times, sway included."""
+        assert self._stance is not None
+        while self._ticks * TICK <= times[-1]:
+            self._stance.decide(self._ticks * TICK)
+            self._ticks += 1
+        b = self._stance.track.at(times)
+        self._stance.track.forget(times[-1] - 0.5)
+        noise = smooth_noise(self._seed + 21, 5, times, 0.42, octaves=3, gain=0.55) * self._amount
+        still = 0.15 if self._stance.amounts.seated else 1.0
+        columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW, Body.HIPS_PITCH, Body.HIPS_ROLL]
+        b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.4, 0.9, 0.9]
+        return b
+
+    def _follow(self, q: Array) -> Array:
+        """(n, 3) pitch, roll and yaw by which the chest goes after the hands, radians."""
+        wrists = _wrists_in_chest(q)
+        before = np.repeat(wrists[:1], len(self._kernel) - 1, 0) if self._wrists is None else self._wrists
+        known = np.concatenate([before, wrists])
+        self._wrists = known[len(known) - len(self._kernel) + 1 :]
+        late = np.zeros_like(wrists)
+        for k, weight in enumerate(self._kernel):  # one after the other: the same bits in pieces of any size
+            first = len(self._kernel) - 1 - k
+            late += weight * known[first : first + len(wrists)]
+        left, right = late[:, 0], late[:, 1]
+        ahead = np.stack([left[:, 2] + right[:, 2], -(left[:, 0] + right[:, 0]), right[:, 2] - left[:, 2]], -1) / 2
+        return np.tanh(ahead / 0.6) * 0.6 * _FOLLOWS * min(self._amount, 1.0)
+
+    def _write(self, q: Array, place: Array, b: Array, times: Array) -> None:
+        """Write pelvis, trunk, head and, for a standing body, legs."""
+        assert self._stance is not None
+        joint, seated = humanoid().index, self._stance.amounts.seated
+        old = [q[:, joint[name]] for name in ("hips", *(name for name, _ in SPINE), "neck", "head")]
+        chest = _chain(old[:4])
+        head = quat_multiply(chest, quat_multiply(old[4], old[5]))
+        pelvis, stood = stand(b, seated, None)
+        lead = self._lead(q, b, times)
+        hips = quat_multiply(pelvis, old[0])
+        q[:, joint["hips"]] = hips
+        turned = quat_multiply(lead, chest)
+        bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), turned))
+        for name, share in SPINE:
+            q[:, joint[name]] = rotvec_to_quat(bend * share)
+        looks = quat_multiply(rotvec_to_quat(quat_to_rotvec(lead) * _HEAD), head)
+        nod = quat_to_rotvec(quat_multiply(quat_conjugate(turned), looks))
+        q[:, joint["neck"]] = rotvec_to_quat(nod * NECK_SHARE)
+        q[:, joint["head"]] = rotvec_to_quat(nod * (1 - NECK_SHARE))
+        if seated:
+            place[:, [0, 2]] += b[:, [Body.HIPS_X, Body.HIPS_Z]]
+            return
+        place[:, [0, 2]] = stood[:, [0, 2]] + np.tanh(_OWN * place[:, [0, 2]] / _FAR) * _FAR
+        joints, legs, height = carry(hips, place, b)
+        q[:, joints], place[:, 1] = legs, height
+
+    def _lead(self, q: Array, b: Array, times: Array) -> Array:
+        """(n, 4) by which the chest turns in the world: its share of the pelvis, breath, sway, and the way after the hands."""
+        assert self._stance is not None
+        turns = self._follow(q) + smooth_noise(self._seed + 22, 3, times, 0.42, octaves=3, gain=0.55) * _SWAY * self._amount
+        turns[:, 0] -= np.radians(_CHEST) * b[:, Body.BREATH]
+        yaw = b[:, Body.HIPS_YAW]
+        if not self._stance.amounts.seated:
+            yaw = yaw + 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
+            turns[:, 1] -= np.radians(_COUNTER) * weight_shift(b)
+        turns[:, 2] += _CARRIED * np.radians(yaw)
+        return euler_to_quat(turns[:, [2, 0, 1]], "YXZ")
+
+
+def _chain(rotations: list[Array]) -> Array:
+    """The product of local rotations, from the root on."""
+    world = rotations[0]
+    for local in rotations[1:]:
+        world = quat_multiply(world, local)
+    return world
+
+
+def _wrists_in_chest(q: Array) -> Array:
+    """(n, 2, 3) of left and right wrist from the own shoulder in the frame of the upper chest, arm lengths."""
+    s = humanoid()
+    found = []
+    for side in ("left", "right"):
+        turn, at = q[:, s.index[side + "Shoulder"]], np.zeros((len(q), 3))
+        turn = quat_multiply(turn, q[:, s.index[side + "UpperArm"]])
+        for name in ("LowerArm", "Hand"):
+            at = at + quat_rotate(turn, s.offsets[s.index[side + name]])
+            turn = quat_multiply(turn, q[:, s.index[side + name]])
+        found.append(at)
+    return np.stack(found, 1) / arm_lengths().total
+
+
+def add_stance(motion: Motion, *, seed: int = 0, amount: float = 1.0) -> Motion:
+    """A whole motion on our humanoid with a stance under it; see `StanceLayer`."""
+    rotations, root = StanceLayer(seed=seed, fps=motion.fps, amount=amount).push(motion.rotations, motion.root)
+    return Motion(motion.fps, rotations, root, motion.face, motion.skeleton, motion.start)

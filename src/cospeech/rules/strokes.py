@@ -1,0 +1,62 @@
+"""The form of a single movement: how far its path leaves the chord, where its speed peaks, how the hand drags behind.
+
+The chord of a person's stroke is about nine tenths of its path, and its speed peaks anywhere between the first and the last
+third (measured on two people, see docs/models/rules.md). A straight reach with one ease gives an animation away. All sizes are
+ours, to those figures and by eye.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+
+from ..motion.kinematics.hands import CHANNELS, Channel
+from ..motion.rotations import Array
+
+__all__ = ["arched", "skewed", "twisted_path"]
+
+_LONGEST = 0.22  # arm lengths off the chord at most
+_OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
+_DRAG = 48.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
+_LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
+
+
+def arched(random: Random, way: Array, pose: Array, size: float) -> Array:
+    """(CHANNELS,) by which a movement leaves its chord halfway.
+
+    Args:
+        random: of the planner.
+        way: (CHANNELS,) from where the hand is to where it goes.
+        pose: (CHANNELS,) where it goes; its pronation says how the wrist drags.
+        size: share of the chord's length; negative: the path bulges to the body's side, as in a wind-up.
+    """
+    arc = np.zeros(CHANNELS)
+    chord = way[:3]
+    length = float(np.sqrt(chord @ chord))
+    if length < _LEAST_CHORD:
+        return arc
+    bulge = _OUT_UP_AHEAD + np.array([random.gauss(0, 0.55), random.gauss(0, 0.55), random.gauss(0, 0.35)])
+    across = bulge - chord * (bulge @ chord) / length**2
+    across /= max(float(np.sqrt(across @ across)), 1e-6)
+    arc[:3] = across * float(np.clip(size * length, -_LONGEST, _LONGEST))
+    turn = np.radians(pose[Channel.PRONATION])
+    drag = float(np.clip(_DRAG * chord[1], -22, 22))
+    arc[Channel.FLEXION] = drag * np.sin(turn)
+    arc[Channel.DEVIATION] = 0.7 * drag * np.cos(turn)
+    arc[Channel.SWIVEL] = random.gauss(0, 5)
+    return arc
+
+
+def skewed(random: Random, middle: float, spread: float) -> float:
+    """A skew of a movement's speed; see `cospeech.rules.minimum_jerk.minimum_jerk`."""
+    return float(np.clip(random.gauss(middle, spread), -0.6, 0.6))
+
+
+def twisted_path(random: Random, way: Array, size: float) -> Array:
+    """(CHANNELS,) of a small loop in front of the body: beats go down on one side and come back on the other."""
+    arc = np.zeros(CHANNELS)
+    length = float(np.sqrt(way[:3] @ way[:3]))
+    arc[0] = size * length * random.choice((-1, 1)) * random.uniform(0.6, 1.3)
+    arc[2] = 0.6 * size * length * random.uniform(-0.4, 1.2)
+    return arc

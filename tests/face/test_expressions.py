@@ -1,0 +1,120 @@
+"""Expressions that leave speech alone: closures under every emotion, laughter from words, accents that move brows and head."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cospeech import models
+from cospeech.audio.prosodic_events import Accent
+from cospeech.audio.speech import Speech, Word
+from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
+from cospeech.face.expressions import accent_brows
+from cospeech.face.laughter import AFTER, LAUGHS, laughter
+from cospeech.face.visemes import VISEMES, phones_of
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
+from tests.face.test_face import EMOTIONS, channel
+
+FPS = 60.0
+
+
+@cache
+def talk(words: bool = True) -> Speech:
+    speech = Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS if words else None)
+    return speech
+
+
+@cache
+def shown(emotion: str, words: bool = True) -> Motion:
+    """The face that ships, with the words of the example."""
+    return models.load("rules").generate(talk(words), parts=("face",), emotion=emotion, fps=FPS, seed=2)
+
+
+def onsets(*names: str) -> list[slice]:
+    """Frames around the onsets of phones of these visemes."""
+    phones = phones_of(talk().words, 0.0, float(talk().duration))
+    starts = [c - h for c, h, v in zip(phones.centre, phones.half, phones.viseme, strict=True) if VISEMES[v] in names]
+    return [slice(round((t - 0.06) * FPS), round((t + 0.1) * FPS) + 1) for t in starts if t > 0.1]
+
+
+def aperture(face: np.ndarray) -> np.ndarray:
+    """(T,) how far jaw and lips are apart; as much as parts the lips above what the jaw does."""
+    lips = [channel(face, name + side) for name in ("mouthLowerDown", "mouthUpperUp") for side in ("Left", "Right")]
+    return channel(face, "jawOpen") - channel(face, "mouthClose") + np.mean(lips, 0)
+
+
+@pytest.mark.parametrize("emotion", EMOTIONS)
+def test_lips_close_for_every_b_p_and_m_whatever_is_felt(emotion):
+    apart = aperture(shown(emotion).face)
+    closures = onsets("PP")
+    assert len(closures) >= 4
+    assert max(apart[at].min() for at in closures) < 0.05
+    assert np.quantile(apart, 0.9) > 0.15  # the mouth speaks
+
+
+def test_by_the_sound_alone_most_of_them_close():
+    apart = aperture(shown("neutral", words=False).face)
+    assert np.mean([apart[at].min() < 0.05 for at in onsets("PP")]) >= 0.5
+
+
+def test_known_words_round_the_lips_for_o_and_u():
+    def rounded(motion, names):
+        lips = channel(motion.face, "mouthPucker") + channel(motion.face, "mouthFunnel")
+        return np.mean([lips[at].max() for at in onsets(*names)])
+
+    known = shown("neutral")
+    assert rounded(known, ("O", "U")) > max(0.4, 1.6 * rounded(known, ("I",)))
+    assert rounded(known, ("O", "U")) > rounded(shown("neutral", words=False), ("O", "U"))
+
+
+def test_emotions_change_more_than_the_mouth_and_differ_from_each_other():
+    """Brows, lids and cheeks alone tell any two emotions apart."""
+    upper = [k for name, k in ARKIT_INDEX.items() if name.startswith(("brow", "cheek", "nose", "eyeSquint", "eyeWide"))]
+    mean = {emotion: shown(emotion).face[:, upper].mean(0) for emotion in EMOTIONS}
+    for one in EMOTIONS:
+        for other in set(EMOTIONS) - {one}:
+            assert np.abs(mean[one] - mean[other]).max() > 0.15
+
+
+def test_happiness_lifts_cheeks_and_leaves_the_eyes_open():
+    """A smile below lowered lids looks smug."""
+    happy = shown("happiness").face
+    assert channel(happy, "cheekSquintLeft").mean() > 0.5
+    assert channel(happy, "eyeSquintLeft").mean() < 0.25 * channel(happy, "cheekSquintLeft").mean()
+    assert channel(happy, "mouthDimpleLeft").mean() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("text", "laughs"),
+    [("haha", True), ("Hahaha!", True), ("hehe", True), ("[laughter]", True), ("(laughs)", True), ("laughter", False),
+     ("laughs", False), ("ha", False), ("aha", False), ("banana", False), ("he", False), ("", False)],
+)  # fmt: skip
+def test_laughter_is_told_from_words(text, laughs):
+    times = np.arange(0, 5, 0.05)
+    found = laughter(times, [Word(text, 1.0, 1.6)])
+    assert (found.max() > 0) == laughs
+    if laughs:
+        assert found[(times > 1.0) & (times < 1.6)].min() > 0.95
+        assert 0 < found[np.searchsorted(times, 2.0)] < 1
+        assert not found[(times < 0.8) | (times > 1.6 + AFTER)].any()
+
+
+def test_a_laugh_shows_in_the_face():
+    speech = Speech(talk().samples[:64_000], 16_000, (Word("haha", 1.0, 1.6),))
+    face = models.load("rules").generate(speech, parts=("face",), emotion="neutral", fps=FPS).face
+    smile = channel(face, "mouthSmileLeft")
+    assert smile[70:90].min() > 0.8 * LAUGHS[ARKIT_INDEX["mouthSmileLeft"]]
+    assert smile[200:].max() < 0.4
+
+
+def test_emphasis_says_how_many_accents_move_the_brows_and_how_far():
+    accents = [Accent(2.0 + 3.0 * k, 0.8) for k in range(300)]
+    peaks = np.array([a.time for a in accents])
+    moved = {amount: accent_brows(peaks, accents, seed=7, amount=amount)[:, :3].max(1) for amount in (0.0, 0.5, 1.0, 2.0)}
+    shares = {amount: (rise > 0.05).mean() for amount, rise in moved.items()}
+    assert moved[0.0].max() == 0
+    assert 0 < shares[0.5] < shares[1.0] < shares[2.0]
+    assert np.median(moved[2.0][moved[2.0] > 0.05]) > 1.2 * np.median(moved[1.0][moved[1.0] > 0.05])

@@ -1,0 +1,215 @@
+"""What a body does below the ribs, in the rules and under the motion of others; and the form of single strokes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from random import Random
+
+import numpy as np
+import pytest
+
+from cospeech import Speech
+from cospeech.metrics.body import BODY_TARGETS, body_statistics
+from cospeech.motion.kinematics.body import Body
+from cospeech.motion.kinematics.hands import CHANNELS
+from cospeech.motion.kinematics.legs import STANCE, stand
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_to_euler
+from cospeech.motion.skeleton import humanoid
+from cospeech.rules import RuleBasedModel
+from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk, peak_share, skew_for
+from cospeech.rules.stance import Stance, StanceAmounts, first_body
+from cospeech.rules.stance_layer import StanceLayer, add_stance
+from cospeech.rules.strokes import arched, skewed
+from tests.support.rules_laws import babble, feet_faults, speed_faults
+
+SECONDS = 60
+TIMES = np.arange(0, SECONDS, 1 / 30)
+
+
+def stood(seed: int = 0, **amounts: float) -> np.ndarray:
+    """(T, channels) of a minute of a stance."""
+    random = Random(seed)
+    seated = bool(amounts.get("seated", False))
+    track = MinimumJerkTrack(first_body(random, seated=seated))
+    stance = Stance(track, random, StanceAmounts(**amounts))
+    for tick in range(10 * SECONDS):
+        stance.decide(tick * 0.1)
+    return track.at(TIMES)
+
+
+def upper_body(seconds: float = 20.0) -> Motion:
+    """Somebody else's motion: swinging arms on a stiff trunk and planted feet."""
+    s, times = humanoid(), np.arange(round(seconds * 30)) / 30
+    rotations = quat_identity(len(times), len(s))
+    swing = 0.5 * np.sin(2 * np.pi * 0.7 * times)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        rotations[:, s.index[side + "UpperArm"]] = axis_angle_to_quat([0.0, 0.0, 1.0], sign * (1.2 + 0.3 * swing))
+        rotations[:, s.index[side + "LowerArm"]] = axis_angle_to_quat([0.0, 1.0, 0.0], sign * (0.9 + swing))
+    return Motion(30.0, rotations, np.tile(s.offsets[0], (len(times), 1)))
+
+
+class TestStance:
+    def test_the_weight_goes_from_leg_to_leg(self):
+        b = stood(steps=0.0)
+        assert b[:, Body.HIPS_X].max() > 0.5 * STANCE
+        assert b[:, Body.HIPS_X].min() < -0.5 * STANCE
+        assert np.ptp(b[:, Body.LEFT_FOOT], axis=0).max() == 0  # no step, no foot that turns
+
+    def test_the_free_side_of_the_pelvis_sinks_and_the_free_knee_bends(self):
+        b = np.tile(first_body(Random(0), seated=False), (2, 1))
+        b[1, Body.HIPS_X] = 0.08  # on the left leg
+        rotations = quat_identity(2, len(humanoid()))
+        hips, _ = stand(b, False, rotations)
+        roll = np.degrees(quat_to_euler(hips, "YXZ"))[:, 2]
+        assert roll[0] == pytest.approx(0, abs=0.5)
+        assert roll[1] > 4  # the left side is up
+        knees = {s: 2 * np.degrees(np.arccos(rotations[1, humanoid().index[s + "LowerLeg"], 3])) for s in ("left", "right")}
+        assert knees["right"] > knees["left"] + 5
+
+    def test_steps_per_minute_are_as_asked_and_none_while_seated(self):
+        def steps(b: np.ndarray) -> int:
+            up = b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1) > 0.01
+            return int((up[1:] & ~up[:-1]).sum())
+
+        counted = np.mean([steps(stood(seed, steps=10.0)) for seed in range(8)])
+        assert 6 < counted < 14
+        assert steps(stood(1, steps=0.0)) == 0
+
+    def test_one_foot_stands_whatever_the_steps(self):
+        for seed in range(12):
+            b = stood(seed, steps=40.0, sway=1.8)
+            assert not ((b[:, Body.LEFT_LIFT] > 0.002) & (b[:, Body.RIGHT_LIFT] > 0.002)).any()
+
+    def test_breath_comes_twelve_to_eighteen_times_a_minute(self):
+        breath = np.array([stood(seed)[:, Body.BREATH] for seed in range(6)])
+        inward = ((breath[:, 1:] > 0.5) & (breath[:, :-1] <= 0.5)).sum(1)
+        assert 11 <= inward.mean() <= 19
+        assert breath.min() > -0.05
+        assert breath.max() < 1.3
+
+    def test_a_phrase_begins_with_a_breath(self):
+        random = Random(3)
+        track = MinimumJerkTrack(first_body(random, seated=False))
+        stance = Stance(track, random, StanceAmounts())
+        for tick in range(20):
+            stance.decide(tick * 0.1)
+        stance._next["breath"] = 99.0
+        stance.begin_phrase(8.0, 8.6)
+        before, at = track.at(np.array([8.05, 8.65]))[:, Body.BREATH]
+        assert before < 0.1
+        assert at > 0.7
+
+    def test_a_seated_body_rolls_its_pelvis_and_keeps_its_seat(self):
+        b = stood(2, seated=True)
+        assert b[:, Body.HIPS_ROLL].std() > 1
+        assert np.ptp(b[:, [Body.HIPS_X, Body.HIPS_Z]], axis=0).max() < 0.03
+        assert np.ptp(b[:, Body.LEFT_FOOT], axis=0).max() > 0.02
+
+
+class TestFeet:
+    @pytest.mark.parametrize("tip", [-7.0, 0.0, 16.0])
+    def test_a_rolled_foot_stays_on_its_ball_or_heel(self, tip):
+        b = np.tile(first_body(Random(0), seated=False), (40, 1))
+        b[:, Body.LEFT_TIP] = tip * np.linspace(0, 1, 40)
+        rotations = quat_identity(40, len(humanoid()))
+        hips, root = stand(b, False, rotations)
+        rotations[:, 0] = hips
+        motion = Motion(30.0, rotations, root, np.zeros((40, 52)))
+        assert feet_faults(motion, stand=True) == []
+
+    def test_toes_stay_flat_under_a_lifted_heel(self):
+        b = np.tile(first_body(Random(0), seated=False), (1, 1))
+        b[:, Body.LEFT_TIP] = 15.0
+        rotations = quat_identity(1, len(humanoid()))
+        rotations[:, 0], root = stand(b, False, rotations)
+        _, world = humanoid().forward(rotations, root)
+        pitch = quat_to_euler(world[0, [humanoid().index["leftFoot"], humanoid().index["leftToes"]]], "YXZ")[:, 1]
+        assert np.degrees(pitch) == pytest.approx([15, 0], abs=0.2)
+
+
+class TestStrokes:
+    def test_an_arc_is_across_its_chord_and_as_large_as_asked(self):
+        random, pose = Random(0), np.zeros(CHANNELS)
+        way = np.zeros(CHANNELS)
+        way[:3] = (0.1, -0.3, 0.2)
+        arcs = np.array([arched(random, way, pose, 0.3)[:3] for _ in range(50)])
+        assert np.abs(arcs @ way[:3]).max() < 1e-12
+        np.testing.assert_allclose(np.linalg.norm(arcs, axis=1), 0.3 * np.linalg.norm(way[:3]))
+        assert np.ptp(arcs, axis=0).min() > 0.02  # never twice the same
+        assert not arched(random, np.zeros(CHANNELS), pose, 0.3).any()
+
+    def test_a_wrist_drags_behind_its_way(self):
+        way, palm_down, thumb_up = np.zeros((3, CHANNELS))
+        way[1], palm_down[4] = -0.4, 90.0
+        assert arched(Random(0), way, palm_down, 0.2)[5] < -10  # the hand trails upward: extension
+        assert arched(Random(0), way, thumb_up, 0.2)[6] < -10  # radial deviation
+
+    def test_skew_moves_the_peak_of_the_speed_and_keeps_the_ends(self):
+        u = np.linspace(0, 1, 2001)
+        for skew in (-0.6, -0.2, 0.0, 0.5):
+            progress = minimum_jerk(u, skew)
+            assert progress[0] == 0
+            assert progress[-1] == 1
+            assert (np.diff(progress) >= 0).all()
+            assert u[np.diff(progress).argmax()] == pytest.approx(peak_share(skew), abs=0.01)
+            assert skew_for(peak_share(skew)) == pytest.approx(skew, abs=0.01)
+        assert peak_share(0.5) < 0.4 < 0.6 < peak_share(-0.5)
+        assert np.std([skewed(Random(k), 0.0, 0.3) for k in range(200)]) == pytest.approx(0.28, abs=0.05)
+
+    def test_an_arched_move_leaves_its_chord_and_ends_on_it(self):
+        track, arc = MinimumJerkTrack(np.zeros(2)), np.array([0.0, 0.5])
+        track.move(1.0, 2.0, np.array([3.0, 0.0]), skew=0.3, arc=arc)
+        values = track.at(np.array([0.5, 2.0, 3.0, 4.0]))
+        assert values[:, 1] == pytest.approx([0, 0.5, 0, 0])
+        assert values[:, 0] == pytest.approx([0, 3 * minimum_jerk(np.array(0.5), 0.3), 3, 3])
+        track.forget(3.5)
+        assert track.at(np.array([4.0])) == pytest.approx(np.array([[3.0, 0.0]]))
+
+
+class TestLayer:
+    def test_it_stands_on_both_legs_and_breaks_no_law(self):
+        motion = add_stance(upper_body(), seed=1)
+        motion = Motion(30.0, motion.rotations, motion.root, np.zeros((len(motion), 52)))
+        assert feet_faults(motion, stand=True) == []
+        assert speed_faults(motion) == []
+
+    def test_pieces_of_any_size_are_the_whole(self):
+        bare, rng = upper_body(8.0), np.random.default_rng(0)
+        whole, layer = add_stance(bare, seed=5), StanceLayer(seed=5, fps=30.0)
+        edges = np.unique(np.concatenate([[0, len(bare)], rng.integers(1, len(bare), 17)]))
+        parts = [layer.push(bare.rotations[a:z], bare.root[a:z]) for a, z in pairwise(edges)]
+        assert np.concatenate([q for q, _ in parts]).tobytes() == whole.rotations.tobytes()
+        assert np.concatenate([r for _, r in parts]).tobytes() == whole.root.tobytes()
+
+    def test_arms_and_hands_are_as_they_were_and_the_body_below_lives(self):
+        bare = upper_body(60.0)
+        carried = add_stance(bare, seed=2)
+        kept = [k for k, name in enumerate(humanoid().names) if any(part in name for part in ("Arm", "Hand", "Index", "Thumb"))]
+        np.testing.assert_allclose(carried.rotations[:, kept], bare.rotations[:, kept], atol=1e-6)
+        before, rows = body_statistics(bare), body_statistics(carried)
+        for name in ("pelvis rotation SD, deg", "hip height SD, cm", "hip travel SD, cm"):
+            assert before[name] < BODY_TARGETS[name].low < rows[name]
+
+    def test_another_seed_another_stance_and_no_amount_next_to_none(self):
+        bare = upper_body(10.0)
+        one, two, none = (add_stance(bare, seed=seed, amount=amount) for seed, amount in ((1, 1.0), (2, 1.0), (1, 0.0)))
+        assert np.abs(one.root - two.root).max() > 0.02
+        assert np.abs(none.rotations[:, 0] - bare.rotations[:, 0]).max() < 0.06
+        assert len(add_stance(bare[:0])) == 0
+
+    def test_a_body_that_sits_keeps_its_legs(self):
+        bare = upper_body(10.0)
+        low = Motion(30.0, bare.rotations, bare.root - [0.0, 0.42, 0.0])
+        seated = add_stance(low, seed=3)
+        legs = [k for k, name in enumerate(humanoid().names) if "Leg" in name or "Foot" in name]
+        np.testing.assert_allclose(seated.rotations[:, legs], bare.rotations[:, legs], atol=1e-6)
+        assert np.ptp(seated.root, axis=0).max() < 0.035
+
+
+@pytest.mark.slow
+def test_the_rules_live_below_the_ribs_and_strike_as_people_do():
+    speech = Speech(babble(1, 90.0), 16000)
+    rows = body_statistics(RuleBasedModel().generate(speech, style="lively", emotion="neutral", seed=0, fps=30.0))
+    outside = [name for name, value in rows.items() if not BODY_TARGETS[name].holds(value)]
+    assert len(outside) <= 2, rows

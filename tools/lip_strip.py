@@ -1,0 +1,95 @@
+"""Close-ups of lips, for the docs: the tracked face beside ours on the same mannequin, at a few moments of a tracked clip.
+
+    python tools/lip_strip.py RAW CLIP OUT.png [--other BUNDLE.cospeech] [--step 0.12]
+
+RAW is what ``cospeech prepare faces`` reads, and CLIP one of its clips with words; or RAW is a sound, and CLIP its transcript
+with times. Rows: the tracked face, another mouth's face by the sound where a bundle is named, ours by the sound, ours with
+the words.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from cospeech import Motion, Speech
+from cospeech.corpora.clip import Clip
+from cospeech.corpora.faces import read
+from cospeech.export.render.camera import find_view
+from cospeech.export.render.frames import FrameStream
+from cospeech.export.render.worker import Look
+from cospeech.motion.skeleton import humanoid
+from cospeech.rules import RuleBasedModel
+from cospeech.runtime.mouth import SHIPPED_FACE, BundleMouth, open_mouth
+
+SIDE, LEFT, TOP = 150, 86, 22  # pixels: a picture, the names of the rows, the words
+ZOOM, CORNER = 2.4, (0.29, 0.42)  # the camera of faces is enlarged, and cut out from this corner on
+BACKDROP, INK = (205, 212, 222), (52, 64, 82)
+RATE = 10.0
+
+
+def pictures(weights: np.ndarray) -> list[Image.Image]:
+    """Of (T, 52) weights the mouths of as many faces that look ahead."""
+    body, side = humanoid(), round(SIDE * ZOOM)
+    rotations = np.broadcast_to(body.rest, (len(weights), len(body), 4)).astype(np.float32)
+    root = np.broadcast_to(body.offsets[0], (len(weights), 3)).astype(np.float32)
+    motion = Motion(RATE, rotations.copy(), root.copy(), weights.astype(np.float32), body)
+    with FrameStream(Look(side, side, find_view("face"), BACKDROP), RATE, RATE) as stream:
+        drawn = [Image.fromarray(frame) for batch in (*stream.push(motion), *stream.flush()) for frame in batch]
+    x, y = (round(share * side) for share in CORNER)
+    return [picture.crop((x, y, x + SIDE, y + SIDE)) for picture in drawn[: len(weights)]]
+
+
+def shown(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
+    """(T, 52) of the whole face, neutral, with this mouth."""
+    system = open_mouth(bundle)
+    model = RuleBasedModel(lambda: BundleMouth(system))
+    face = model.generate(speech, parts=("face",), fps=100.0, emotion="neutral").face
+    return np.asarray(face)[np.clip(np.rint(times * 100).astype(int), 0, len(face) - 1)]
+
+
+def draw(speech: Speech, motion: Motion | None, other: Path | None, step: float) -> Image.Image:
+    """The strip of one clip, whose face was tracked or not."""
+    words = speech.words or ()
+    times = np.arange(words[0].start - 0.06, min(words[-1].end + 0.1, float(speech.duration)), step)
+    mute = replace(speech, words=None)
+    rows = {}
+    if motion is not None:
+        rows["tracked"] = motion.face[np.clip(np.rint(times * motion.fps).astype(int), 0, len(motion) - 1)]
+    rows |= {"before,\nby the sound": shown(mute, times, other)} if other is not None else {}
+    rows |= {"by the\nsound": shown(mute, times, SHIPPED_FACE), "with\nwords": shown(speech, times, SHIPPED_FACE)}
+    font = ImageFont.load_default(13)
+    strip = Image.new("RGB", (LEFT + len(times) * SIDE, TOP + len(rows) * SIDE), "white")
+    pen = ImageDraw.Draw(strip)
+    for row, (name, weights) in enumerate(rows.items()):
+        pen.text((5, TOP + row * SIDE + 16), name, fill=INK, font=font)
+        for column, picture in enumerate(pictures(weights)):
+            strip.paste(picture, (LEFT + column * SIDE, TOP + row * SIDE))
+    for column, time in enumerate(times):
+        said = next((word.text for word in words if word.start - 0.06 <= time < word.end - 0.03), "")
+        pen.text((LEFT + column * SIDE + 4, 4), f"{time:.2f} s  {said}", fill=INK, font=font)
+    return strip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("raw")
+    parser.add_argument("clip")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--other", type=Path)
+    parser.add_argument("--step", type=float, default=0.12)
+    given = parser.parse_args()
+    if Path(given.raw).is_file():
+        speech, motion = Speech.load(given.raw, transcript=given.clip), None
+    else:
+        clip = next(clip for clip in read(given.raw) if isinstance(clip, Clip) and clip.name == given.clip)
+        speech, motion = clip.speech, clip.motion
+    draw(speech, motion, given.other, given.step).quantize(128).save(given.out, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

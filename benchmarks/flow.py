@@ -276,7 +276,7 @@ def endless_speech(frames: int) -> None:
     speech = Speech.load(EXAMPLE)
     rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)
     windows = system.flow.windows(np.concatenate([(rows - s.audio_mean) / s.audio_std] * 2))[: len(rows)]
-    takes, draw = system.flow.begin(s.histories[:1], s.styles[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
+    takes, draw = system.flow.begin(s.histories[:1], s.style_codes[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
     spreads, begun, done = [], time.perf_counter(), 0
     while done < frames:
         made = np.concatenate([takes.frames(windows, draw.draw(len(windows))[None])[0] for _ in range(20)])

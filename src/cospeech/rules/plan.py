@@ -26,7 +26,7 @@ from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form
 from .rest_poses import RESTS
-from .strokes import arched, skewed, twisted_path
+from .strokes import draw_arc, draw_skew, draw_twist
 from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
@@ -205,7 +205,7 @@ class Planner:
         if leader.place == "up" and name in FORMS:
             poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         stroke = stroke_time(poses[0], poses[1], tempo, modifier)
-        skew = skewed(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
+        skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
         onset = at - LEAD + _MERGED - stroke * peak_share(skew)
         earliest = now + _SLACK if now > 0 else -_RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
@@ -243,7 +243,7 @@ class Planner:
                     share = 1 - (onset - accent.time + LEAD) / length
                     if _EARLIEST <= share / (1 + _BLEND) <= 1 - _EARLIEST and length >= 0.8 * min(wanted, prepare):
                         return length, skew_for(share / (1 + _BLEND))
-        return prepare, skewed(self._random, 0.0, 0.2)
+        return prepare, draw_skew(self._random, 0.0, 0.2)
 
     def _schedule(
         self,
@@ -262,7 +262,7 @@ class Planner:
         It winds up on one side of the chord and strikes on the other, goes a little too far and settles.
         """
         draw = self._random
-        wind = arched(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
+        wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
         for k in range(1, len(poses)):
@@ -270,8 +270,8 @@ class Planner:
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + modifier.tension)) * draw.uniform(0.5, 1.5)
-            arc = arched(draw, way, poses[k], draw.uniform(0.08, 0.30))
-            state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else skewed(draw, 0.05, 0.3), arc=arc)
+            arc = draw_arc(draw, way, poses[k], draw.uniform(0.08, 0.30))
+            state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else draw_skew(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
@@ -296,7 +296,7 @@ class Planner:
         tempo = self.style.tempo * modifier.tempo
         size = scale * (0.11 + 0.22 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
-        skew = skewed(self._random, -0.1, 0.3)
+        skew = draw_skew(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
         lift = min(0.52 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
@@ -306,8 +306,8 @@ class Planner:
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
             up[:7] = (self._random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
             down[:7] = (self._random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
-            state.track.add(onset - lift + jitter, lift * 1.2, up, arc=twisted_path(self._random, up, 0.25))
-            state.track.add(onset + jitter, stroke, down, skew=skew, arc=twisted_path(self._random, down, 0.22))
+            state.track.add(onset - lift + jitter, lift * 1.2, up, arc=draw_twist(self._random, up, 0.25))
+            state.track.add(onset + jitter, stroke, down, skew=skew, arc=draw_twist(self._random, down, 0.22))
             back = np.zeros(CHANNELS)
             back[:7] = -(up + down)[:7] * ([0.65] * 3 + [1.0] * 4)
             state.track.add(onset + stroke + 0.05, 0.8 / tempo, back, skew=0.1)
@@ -375,8 +375,8 @@ class Planner:
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
         goal[19] += modifier.shrug
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
-        swing = arched(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
-        skew = skewed(self._random, 0.2, 0.2)
+        swing = draw_arc(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
+        skew = draw_skew(self._random, 0.2, 0.2)
         start = self._on_the_beat(now + _SLACK, 1.15 * length * peak_share(skew))
         state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
         state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""

@@ -14,7 +14,7 @@ import numpy as np
 from ..motion.kinematics.hands import CHANNELS, Channel
 from ..motion.rotations import Array
 
-__all__ = ["arched", "skewed", "twisted_path"]
+__all__ = ["draw_arc", "draw_skew", "draw_twist"]
 
 _LONGEST = 0.22  # arm lengths off the chord at most
 _OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
@@ -22,7 +22,7 @@ _DRAG = 48.0  # degrees of wrist per arm length of way up or down that a hand tr
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
 
-def arched(random: Random, way: Array, pose: Array, size: float) -> Array:
+def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:
     """(CHANNELS,) by which a movement leaves its chord halfway.
 
     Args:
@@ -48,12 +48,12 @@ def arched(random: Random, way: Array, pose: Array, size: float) -> Array:
     return arc
 
 
-def skewed(random: Random, middle: float, spread: float) -> float:
+def draw_skew(random: Random, middle: float, spread: float) -> float:
     """A skew of a movement's speed; see `cospeech.rules.minimum_jerk.minimum_jerk`."""
     return float(np.clip(random.gauss(middle, spread), -0.6, 0.6))
 
 
-def twisted_path(random: Random, way: Array, size: float) -> Array:
+def draw_twist(random: Random, way: Array, size: float) -> Array:
     """(CHANNELS,) of a small loop in front of the body: beats go down on one side and come back on the other."""
     arc = np.zeros(CHANNELS)
     length = float(np.sqrt(way[:3] @ way[:3]))

@@ -66,7 +66,7 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert report["style_mixture"] is None
     assert set(report) == {
         "model", "speech_seconds", "frames", "fps", "seed", "takes", "realtime_factor", "emotion", "style", "outputs",
-        "style_mixture", "speaker", "version",
+        "style_mixture", "speaker", "version", "played", "arousal",
     }  # fmt: skip
 
 

@@ -122,19 +122,24 @@ def test_every_row_has_a_recipe_that_builds(row):
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
     assert config.frames == (64 if recipe.model == "speech2gesture" else FRAMES)
-    small = build(network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model]["model"]}, "model")
+    small = build(
+        network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
+    )
     assert small != config
     assert recipe.data.corpus == "beat"
     assert recipe.data.pose == "euler"
 
 
 def test_ablations_are_one_step_apart_and_end_with_the_recipe():
+    from cospeech.models.chain_of_generation_extended import ChainExtendedConfig
+
     rows = COG["cog-2"].parts[0].rows
     configs = [config_of(row) for row in rows]
-    (own,) = [row for row in COG["cog-1"].parts[0].rows if row.name == CHAIN]
-    assert configs[-1] == config_of(own)
-    assert rows[-1].overrides == own.overrides == ()
-    changed = [{key for key in vars(a) if getattr(a, key) != getattr(b, key)} for a, b in pairwise(configs)]
+    (whole,) = [row for row in COG["cog-1"].parts[0].rows if row.name == CHAIN]
+    assert configs[-1] == config_of(whole)
+    assert rows[-1].overrides == whole.overrides == ()
+    own = [vars(ChainExtendedConfig()) | vars(config) for config in configs]  # the first row is of the extension
+    changed = [{key for key in a if a[key] != b[key]} for a, b in pairwise(own)]
     assert changed == [{"face_teacher_forcing", "face"}, {"attention"}, {"style_injection"}, {"rhythm"}]
     assert [row.lacks for row in rows] == [LABELS[1:], *[LABELS] * 4]
 

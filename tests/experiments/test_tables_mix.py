@@ -348,7 +348,7 @@ def echo(store: Path) -> PlayableRun:
 def test_styles_are_moved_to_the_speech_of_all_others(store, table_runs):
     table, part = part_of("mix-2", Store(store))
     bench = StyleTransfer(table, part, table_runs, None)
-    made = bench.moved(echo(store), NAMES)
+    made = bench.transfer(echo(store), NAMES)
     place = bench.place
     pairs = {(place.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
     assert pairs == {(a, b) for a in NAMES for b in NAMES if a != b}

@@ -110,6 +110,8 @@ def desk(tmp_path_factory):
     soundfile.write(place / "longer.wav", samples[: 6 * rate], rate)  # an example of style has 64 frames of a model
     run("generate longer.wav -o clip.bvh -o other.glb --style southpaw -q", place)
     run("convert talk.bvh from_anywhere.bvh --skeleton unreal -q", place)
+    for name, of in (("my_rig.bvh", "talk.bvh"), ("my_character.glb", "talk.glb")):
+        (place / name).write_bytes((place / of).read_bytes())
     (place / "moods.csv").write_text(fences(ROOT / "docs" / "styles.md", "csv")[0])
     odd_map = fences(ROOT / "docs" / "skeletons.md", "toml")[0]
     (place / "odd.toml").write_text(odd_map)

@@ -126,4 +126,4 @@ def test_onnxruntime_has_one_door():
     package = Path(cospeech.__file__).parent
     files = [path.relative_to(package).as_posix() for path in package.rglob("*.py")]
     users = [name for name in files if re.search(r"^\s*(from|import) onnxruntime\b", (package / name).read_text("utf-8"), re.M)]
-    assert users == ["runtime/onnx_session.py"]
+    assert users == ["runtime/network.py"]

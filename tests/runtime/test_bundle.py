@@ -705,7 +705,13 @@ def test_what_does_not_fit_is_not_written(kind, tmp_path):
 def test_the_size_that_ships_is_small(tmp_path):
     """3 million parameters: at most 5 MB."""
     sizes = replace(
-        small_sizes("expmap-humanoid", "mel20-prosody"), steps=8, hidden=128, history=5, heard=11, feature=16, channels=32
+        small_sizes("expmap-humanoid", "mel20-prosody"),
+        steps=8,
+        hidden=128,
+        history=5,
+        speech_frames=11,
+        feature=16,
+        channels=32,
     )
     path, arrays = tmp_path / "large.cospeech", random_arrays(sizes)
     write_flow(path, arrays, sizes, flow_statistics(sizes), facts=facts_of("stylised-flow"))

@@ -18,6 +18,7 @@ from cospeech import generate as generating
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
+from cospeech.motion.rotations import quat_angle
 from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.conditioning import FADE, ConditioningFace, poses_before
@@ -75,15 +76,16 @@ def test_a_face_that_is_given_is_shown_and_moves_body_and_hands():
     eyes = [made.skeleton.index[name] for name in ("leftEye", "rightEye")]
     rest = [k for k in range(len(made.skeleton)) if k not in eyes]
     np.testing.assert_array_equal(body.rotations[:, rest], made.rotations[:, rest])
-    np.testing.assert_array_equal(made.rotations[:, eyes], plain.rotations[:, eyes])  # the gaze is that of the rules
+    turned = quat_angle(made.rotations[:, eyes], plain.rotations[:, eyes])
+    assert np.degrees(turned).mean() < 15  # the gaze is that of the rules, aimed from where this head is
 
 
 def test_after_a_face_that_is_shorter_comes_the_system_s_own():
     speech, face = talk(6.4), recorded(2.0)
     plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
     over = int((2 + FADE) * 30) + 1
-    np.testing.assert_array_equal(made.face[over:], plain.face[over:])
     window = int(gesturer().system.main_network.signature.window / FPS * 30)
+    np.testing.assert_allclose(made.face[over + window :], plain.face[over + window :], atol=1e-6)  # eyelids follow the head
     np.testing.assert_allclose(made.rotations[over + window :], plain.rotations[over + window :], atol=1e-6)
     assert np.abs(made.face[:60] - plain.face[:60]).max() > 0.05
 

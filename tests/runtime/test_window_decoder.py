@@ -153,8 +153,9 @@ def test_a_window_is_as_long_as_in_training():
 
 
 def test_settings():
-    assert live(fake_sizes(window=64)) == LIVE
-    assert live(fake_sizes(window=10)) == replace(LIVE, window=LIVE.waits)  # no shorter than what is new and ahead
+    assert live(fake_sizes(window=64, reach=40)) == LIVE
+    assert live(fake_sizes(window=64)) == replace(LIVE, ahead=12)  # its reach of 9 is near: it gets all of it
+    assert live(fake_sizes(window=10, reach=40)) == replace(LIVE, window=LIVE.waits)  # no shorter than what is new and ahead
     assert live(fake_sizes(window=63, multiple=32, reach=40)) == LIVE
     assert whole(fake_sizes(multiple=32, reach=140)) == WindowLayout(window=160 + 256 + 160, hop=256, ahead=160, fade=0)
     assert whole(fake_sizes(reach=0, multiple=1)).ahead == 0

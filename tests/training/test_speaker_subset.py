@@ -113,7 +113,7 @@ def test_a_run_is_of_the_speakers_of_its_recipe(store, tmp_path):
     from cospeech.training.train import train
 
     def plan(*speakers):
-        config = {"frames": 20, "channels": 4, "depth": 1, "decoder": 0, "judge": 2}
+        config = {"frames": 20, "channels": 4, "depth": 1, "decoder": 0, "discriminator_channels": 2}
         settings = {"steps": 1, "batch": 3, "threads": 1, "validate_batches": 1}
         return read_recipe(
             {"model": {"name": "speech2gesture", **config}, "data": {"speakers": [*speakers]}, "train": settings}
@@ -143,7 +143,7 @@ def test_a_run_from_before_a_key_goes_on(store, tmp_path):
     from cospeech.training.recipe import read_recipe
     from cospeech.training.train import train
 
-    model = {"name": "speech2gesture", "frames": 20, "channels": 4, "depth": 1, "decoder": 0, "judge": 2}
+    model = {"name": "speech2gesture", "frames": 20, "channels": 4, "depth": 1, "decoder": 0, "discriminator_channels": 2}
     recipe = read_recipe({"model": model, "train": {"steps": 1, "batch": 2, "threads": 1, "validate_batches": 1}})
     train(recipe, store, tmp_path / "run")
     path = tmp_path / "run" / "config.json"

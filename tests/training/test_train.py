@@ -152,8 +152,8 @@ def test_an_objective_has_its_own_rate(store, tmp_path):
     rates = [row["rate"] for row in log(tmp_path / "run") if "rate" in row]
     assert rates[0] == {"discriminator": 0.5, "made": 1e-3}
     assert rates[1]["discriminator"] == pytest.approx(0.05)
-    with pytest.raises(InputError, match=r"no objective 'jugde' in \[train\] \(did you mean 'discriminator'"):
-        run(plan("tiny-gan", jugde={"lr": 0.5}), store, tmp_path / "other")
+    with pytest.raises(InputError, match=r"no objective 'discrimnator' in \[train\] \(did you mean 'discriminator'"):
+        run(plan("tiny-gan", discrimnator={"lr": 0.5}), store, tmp_path / "other")
 
 
 def test_clipping_is_by_value_then_by_norm(store, tmp_path):

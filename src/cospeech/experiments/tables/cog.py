@@ -69,6 +69,7 @@ _TABLE_1 = TableSplit(
 
 _STEPS = (
     (
+        'model.name="chain-of-generation-extended"',
         "model.face_teacher_forcing=1.0",
         "model.face=0.0",
     ),  # the recorded face is encoded, in training and when it plays: nothing makes one

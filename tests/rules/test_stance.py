@@ -20,7 +20,7 @@ from cospeech.rules import RuleBasedModel
 from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk, peak_share, skew_for
 from cospeech.rules.stance import Stance, StanceAmounts, first_body
 from cospeech.rules.stance_layer import StanceLayer, add_stance
-from cospeech.rules.strokes import arched, skewed
+from cospeech.rules.strokes import draw_arc, draw_skew
 from tests.support.rules_laws import babble, feet_faults, speed_faults
 
 SECONDS = 60
@@ -133,17 +133,17 @@ class TestStrokes:
         random, pose = Random(0), np.zeros(CHANNELS)
         way = np.zeros(CHANNELS)
         way[:3] = (0.1, -0.3, 0.2)
-        arcs = np.array([arched(random, way, pose, 0.3)[:3] for _ in range(50)])
+        arcs = np.array([draw_arc(random, way, pose, 0.3)[:3] for _ in range(50)])
         assert np.abs(arcs @ way[:3]).max() < 1e-12
         np.testing.assert_allclose(np.linalg.norm(arcs, axis=1), 0.3 * np.linalg.norm(way[:3]))
         assert np.ptp(arcs, axis=0).min() > 0.02  # never twice the same
-        assert not arched(random, np.zeros(CHANNELS), pose, 0.3).any()
+        assert not draw_arc(random, np.zeros(CHANNELS), pose, 0.3).any()
 
     def test_a_wrist_drags_behind_its_way(self):
         way, palm_down, thumb_up = np.zeros((3, CHANNELS))
         way[1], palm_down[4] = -0.4, 90.0
-        assert arched(Random(0), way, palm_down, 0.2)[5] < -10  # the hand trails upward: extension
-        assert arched(Random(0), way, thumb_up, 0.2)[6] < -10  # radial deviation
+        assert draw_arc(Random(0), way, palm_down, 0.2)[5] < -10  # the hand trails upward: extension
+        assert draw_arc(Random(0), way, thumb_up, 0.2)[6] < -10  # radial deviation
 
     def test_skew_moves_the_peak_of_the_speed_and_keeps_the_ends(self):
         u = np.linspace(0, 1, 2001)
@@ -155,7 +155,7 @@ class TestStrokes:
             assert u[np.diff(progress).argmax()] == pytest.approx(peak_share(skew), abs=0.01)
             assert skew_for(peak_share(skew)) == pytest.approx(skew, abs=0.01)
         assert peak_share(0.5) < 0.4 < 0.6 < peak_share(-0.5)
-        assert np.std([skewed(Random(k), 0.0, 0.3) for k in range(200)]) == pytest.approx(0.28, abs=0.05)
+        assert np.std([draw_skew(Random(k), 0.0, 0.3) for k in range(200)]) == pytest.approx(0.28, abs=0.05)
 
     def test_an_arched_move_leaves_its_chord_and_ends_on_it(self):
         track, arc = MinimumJerkTrack(np.zeros(2)), np.array([0.0, 0.5])

@@ -29,17 +29,16 @@ from ..motion.rotations import (
 )
 from ..motion.skeleton import humanoid
 from .minimum_jerk import MinimumJerkTrack
+from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
 from .styles import Style
 
 __all__ = ["Pieces", "realise"]
 
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
-_CHEST, _RAISED = 1.7, 2.2  # degrees by which a breath opens the chest and lifts the clavicles (ours: about 1 cm)
+_RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
 _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
-_CARRIED = 0.6  # share of the pelvis' turn that the chest takes over (ours, by eye)
-_COUNTER = 24.0  # degrees that the chest leans to the loaded side per metre of weight shift: contrapposto (ours, by eye)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _CLEAR = 0.010  # metres of air kept between hand and body
@@ -91,7 +90,7 @@ def realise(
     turn = np.radians(style.turn)
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
-    torso = quat_multiply(torso, arms._about(0, np.radians(-_CHEST) * breath))
+    torso = quat_multiply(torso, arms._about(0, np.radians(-BREATH_PITCH) * breath))
     head, gaze = _head(b, torso, turn), np.radians(b[:, [Body.GAZE_YAW, Body.GAZE_UP]])
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     if hands is None:
@@ -131,9 +130,9 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     )
     b[:, _SWAYING] += n * scale
     if not style.seated:
-        b[:, Body.ROLL] -= _COUNTER * weight_shift(b)
+        b[:, Body.ROLL] -= CONTRAPPOSTO * weight_shift(b)
     feet = 0.0 if style.seated else 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
-    b[:, Body.YAW] += _CARRIED * (b[:, Body.HIPS_YAW] + feet)
+    b[:, Body.YAW] += PELVIS_SHARE * (b[:, Body.HIPS_YAW] + feet)
 
 
 _SWAYING = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z] + [

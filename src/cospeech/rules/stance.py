@@ -17,8 +17,14 @@ from ..motion.kinematics.legs import STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
 
-__all__ = ["Stance", "StanceAmounts", "first_body"]
+__all__ = ["BREATH_PITCH", "CONTRAPPOSTO", "PELVIS_SHARE", "Stance", "StanceAmounts", "first_body"]
 
+BREATH_PITCH = 1.7
+"""Degrees by which a breath opens the chest. Ours: about 1 cm."""
+PELVIS_SHARE = 0.6
+"""Share of the pelvis' turn that the chest takes over. Ours, by eye."""
+CONTRAPPOSTO = 24.0
+"""Degrees that the chest leans to the loaded side per metre of weight shift. Ours, by eye."""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _ROOM = (0.13, 0.11)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left

@@ -31,7 +31,7 @@ from ..motion.rotations import (
 )
 from ..motion.skeleton import humanoid
 from .minimum_jerk import MinimumJerkTrack
-from .stance import Stance, StanceAmounts, first_body
+from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
 __all__ = ["StanceLayer", "add_stance"]
 
@@ -44,12 +44,9 @@ _FOLLOWS = np.radians([30.0, 9.0, 24.0])
 """Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other. [ours]: wrist and
 mid-shoulder speeds then correlate by .2 to .3 where the trunk alone knew nothing of the hands."""
 _SWAY = np.radians([1.0, 0.9, 1.6])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
-_CARRIED, _COUNTER, _CHEST = 0.6, 24.0, 1.7  # as in `cospeech.rules.realise`
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
-_OWN, _FAR = (
-    0.6,
-    0.06,
-)  # share of its own travel that a motion keeps; metres at which that bends ([ours]: feet are where they are)
+_OWN = 0.6  # share of its own travel that a motion keeps ([ours])
+_FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
 
 
 class StanceLayer:
@@ -156,12 +153,12 @@ class StanceLayer:
         """(n, 4) by which the chest turns in the world: its share of the pelvis, breath, sway, and the way after the hands."""
         assert self._stance is not None
         turns = self._follow(q) + smooth_noise(self._seed + 22, 3, times, 0.42, octaves=3, gain=0.55) * _SWAY * self._amount
-        turns[:, 0] -= np.radians(_CHEST) * b[:, Body.BREATH]
+        turns[:, 0] -= np.radians(BREATH_PITCH) * b[:, Body.BREATH]
         yaw = b[:, Body.HIPS_YAW]
         if not self._stance.amounts.seated:
             yaw = yaw + 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
-            turns[:, 1] -= np.radians(_COUNTER) * weight_shift(b)
-        turns[:, 2] += _CARRIED * np.radians(yaw)
+            turns[:, 1] -= np.radians(CONTRAPPOSTO) * weight_shift(b)
+        turns[:, 2] += PELVIS_SHARE * np.radians(yaw)
         return euler_to_quat(turns[:, [2, 0, 1]], "YXZ")
 
 

@@ -30,7 +30,8 @@ class Posture:
         self.track = MinimumJerkTrack(base)
         amounts = StanceAmounts(style.sway * self.size, style.steps, style.seated)
         self.stance = Stance(self.track, random, amounts)
-        self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3}
+        self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3, "seat": 0.0 if style.seated else np.inf}
+        self._seat = np.zeros(3)  # pitch, roll and yaw that a seated torso adds to its usual place
         self.gaze = GazePlanner(random.getrandbits(32), style.averted)
         self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
         """Recent ones: time in seconds, size in radians."""
@@ -46,6 +47,8 @@ class Posture:
             if phrase.start > self._phrase and phrase.start <= now + 0.6:
                 self._phrase = phrase.start
                 self._on_phrase(now, phrase.start)
+        if now >= self._next["seat"]:
+            self._sit(now)
         if now >= self._next["lean"]:
             self._settle(now, self._random.uniform(0.9, 1.8), modifier)
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
@@ -61,13 +64,22 @@ class Posture:
         """A new place for the torso around the speaker's usual one."""
         torso = self.style.torso * modifier.torso * self.size
         goal = (
-            self.style.lean + modifier.bow + self._gauss(2.6 * torso),
-            self._gauss(1.8 * torso),
-            modifier.turn + self._gauss(4.2 * torso),
+            self.style.lean + modifier.bow + self._gauss(2.6 * torso) + self._seat[0],
+            self._gauss(1.8 * torso) + self._seat[1],
+            modifier.turn + self._gauss(4.2 * torso) + self._seat[2],
             self._gauss(1.6 * torso),
         )
         columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]
         self.track.move(now + 0.02, length, np.array(goal), columns, skew=self._gauss(0.25))
+
+    def _sit(self, now: float) -> None:
+        """Another way to sit for a while: bent forward, upright, or sunk back, and to a side."""
+        kind = self._random.random()
+        pitch = self._random.uniform(6, 15) if kind < 0.4 else self._random.uniform(-3, 3) if kind < 0.7 else -self._random.uniform(4, 9)
+        size = self.style.torso * self.size * max(self.style.sway, 0.3) ** 0.5 / 1.4
+        self._seat = np.array([pitch, self._gauss(3.0), self._gauss(5.0)]) * size
+        self._next["seat"] = now + self._random.uniform(4.5, 11.0)
+        self._next["lean"] = now
 
     def _on_phrase(self, now: float, start: float) -> None:
         self._next["lean"] = min(self._next["lean"], now + self._random.uniform(0, 0.3))

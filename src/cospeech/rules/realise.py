@@ -41,6 +41,7 @@ _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
+_CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
 _CLEAR = 0.010  # metres of air kept between hand and body
 
 
@@ -159,6 +160,8 @@ class _Frames(NamedTuple):
     hips_at: Array
     gesture: Array
     head_at: Array
+    lap: Array
+    """(N, 1) height of the lap in the T-pose frame of the hips."""
 
 
 def _both(left: Array, mirror: Array) -> Array:
@@ -182,7 +185,11 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
     head = quat_rotate(back, head_joint + quat_rotate(head_world, HEAD_CENTRE) - chest_at)
     to_hips = quat_multiply(quat_conjugate(hips), chest)
     hips_from = quat_rotate(quat_conjugate(hips), chest_at - hips_at)
-    return _Frames(_both(to_hips, _MIRROR_Q), _both(hips_from, _MIRROR_V), _both(gesture, _MIRROR_Q), _both(head, _MIRROR_V))
+    crossed = _smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
+    lap = float(_offsets()["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
+    return _Frames(
+        _both(to_hips, _MIRROR_Q), _both(hips_from, _MIRROR_V), _both(gesture, _MIRROR_Q), _both(head, _MIRROR_V), lap
+    )
 
 
 def _arms(
@@ -299,7 +306,7 @@ def _push(point: Array, radius: float, frames: _Frames, style: Style) -> Array:
     out = push * mix + push_low * (1 - mix)
     out = out + push_from_head(point + out, frames.head_at, radius)
     if style.seated:
-        lap = push_from_thighs(lower, float(o["t:hips"][1]) - 0.04 + THIGH_TOP, 0.46, radius)
+        lap = push_from_thighs(lower, frames.lap, 0.46, radius)
         out = out + quat_rotate(quat_conjugate(frames.to_hips), lap)
     return out
 

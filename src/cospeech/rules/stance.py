@@ -26,6 +26,7 @@ PELVIS_SHARE = 0.6
 CONTRAPPOSTO = 24.0
 """Degrees that the chest leans to the loaded side per metre of weight shift. Ours, by eye."""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
+_OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _ROOM = (0.13, 0.11)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
 
@@ -56,6 +57,19 @@ def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
     return base
 
 
+def _leg_columns(left: bool) -> tuple[slice, int, int]:
+    """Columns of a foot: place, lift, tip."""
+    foot = (Body.LEFT_FOOT, Body.LEFT_LIFT, Body.LEFT_TIP)
+    return foot if left else (Body.RIGHT_FOOT, Body.RIGHT_LIFT, Body.RIGHT_TIP)
+
+
+def _hump(column: int, height: float) -> Array:
+    """(channels,) of an arc on one of them."""
+    arc = np.zeros(BODY_CHANNELS)
+    arc[column] = height
+    return arc
+
+
 class Stance:
     """Plans hips, feet and breath of one take.
 
@@ -75,7 +89,9 @@ class Stance:
             "turn": random.uniform(0.5, 2.0),
             "breath": random.uniform(0.0, 2.0),
             "step": self._step_gap(),
+            "legs": random.uniform(1.0, 5.0) if amounts.seated else np.inf,
         }
+        self._crossed = ""  # the leg that lies over the other's knee
         self._follow: float | None = None
         self._down = 0.0  # when the foot that steps stands again
         self._settled = False
@@ -97,6 +113,8 @@ class Stance:
             self._next["shift"] = now + self._random.uniform(2.2, 6.0) * calm / max(self.amounts.sway, 0.4) ** 0.5
         if now >= max(self._next["step"], self._down):
             self._step(now)
+        if now >= self._next["legs"]:
+            self._move_legs(now)
 
     def begin_phrase(self, now: float, start: float) -> None:
         """Somebody is about to speak, at ``start`` seconds: first comes a quick breath, and often the weight goes elsewhere."""
@@ -158,23 +176,65 @@ class Stance:
         self.track.move(now + 0.35 * length, 0.7, np.array([tip]), [_FREE[self._left]])
 
     def _shift_seat(self, now: float) -> None:
-        """From one side of the seat to the other, upright or sunk; now and then a foot is put elsewhere."""
+        """From one side of the seat to the other, upright or sunk."""
         sway = max(self.amounts.sway, 0.3)
         self._left = not self._left
         side = 1.0 if self._left else -1.0
-        slump = self._random.uniform(-4.0, 7.0) * sway
+        slump = self._random.uniform(-5.0, 9.0) * sway
         goal = (
             side * self._random.uniform(0.002, 0.011),
             self._gauss(0.004),
-            side * self._random.uniform(0.5, 4.5) * sway,
+            side * self._random.uniform(0.5, 5.5) * sway,
             -slump,
         )
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_ROLL, Body.HIPS_PITCH]
         self.track.move(now + 0.02, self._random.uniform(1.0, 1.8), np.array(goal), columns, skew=self._gauss(0.25))
-        if self._random.random() < 0.5:
-            foot, start = (Body.LEFT_FOOT, 1) if self._left else (Body.RIGHT_FOOT, -1)
-            place = (start * STANCE * self._random.uniform(0.8, 1.5), self._random.uniform(-0.10, 0.12))
-            self._swing(now + 0.5, foot, np.array([*place, start * (TOE_OUT + self._random.uniform(-6, 10))]), 0.4, 0.022)
+
+    def _move_legs(self, now: float) -> None:
+        """A seated body crosses its legs, takes them apart again, stretches one, draws one in, or puts a foot elsewhere."""
+        self._next["legs"] = now + self._random.uniform(3.5, 9.0) / max(self.amounts.sway, 0.4) ** 0.5
+        if self._crossed:
+            self._uncross(now)
+            return
+        left = self._random.random() < 0.5
+        kind = self._random.random()
+        if kind < 0.3 and self.amounts.sway > 0.5:
+            self._cross(now, left)
+            return
+        reach = self._random.uniform(0.12, 0.2) if kind < 0.5 else self._random.uniform(-0.17, 0.1)
+        self._put(now, left, self._random.uniform(0.8, 1.5) * STANCE, reach, self._random.uniform(-6, 10))
+
+    def _put(self, now: float, left: bool, aside: float, ahead: float, out: float) -> None:
+        """A seated body's foot to another place on the floor."""
+        side = 1.0 if left else -1.0
+        goal = np.array([side * aside, ahead, side * (TOE_OUT + out)])
+        self._swing(now + 0.2, Body.LEFT_FOOT if left else Body.RIGHT_FOOT, goal, 0.4, 0.022)
+
+    def _cross(self, now: float, left: bool) -> None:
+        """One leg over the other's knee: it rises in front, goes across, and comes to lie."""
+        side, other = (1.0, Body.RIGHT_FOOT) if left else (-1.0, Body.LEFT_FOOT)
+        begin = now + 0.1
+        if np.abs(self.track.target[other] - [-side * STANCE, 0.03, -side * TOE_OUT]).max() > 0.05:  # below the other knee
+            self._put(now, not left, STANCE, 0.03, 0.0)
+            begin = now + 0.7
+        foot, lift, tip = _leg_columns(left)
+        self.track.move(begin, 0.9, np.array([_OVER]), [lift], arc=_hump(lift, 0.04))
+        self.track.move(begin, 0.8, np.array([self._random.uniform(4.0, 12.0)]), [tip])
+        across = np.array([-side * self._random.uniform(0.13, 0.17), self._random.uniform(0.04, 0.08), -side * 17.0])
+        self.track.move(begin + 0.35, 0.8, across, foot)
+        self._crossed = "left" if left else "right"
+        self._next["legs"] = begin + self._random.uniform(8.0, 20.0)
+        self._next["turn"] = min(self._next["turn"], now)
+
+    def _uncross(self, now: float) -> None:
+        left = self._crossed == "left"
+        side = 1.0 if left else -1.0
+        foot, lift, tip = _leg_columns(left)
+        place = np.array([side * STANCE * self._random.uniform(0.9, 1.3), self._random.uniform(-0.06, 0.1), side * TOE_OUT])
+        self.track.move(now + 0.1, 0.8, place, foot)
+        self.track.move(now + 0.25, 0.95, np.array([0.0]), [lift], arc=_hump(lift, 0.04))
+        self.track.move(now + 0.4, 0.7, np.array([0.0]), [tip])
+        self._crossed = ""
 
     def _step_gap(self) -> float:
         per_minute = 0.0 if self.amounts.seated else self.amounts.steps
@@ -219,7 +279,7 @@ class Stance:
 
     def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:
         """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor."""
-        lift, tip = (Body.LEFT_LIFT, Body.LEFT_TIP) if foot == Body.LEFT_FOOT else (Body.RIGHT_LIFT, Body.RIGHT_TIP)
+        _, lift, tip = _leg_columns(foot == Body.LEFT_FOOT)
         self.track.move(onset - 0.16, 0.30, np.array([16.0]), [tip])
         self.track.move(onset - 0.08, 0.24, np.array([height]), [lift])
         self.track.move(onset + 0.06, length, goal, foot)

@@ -70,7 +70,7 @@ def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array
     return (_soft_excess(np.minimum(depth, 0.12)) / length)[..., None] * gradient
 
 
-def push_from_thighs(points: Array, top: float, front: float, radius: Array | float) -> Array:
+def push_from_thighs(points: Array, top: Array | float, front: float, radius: Array | float) -> Array:
     """Displacement upward that keeps balls above the lap of a seated body (thighs at height ``top`` as far as ``front``)."""
     inside = top + radius - points[..., 1]
     fade = np.clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * np.clip((front - points[..., 2]) / 0.15, 0.0, 1.0)

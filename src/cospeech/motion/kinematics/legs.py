@@ -15,6 +15,7 @@ __all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "plant", "stand", "weight_shift
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
 TOE_OUT = 9.0  # degrees
+_LEANS = 0.5  # share of a seated torso's pitch that the pelvis takes (ours: CMU's seated takes have .5 to 1)
 _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
@@ -51,7 +52,11 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
     feet = np.stack([b[:, Body.LEFT_FOOT], b[:, Body.RIGHT_FOOT]], 1)
     lift, tip = b[:, Body.LEFT_LIFT : Body.RIGHT_LIFT + 1], np.radians(b[:, Body.LEFT_TIP : Body.RIGHT_TIP + 1])
     roll = b[:, Body.HIPS_ROLL] + (0.0 if seated else _TILT * weight_shift(b))
-    pitch = b[:, Body.HIPS_PITCH] + b[:, Body.PITCH] * (0.35 if seated else 0.12)
+    pitch = b[:, Body.HIPS_PITCH] + b[:, Body.PITCH] * (_LEANS if seated else 0.12)
+    if seated:  # no forward tilt under a raised thigh: hips bend by 120° at most
+        raised = np.clip(lift.max(1) / 0.15, 0.0, 1.0)
+        room = 12.0 - 17.0 * raised * raised * (3 - 2 * raised)
+        pitch = room - 3.0 * np.logaddexp(0.0, (room - pitch) / 3.0)
     yaw = b[:, Body.HIPS_YAW] + (0.0 if seated else feet[..., 2].mean(1))
     hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
     ankles = _ankles(feet, lift, tip)

@@ -6,6 +6,7 @@ So arousal makes movement larger and quicker, and names nothing.
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,9 @@ from ..audio.prosodic_events import RATE, Accent, Heard
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 
-__all__ = ["WINDOW", "Arousal", "arouse", "loudness_rate_pitch"]
+__all__ = ["LOOKS", "WINDOW", "Arousal", "amplitude", "arouse", "loudness_rate_pitch"]
+
+LOOKS = 0.5  # seconds between two looks
 
 WINDOW = 3.0  # seconds of speech that a look rests on [ours: a phrase or two]
 _LOUD = 0.4  # `Heard.loudness` that counts as speech, as for phrases
@@ -23,6 +26,7 @@ _SHARES = np.array([0.45, 0.2, 0.35])  # of the three cues [ours: loudness and p
 _MEMORY = 80  # looks, two a second, over which the baseline runs [ours: 40 s of speech]
 _TRUST = 12  # looks until half of what is heard is believed [ours: 6 s of speech]
 _INERTIA = 0.75  # per look: arousal changes over some two seconds [ours]
+_USUALLY, _EXTENT = 0.25, 0.4  # [ours] arousal that is none yet; share by which full arousal enlarges learned poses
 _AMPLITUDE, _RATE, _TEMPO, _BODY = 0.22, 0.15, 0.15, 0.2  # [ours] share by which full arousal changes an `EmotionModifier`
 
 
@@ -44,7 +48,7 @@ class Arousal:
         """−1 … 1; 0: as this voice usually speaks."""
         self._mean = np.zeros(3)
         self._looks = 0
-        self._total, self._ticks = 0.0, 0
+        self._levels = array("d")  # of every look: 8 bytes for half a second of speech
 
     def follow(self, heard: Heard, accents: list[Accent]) -> None:
         """Take one look at the last seconds of speech, twice a second; where nothing is said, arousal fades."""
@@ -56,13 +60,23 @@ class Arousal:
             self._looks += 1
             self._mean += (cues - self._mean) / min(self._looks, _MEMORY)
         self.level = _INERTIA * self.level + (1 - _INERTIA) * goal
-        self._total += self.level
-        self._ticks += 1
+        self._levels.append(self.level)
 
     @property
     def mean(self) -> float:
         """Over all that was heard."""
-        return self._total / self._ticks if self._ticks else 0.0
+        return float(np.mean(self._levels)) if self._levels else 0.0
+
+    def at(self, times: Array) -> Array:
+        """(n,) levels at ``times (n,)`` seconds of the looks, straight from one look to the next; 0 before the first."""
+        looks = np.frombuffer(self._levels) if self._levels else np.zeros(1)
+        return np.interp(times / LOOKS, np.arange(len(looks)), looks, left=0.0)
+
+
+def amplitude(level: Array) -> Array:
+    """Factor (n,) on the way of poses from the mean one, at arousal ``level (n,)``; 1 for a voice as it usually is."""
+    beyond = np.maximum(np.abs(level) - _USUALLY, 0.0) / (1 - _USUALLY)
+    return 1.0 + _EXTENT * np.sign(level) * beyond
 
 
 def arouse(manner: EmotionModifier, level: float) -> EmotionModifier:

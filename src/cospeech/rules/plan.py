@@ -38,9 +38,7 @@ _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the firs
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
-_CHAINED = (
-    0.55  # share of the way back to where the hand already is that a preparation leaves out: gestures run into each other
-)
+_CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -149,10 +147,10 @@ class Planner:
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
-            if stirred and self._random.random() < 0.55:
+            if stirred and self._random.random() < 0.7:
                 self._beat(now, accent, stirred, modifier, 0.6)
             return
-        if held and self._random.random() < 0.38 and accent.time - min(s.last_stroke for s in held) < 2.2:
+        if held and self._random.random() < 0.45 and accent.time - min(s.last_stroke for s in held) < 2.2:
             self._beat(now, accent, held, modifier, 1.0)
             return
         if not self._perform(now, accent.time, accent.strength, self._choose_form(modifier), modifier, None) and held:
@@ -218,7 +216,7 @@ class Planner:
         end = onset
         for hand in hands:
             own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength)
-            late = 0.0 if hand == hands[0] else self._random.uniform(-0.03, 0.07)
+            late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
             end = self._schedule(
                 self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, modifier, (wind_up, skew)
             )
@@ -280,7 +278,7 @@ class Planner:
         hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.4 * _effort(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
-        state.track.move(end + self._random.uniform(0.1, 0.5), self._random.uniform(0.8, 1.5) / tempo, hold)
+        state.track.move(end + self._random.uniform(0.2, 0.6), self._random.uniform(1.0, 1.8) / tempo, hold)
         state.pose = poses[-1]
         return end
 

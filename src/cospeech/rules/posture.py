@@ -74,11 +74,11 @@ class Posture:
 
     def _sit(self, now: float) -> None:
         """Another way to sit for a while: bent forward, upright, or sunk back, and to a side."""
-        kind = self._random.random()
-        pitch = self._random.uniform(6, 15) if kind < 0.4 else self._random.uniform(-3, 3) if kind < 0.7 else -self._random.uniform(4, 9)
+        kind, bent = self._random.random(), self._random.uniform(6.0, 15.0)
+        pitch = bent if kind < 0.4 else 0.3 * (bent - 10.5) if kind < 0.7 else -0.6 * bent
         size = self.style.torso * self.size * max(self.style.sway, 0.3) ** 0.5 / 1.4
         self._seat = np.array([pitch, self._gauss(3.0), self._gauss(5.0)]) * size
-        self._next["seat"] = now + self._random.uniform(4.5, 11.0)
+        self._next["seat"] = now + self._random.uniform(3.5, 9.0)
         self._next["lean"] = now
 
     def _on_phrase(self, now: float, start: float) -> None:
@@ -138,7 +138,7 @@ class Posture:
         gesture, knees that give way under a stroke downward.
         """
         way = poses[1][:3] - poses[0][:3]
-        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
+        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.25 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
         part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
@@ -147,8 +147,8 @@ class Posture:
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
         head = self.style.head * modifier.head * self.size
-        part[Body.HEAD_YAW] = 0.55 * part[Body.YAW] + self._gauss(4.3 * head)
-        part[Body.HEAD_PITCH] = 0.5 * part[Body.PITCH] + self._gauss(4.0 * head)
+        part[Body.HEAD_YAW] = 0.65 * part[Body.YAW] + self._gauss(4.3 * head)
+        part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
         if not self.style.seated:

@@ -25,14 +25,24 @@ from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
-from .arousal import arouse
+from .arousal import LOOKS, arouse
 from .emotion_modifiers import blend_modifiers
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
 from .styles import Style
 
-__all__ = ["KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "stream_motion"]
+__all__ = [
+    "AROUSAL_DELAY",
+    "KEPT",
+    "LATENCY",
+    "LOOK_AHEAD",
+    "MOUTH_WAITS",
+    "Session",
+    "check_speech",
+    "in_short",
+    "stream_motion",
+]
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
@@ -40,6 +50,9 @@ with, so somebody has to wait."""
 LATENCY = ceil((LOOK_AHEAD - LEVEL_DELAY) / TICK) * TICK + LEVEL_DELAY + DELAY
 """Seconds of sound at 16 kHz after a frame's time until the frame is given, at most (1.595 s): what it depends on, in whole
 ticks, and what the features of a hundredth wait for."""
+AROUSAL_DELAY = LATENCY + LOOKS + 0.15
+"""Seconds by which others play the arousal late (2.25 s): then it is known whenever they need it, however the speech is
+cut. It changes over some seconds (`cospeech.rules.arousal`), and 0.15 s are for resampling."""
 MOUTH_WAITS = LOOK_AHEAD - TICK
 """Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
@@ -120,6 +133,13 @@ class Session:
     def arousal(self) -> float | None:
         """Mean arousal that was heard in the voice and played, −1 … 1; None where an emotion is given."""
         return self.mood.arousal.mean if self.mood.track is None else None
+
+    def arousal_at(self, times: Array) -> Array:
+        """(n,) arousal to play at ``times (n,)`` seconds, for who makes the body; 0 where an emotion is given.
+
+        It is that of `AROUSAL_DELAY` before, so that it is known as soon as the speech of these times was pushed.
+        """
+        return self.mood.arousal.at(times - AROUSAL_DELAY) if self.mood.track is None else np.zeros(len(times))
 
     @property
     def speaker(self) -> None:

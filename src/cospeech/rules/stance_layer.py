@@ -1,11 +1,12 @@
 """A stance under somebody else's motion: legs, pelvis, breath and a trunk that follows the hands, for systems that lack them.
 
 Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
-pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn, breathes and goes along with the
-hands. The head stays nearly where it looked, and the arms ride on the chest as they are.
+pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn and breathes. It bends into a stroke
+downward or forward, a little before the hands. The head stays nearly where it looked, and the arms ride on the chest as they
+are.
 
-Every frame depends on its own row, on the wrists of the 0.4 s before it, on its time and on the seed: a motion may be given in
-pieces of any size, without any look-ahead.
+Every frame depends on its own row, on the wrists within `REACH` seconds, on its time and on the seed. So a motion may be
+given in pieces of any size, and comes back `StanceLayer.look_ahead` later.
 """
 
 from __future__ import annotations
@@ -33,17 +34,24 @@ from ..motion.skeleton import humanoid
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
-__all__ = ["StanceLayer", "add_stance"]
+__all__ = ["REACH", "StanceLayer", "add_stance"]
 
 TICK = 0.1  # seconds between decisions, as in a session of the rules
 _AT_ONCE = 60  # frames; more at a time would all be compared with moves that only a few of them see
 _SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
-_MEMORY = 0.4  # seconds of wrists that the trunk follows
-_DELAY = 0.07  # seconds by which it is behind them, at the peak of its kernel
-_FOLLOWS = np.radians([30.0, 9.0, 24.0])
-"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other. [ours]: wrist and
-mid-shoulder speeds then correlate by .2 to .3 where the trunk alone knew nothing of the hands."""
-_SWAY = np.radians([1.0, 0.9, 1.6])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
+REACH = 0.24
+"""Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
+_LEAD = 0.08  # seconds by which the trunk is before the hands (ours: as in the rules, .06 to .13)
+_FOLLOWS = np.radians([36.0, 10.8, 28.8])
+"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other (ours)."""
+_BENDS = np.radians(28.8)
+"""Pitch of the chest per arm length that the hands come down (ours): strokes are mostly beats downward."""
+_KNEES, _HIPS = 0.1, 0.4  # metres that knees give way per radian of bend; share of the yaw that the pelvis takes (ours)
+_TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the rest is what follows the hands)
+_USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
+"""Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
+_FULL = 0.2  # arm lengths from there at which the trunk has gone along nearly as far as it will (ours)
+_SWAY = np.radians([1.2, 1.08, 1.92])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
 _OWN = 0.6  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
@@ -63,11 +71,18 @@ class StanceLayer:
         self._seed, self._fps, self._amount, self._steps = seed, fps, amount, steps
         self._stance: Stance | None = None
         self._frame, self._ticks = 0, 0
-        taps = np.arange(int(np.ceil(_MEMORY * fps)) + 1) / fps
-        kernel = taps * np.exp(-taps / _DELAY) + 1e-9
+        self._ahead = int(REACH * fps)
+        taps = np.arange(-self._ahead, self._ahead + 1) / fps
+        kernel = np.maximum(np.cos(np.pi / 2 * np.clip((taps - _LEAD) / (REACH - _LEAD), -1.0, 1.0)), 0.0) ** 2 + 1e-9
         self._kernel = kernel / kernel.sum()
-        self._wrists: Array | None = None
+        s = humanoid()
+        self._q, self._place, self._wrists = np.zeros((0, len(s), 4)), np.zeros((0, 3)), np.zeros((0, 2, 3))
         self._signs = QuatStream()
+
+    @property
+    def look_ahead(self) -> float:
+        """Seconds of motion after a frame that it waits for."""
+        return self._ahead / self._fps
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
         """The next frames.
@@ -77,12 +92,30 @@ class StanceLayer:
             root: (n, 3) of its hips, metres.
 
         Returns:
-            The same with a stance under it, in float32.
+            Those that have become certain, with a stance under them, in float32.
         """
-        q, place = np.array(rotations, float), np.array(root, float)
-        if self._stance is None and len(q):
-            self._begin(seated=place[0, 1] < _SEATED)
-        for first in range(0, len(q), _AT_ONCE):
+        if not len(rotations):
+            return self._layer(0)
+        q = np.asarray(rotations, float)
+        wrists = _wrists_in_chest(q)
+        if self._stance is None:
+            self._begin(seated=float(root[0, 1]) < _SEATED)
+            self._wrists = np.repeat(wrists[:1], self._ahead, 0)
+        self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
+        self._wrists = np.concatenate([self._wrists, wrists])
+        return self._layer(max(len(self._q) - self._ahead, 0))
+
+    def finish(self) -> tuple[Array, Array]:
+        """The frames that are left, after the last one was pushed: its hands stay where they are."""
+        if len(self._q):
+            self._wrists = np.concatenate([self._wrists, np.repeat(self._wrists[-1:], self._ahead, 0)])
+        return self._layer(len(self._q))
+
+    def _layer(self, count: int) -> tuple[Array, Array]:
+        """The first frames of those that wait."""
+        q, place = self._q[:count].copy(), self._place[:count].copy()
+        self._q, self._place = self._q[count:], self._place[count:]
+        for first in range(0, count, _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
             times = (self._frame + np.arange(len(q[part]))) / self._fps
             self._frame += len(times)
@@ -109,19 +142,18 @@ class StanceLayer:
         b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.4, 0.9, 0.9]
         return b
 
-    def _follow(self, q: Array) -> Array:
-        """(n, 3) pitch, roll and yaw by which the chest goes after the hands, radians."""
-        wrists = _wrists_in_chest(q)
-        before = np.repeat(wrists[:1], len(self._kernel) - 1, 0) if self._wrists is None else self._wrists
-        known = np.concatenate([before, wrists])
-        self._wrists = known[len(known) - len(self._kernel) + 1 :]
-        late = np.zeros_like(wrists)
+    def _follow(self, count: int) -> Array:
+        """(count, 3) pitch, roll and yaw by which the chest goes along with the hands in the next frames, radians."""
+        near = np.zeros((count, 2, 3))
         for k, weight in enumerate(self._kernel):  # one after the other: the same bits in pieces of any size
-            first = len(self._kernel) - 1 - k
-            late += weight * known[first : first + len(wrists)]
-        left, right = late[:, 0], late[:, 1]
+            near += weight * self._wrists[k : k + count]
+        self._wrists = self._wrists[count:]
+        left, right = near[:, 0], near[:, 1]
         ahead = np.stack([left[:, 2] + right[:, 2], -(left[:, 0] + right[:, 0]), right[:, 2] - left[:, 2]], -1) / 2
-        return np.tanh(ahead / 0.6) * 0.6 * _FOLLOWS * min(self._amount, 1.0)
+        turns = np.tanh((ahead - _USUAL) / _FULL) * _FULL * _FOLLOWS
+        raised = 0.5 * (left[:, 1] + right[:, 1]) - _HEIGHT
+        turns[:, 0] -= np.tanh(raised / _FULL) * _FULL * _BENDS
+        return turns * min(self._amount, 1.0)
 
     def _write(self, q: Array, place: Array, b: Array, times: Array) -> None:
         """Write pelvis, trunk, head and, for a standing body, legs."""
@@ -130,11 +162,15 @@ class StanceLayer:
         old = [q[:, joint[name]] for name in ("hips", *(name for name, _ in SPINE), "neck", "head")]
         chest = _chain(old[:4])
         head = quat_multiply(chest, quat_multiply(old[4], old[5]))
+        follow = self._follow(len(q))
+        if not seated:
+            b[:, Body.SINK] += _KNEES * np.maximum(follow[:, 0], 0.0)
+            b[:, Body.HIPS_YAW] += np.degrees(_HIPS * follow[:, 2])
         pelvis, stood = stand(b, seated, None)
-        lead = self._lead(q, b, times)
+        lead = self._lead(follow, b, times)
         hips = quat_multiply(pelvis, old[0])
         q[:, joint["hips"]] = hips
-        turned = quat_multiply(lead, chest)
+        turned = quat_multiply(lead, rotvec_to_quat((1 - (1 - _TRUNK) * min(self._amount, 1.0)) * quat_to_rotvec(chest)))
         bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), turned))
         for name, share in SPINE:
             q[:, joint[name]] = rotvec_to_quat(bend * share)
@@ -149,10 +185,10 @@ class StanceLayer:
         joints, legs, height = carry(hips, place, b)
         q[:, joints], place[:, 1] = legs, height
 
-    def _lead(self, q: Array, b: Array, times: Array) -> Array:
+    def _lead(self, follow: Array, b: Array, times: Array) -> Array:
         """(n, 4) by which the chest turns in the world: its share of the pelvis, breath, sway, and the way after the hands."""
         assert self._stance is not None
-        turns = self._follow(q) + smooth_noise(self._seed + 22, 3, times, 0.42, octaves=3, gain=0.55) * _SWAY * self._amount
+        turns = follow + smooth_noise(self._seed + 22, 3, times, 0.42, octaves=3, gain=0.55) * _SWAY * self._amount
         turns[:, 0] -= np.radians(BREATH_PITCH) * b[:, Body.BREATH]
         yaw = b[:, Body.HIPS_YAW]
         if not self._stance.amounts.seated:
@@ -186,5 +222,7 @@ def _wrists_in_chest(q: Array) -> Array:
 
 def add_stance(motion: Motion, *, seed: int = 0, amount: float = 1.0) -> Motion:
     """A whole motion on our humanoid with a stance under it; see `StanceLayer`."""
-    rotations, root = StanceLayer(seed=seed, fps=motion.fps, amount=amount).push(motion.rotations, motion.root)
+    layer = StanceLayer(seed=seed, fps=motion.fps, amount=amount)
+    pushed, rest = layer.push(motion.rotations, motion.root), layer.finish()
+    rotations, root = (np.concatenate(parts) for parts in zip(pushed, rest, strict=True))
     return Motion(motion.fps, rotations, root, motion.face, motion.skeleton, motion.start)

@@ -122,10 +122,10 @@ class AutoregressiveDecoder:
         sizes = self._flow.sizes
         return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history, 0))
 
-    def denormalise(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`."""
         s, centres = self._system.statistics, self._mix_sources("speaker_mean", at)
-        return (centres + self._intensity * self._deviate(poses, centres, at)) * s.pose_std + s.pose_mean
+        return (centres + self._intensity * amplitude * self._deviate(poses, centres, at)) * s.pose_std + s.pose_mean
 
     def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Decoder`."""

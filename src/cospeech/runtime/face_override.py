@@ -10,6 +10,7 @@ import numpy as np
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..motion.motion import Motion
+from ..motion.rotations import Array
 from ..rules import Session
 from .conditioning import ConditioningFace
 
@@ -41,6 +42,10 @@ class FaceOverride:
     def arousal(self) -> float | None:
         """See `cospeech.rules.Session`."""
         return self._session.arousal
+
+    def arousal_at(self, times: Array) -> Array:
+        """See `cospeech.rules.Session`."""
+        return self._session.arousal_at(times)
 
     @property
     def latency(self) -> float:

@@ -63,10 +63,10 @@ class NetworkDecoder:
         """See `Decoder`."""
         self._style.restyle(blend, frame)
 
-    def denormalise(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`."""
         s, (centre, made, gain) = self._system.statistics, self._style.scales(at)
-        return (centre + self._intensity * gain * (poses - made)) * s.pose_std + s.pose_mean
+        return (centre + self._intensity * gain * amplitude * (poses - made)) * s.pose_std + s.pose_mean
 
     def _draw_noise(self, frames: int) -> Array:
         """(N, frames, Z) the next noise."""

@@ -26,6 +26,7 @@ from ..motion.poses.lift import lift
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
+from ..rules.arousal import amplitude
 from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
 from .face_override import FaceOverride
@@ -82,11 +83,12 @@ class Decoder(Protocol):
         """The poses of the rest; ``silence`` (1, A) is the row of silence, which is after the speech."""
         ...
 
-    def denormalise(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
 
         Args:
             at: (n,) where they lie, in frames of the model.
+            amplitude: (n, 1) further factor on that way.
         """
         ...
 
@@ -138,11 +140,11 @@ class TrainedSession:
     ) -> None:
         self._stances = stances
         self._pose: Pose = find_pose(system.pose)
-        self._frontend, self._decoder = frontend, decoder
+        self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct = resolved_style, direct
-        behind = (system.smooth + 1) / system.fps  # of smoothing and the cubic
+        behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)  # and of the cubic
         self._latency = self._look_ahead = decoder.latency + behind + frontend.delay
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
@@ -171,7 +173,7 @@ class TrainedSession:
 
     @property
     def arousal(self) -> float | None:
-        """See `cospeech.rules.Session.arousal`; a trained model does not play it: its body depends on the sound."""
+        """See `cospeech.rules.Session.arousal`; a trained model strays further from its mean pose with it."""
         return self._faces[0].arousal
 
     @property
@@ -236,9 +238,9 @@ class TrainedSession:
         for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
             made = self._decoder.push(self._frontend.push(piece))
-            self._keep(made)
             for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
                 self._see(kept, face.push(piece))
+            self._keep(made)
             if (count := self._count()) > 0:
                 self._ready.append(self._make_motions(count))
             elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
@@ -255,9 +257,12 @@ class TrainedSession:
         self._over = True
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
-        self._keep(rest, total, self._frontend.frames - 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
             self._see(kept, face.finish())
+        self._keep(rest, total, self._frontend.frames - 1)
+        self._decode()
+        for stance, body in zip(self._stances, self._bodies, strict=False):
+            body.push(stance.finish())
         if (count := self._count()) > 0:
             self._ready.append(self._make_motions(count))
         return self._next_frames()
@@ -280,18 +285,20 @@ class TrainedSession:
         """Further poses of the model, and what they make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            self._rows.append(self._decoder.denormalise(poses, at))
+            aroused = amplitude(self._faces[0].arousal_at(at / self._rate_of_poses))[:, None]
+            self._rows.append(self._decoder.denormalise(poses, at, aroused.astype(np.float32)))
 
     def _decode(self) -> None:
         """All that waits for it; many frames at once take hardly longer than few."""
         if not self._rows:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
-        for vectors, kept, signs in zip(rows, self._bodies, self._signs, strict=True):
+        for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
             rotations, root = _moving(self._pose, vectors, self._fps)
             if "body" not in self._parts or "hands" not in self._parts:
                 rotations, root = _select_parts(rotations, root, self._parts)
-            kept.push((signs.push(rotations), root))
+            rotations = signs.push(rotations)
+            kept.push(self._stances[take].push(rotations, root) if self._stances else (rotations, root))
 
     def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
         """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
@@ -316,8 +323,6 @@ class TrainedSession:
         made = []
         for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
             rotations, root = body.take(count)
-            if self._stances:
-                rotations, root = self._stances[take].push(rotations, root)
             face = None
             if "face" in self._parts:
                 eyes, face = head.take(count)

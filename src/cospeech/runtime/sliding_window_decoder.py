@@ -143,9 +143,9 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         if before is not None and len(before) > self.setting.past:
             raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
 
-    def denormalise(self, poses: Array, at: Array) -> Array:
+    def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`; the first call has the first pose."""
-        found = super().denormalise(poses, at)
+        found = super().denormalise(poses, at, amplitude)
         if self._before is None or not len(at):
             return found
         if self._gap is None:

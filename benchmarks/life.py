@@ -1,10 +1,11 @@
 """Is there life below the ribs, and are strokes those of a person? Prints each statistic beside its target.
 
-    python benchmarks/life.py SPEECH… [--model NAME] [--style NAME …] [--seed N] [--json]
+    python benchmarks/life.py SPEECH… [--model NAME [--bare]] [--style NAME …] [--seeds N …] [--recordings K …] [--json]
 
 SPEECH is files or folders; short utterances of one folder are joined as in movement_statistics.py. Five minutes in all are
 wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all
-of theirs.
+of theirs. A system without legs plays with the stance that files have; `--bare` leaves it out. `--recordings 2 4 5` takes
+only these of the joined recordings (0 is the first), so that figures come from speech that nothing was tuned on.
 `cospeech.metrics.body` defines the statistics. The old rows are the 86 of movement_statistics.py, exempt ones left out.
 """
 
@@ -123,7 +124,9 @@ def main() -> int:
     parser.add_argument("speech", nargs="*", type=Path, default=[EXAMPLE], help="files or folders of speech")
     parser.add_argument("--model", default="rules", help="a model by name or bundle (default: rules)")
     parser.add_argument("--style", action="append", help="only this style (may be repeated)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--bare", action="store_true", help="a trained model without the stance under it")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="takes of each recording (default: 0)")
+    parser.add_argument("--recordings", type=int, nargs="+", help="only these of the joined recordings, from 0")
     parser.add_argument("--emotion", default="neutral")
     parser.add_argument("--takes", nargs="*", type=Path, default=[], help="recorded takes (.npy, .bvh) to measure beside")
     parser.add_argument("--json", action="store_true", help="everything as JSON on stdout")
@@ -131,14 +134,16 @@ def main() -> int:
     begun = time.perf_counter()
     columns: dict[str, dict[str, float]] = {path.stem: of_take(path) for path in options.takes}
     speech = recordings(options.speech)
+    speech = [speech[k] for k in options.recordings] if options.recordings else speech
     seconds = sum(map(len, speech)) / RATE
     model = cospeech.load(options.model)
     styles = options.style or (list(STYLES) if options.model == "rules" else [None])
     for style in styles:
-        settings = {"seed": options.seed, "fps": 30.0} | ({} if style is None else {"style": style})
-        if options.model == "rules":
-            settings["emotion"] = options.emotion
-        pairs = [(samples, model.generate(Speech(samples, RATE), **settings)) for samples in speech]
+        settings = {"fps": 30.0, "emotion": options.emotion} | ({} if style is None else {"style": style})
+        if options.model != "rules":
+            settings["stance"] = not options.bare
+        takes = [(samples, seed) for seed in options.seeds for samples in speech]
+        pairs = [(samples, model.generate(Speech(samples, RATE), seed=seed, **settings)) for samples, seed in takes]
         exempt = STYLES[style].exempt if style in STYLES else ()
         columns[style or options.model] = measure(pairs, exempt)
         for name in STANDING if style in STYLES and STYLES[style].seated else ():
@@ -147,7 +152,7 @@ def main() -> int:
         print(json.dumps({"speech_seconds": seconds, "rows": columns}, indent=1, ensure_ascii=False))
         return 0
     short = "" if seconds >= WANTED else f" (at least {WANTED:g} s are wanted)"
-    print(f"{seconds:.0f} s of speech in {len(speech)} recordings{short}, model {options.model}, seed {options.seed}\n")
+    print(f"{seconds:.0f} s of speech in {len(speech)} recordings{short}, model {options.model}, seeds {options.seeds}\n")
     print_table(columns)
     print(f"{time.perf_counter() - begun:.0f} s")
     return 0

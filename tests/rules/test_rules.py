@@ -10,7 +10,7 @@ import pytest
 
 from cospeech import InputError, Motion, Speech, Word, humanoid
 from cospeech.audio.event_detection import EventDetector, listen
-from cospeech.motion.kinematics.arms import arm_lengths, hand_rotations, reach, solve_arm
+from cospeech.motion.kinematics.arms import arm_lengths, hand_turns, reach, solve_arm
 from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.body_volume import push_from_head, push_from_torso
 from cospeech.motion.kinematics.hands import HAND_SHAPES
@@ -132,8 +132,8 @@ class TestArms:
         palm = np.array([0.0, -1.0, 0.0])  # normal of the palm in the T-pose
         heights = []
         for degrees in (85, 0, -85):
-            twisted, hand = hand_rotations(fore, np.radians([[degrees, 0.0, 0.0]]))
-            heights.append(quat_rotate(twisted, quat_rotate(hand, palm))[0, 1])
+            twist, hand = hand_turns(np.radians([[degrees, 0.0, 0.0]]))
+            heights.append(quat_rotate(fore, quat_rotate(twist, quat_rotate(hand, palm)))[0, 1])
         assert heights[0] < -0.8
         assert abs(heights[1]) < 0.5
         assert heights[2] > 0.8

@@ -178,7 +178,7 @@ class TestLayer:
         bare, rng = upper_body(8.0), np.random.default_rng(0)
         whole, layer = add_stance(bare, seed=5), StanceLayer(seed=5, fps=30.0)
         edges = np.unique(np.concatenate([[0, len(bare)], rng.integers(1, len(bare), 17)]))
-        parts = [layer.push(bare.rotations[a:z], bare.root[a:z]) for a, z in pairwise(edges)]
+        parts = [layer.push(bare.rotations[a:z], bare.root[a:z]) for a, z in pairwise(edges)] + [layer.finish()]
         assert np.concatenate([q for q, _ in parts]).tobytes() == whole.rotations.tobytes()
         assert np.concatenate([r for _, r in parts]).tobytes() == whole.root.tobytes()
 

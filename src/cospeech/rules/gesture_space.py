@@ -127,7 +127,7 @@ class GesturePlacement:
 def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-    return max(0.26, (0.46 + 0.70 * way) / tempo * (1 - 0.26 * modifier.abrupt))
+    return max(0.26, (0.44 + 0.68 * way) / tempo * (1 - 0.26 * modifier.abrupt))
 
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:

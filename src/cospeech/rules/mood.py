@@ -35,7 +35,7 @@ def voice_cues(heard: Heard, accents: list[Accent]) -> Array | None:
     duration = spoken.sum() / RATE
     first, last = heard.start / RATE, (heard.start + len(heard.loudness)) / RATE
     rate = sum(first <= a.time < last for a in accents) / duration
-    spread = np.subtract(*np.percentile(tone, [90, 10]))
+    spread = np.subtract(*np.interp([0.9 * (len(tone) - 1), 0.1 * (len(tone) - 1)], np.arange(len(tone)), np.sort(tone)))
     cues = np.array([spread, high - low, rate, heard.loudness[spoken].std()])
     return (cues - _USUAL) / _VARIES
 

@@ -225,11 +225,12 @@ def _arms(
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL])
     rel = arms.reach(target - shoulder)
+    pronation, wrist = arms.hand_turns(angles)
+    hand, points = quat_multiply(pronation, wrist), _hand_points(h)
     for _ in range(2):
-        rel = _make_room(rel, shoulder, swivel, angles, h, frames, style)
+        rel = _make_room(rel, shoulder, quat_multiply(arms.solve_arm(rel, swivel)[1], hand), points, frames, style)
     upper, fore = arms.solve_arm(rel, swivel)
-    twisted, wrist = arms.hand_rotations(fore, angles)
-    _write_arms(rotations, clavicle, upper, twisted, wrist, h)
+    _write_arms(rotations, clavicle, upper, quat_multiply(fore, pronation), wrist, h)
 
 
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
@@ -270,16 +271,26 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Arra
         h[:, :, :3] += shake.reshape(-1, 2, 3)
 
 
-def _make_room(rel: Array, shoulder: Array, swivel: Array, angles: Array, h: Array, frames: _Frames, style: Style) -> Array:
-    """Move wrists so that wrist, palm and fingertips stay out of torso, head, lap and the other hand."""
-    _, fore = arms.solve_arm(rel, swivel)
-    twisted, wrist = arms.hand_rotations(fore, angles)
-    hand = quat_multiply(twisted, wrist)
+def _hand_points(h: Array) -> Array:
+    """(3, N, 2, 3) of palm, fingertips and thumb from the wrist, in the hand's frame."""
     curl = np.radians(h[..., 7:15]).mean(-1)
-    palm = quat_rotate(hand, np.array([_PALM, -0.012, 0.0]))
-    fingers = np.stack([np.cos(curl) * (_TIP - 0.09) + 0.09, -np.sin(curl) * (_TIP - 0.09) - 0.006, np.zeros_like(curl)], -1)
-    tips = quat_rotate(hand, fingers)
-    thumb = quat_rotate(hand, np.array([0.085, -0.03, 0.07]))
+    points = np.empty((3, *curl.shape, 3))
+    points[0] = (_PALM, -0.012, 0.0)
+    points[1, ..., 0], points[1, ..., 1] = np.cos(curl) * (_TIP - 0.09) + 0.09, -np.sin(curl) * (_TIP - 0.09) - 0.006
+    points[1, ..., 2] = 0.0
+    points[2] = (0.085, -0.03, 0.07)
+    return points
+
+
+def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: _Frames, style: Style) -> Array:
+    """Move wrists so that wrist, palm and fingertips stay out of torso, head, lap and the other hand.
+
+    Args:
+        rel: (N, 2, 3) wrists from the shoulders.
+        hand: (N, 2, 4) how the hands are turned.
+        points: of `_hand_points`.
+    """
+    palm, tips, thumb = quat_rotate(hand, points)
     wrist_at = shoulder + rel
     for offset, radius in ((None, 0.036), (palm, 0.050), (tips, 0.026), (thumb, 0.022)):
         point = wrist_at if offset is None else wrist_at + offset

@@ -26,7 +26,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from .arousal import LOOKS, arouse
-from .emotion_modifiers import blend_modifiers
+from .emotion_modifiers import MANNERS, blend_modifiers
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import realise
@@ -57,6 +57,7 @@ MOUTH_WAITS = LOOK_AHEAD - TICK
 """Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
+_LOOK = round(LOOKS / TICK)  # ticks
 _MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
 
 
@@ -111,6 +112,7 @@ class Session:
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
         self._signs = QuatStream()
+        self._modifier = MANNERS["neutral"]
         self._ready: deque[Motion] = deque()
 
     def share(self, prosody: SharedProsody) -> None:
@@ -236,13 +238,14 @@ class Session:
         words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
         if self.mood.track is not None:
             self.mood.keep(now)
-        elif self._ticks % 5 == 0:
+        elif self._ticks % _LOOK == 0:
             recent = [a for a in detector.accents if a.time <= now + HORIZON]
             self.mood.follow(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
+        if self.mood.track is not None or self._ticks % _LOOK == 0:
+            self._modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self.parts:
-            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
+            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=self._modifier)
         self._ticks += 1
 
     def _make(self, until: float, total: int | None = None) -> None:

@@ -27,6 +27,7 @@ CONTRAPPOSTO = 24.0
 """Degrees that the chest leans to the loaded side per metre of weight shift. Ours, by eye."""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
+_WIDTHS = (1.0, 1.6)  # of a stance, over `STANCE`: ankles .21 to .34 m apart (CMU's takes that stand: .24 to .57)
 _ROOM = (0.13, 0.11)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
 
@@ -50,8 +51,9 @@ def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
     """(channels,) of a body that stands or sits before anything moves."""
     base = np.zeros(BODY_CHANNELS)
     forward = 0.05
-    base[Body.LEFT_FOOT] = (STANCE, forward * random.uniform(-1, 1), TOE_OUT + random.uniform(-3, 9))
-    base[Body.RIGHT_FOOT] = (-STANCE, forward * random.uniform(-1, 1), -TOE_OUT - random.uniform(-3, 9))
+    aside = STANCE * random.uniform(*_WIDTHS)
+    base[Body.LEFT_FOOT] = (aside, forward * random.uniform(-1, 1), TOE_OUT + random.uniform(-3, 9))
+    base[Body.RIGHT_FOOT] = (-aside, forward * random.uniform(-1, 1), -TOE_OUT - random.uniform(-3, 9))
     base[Body.PITCH] = lean
     base[Body.SINK] = 0.0 if seated else 0.002
     return base
@@ -202,7 +204,7 @@ class Stance:
             self._cross(now, left)
             return
         reach = self._random.uniform(0.12, 0.2) if kind < 0.5 else self._random.uniform(-0.17, 0.1)
-        self._put(now, left, self._random.uniform(0.8, 1.5) * STANCE, reach, self._random.uniform(-6, 10))
+        self._put(now, left, self._random.uniform(0.9, 2.0) * STANCE, reach, self._random.uniform(-6, 10))
 
     def _put(self, now: float, left: bool, aside: float, ahead: float, out: float) -> None:
         """A seated body's foot to another place on the floor."""
@@ -255,7 +257,7 @@ class Stance:
         left_goes = not self._left
         foot, other = (Body.LEFT_FOOT, Body.RIGHT_FOOT) if left_goes else (Body.RIGHT_FOOT, Body.LEFT_FOOT)
         side, still = (1 if left_goes else -1), self.track.target[other]
-        apart, ahead = 2 * STANCE * self._random.uniform(0.85, 1.3), self._random.uniform(-0.09, 0.09)
+        apart, ahead = 2 * STANCE * self._random.uniform(*_WIDTHS), self._random.uniform(-0.09, 0.09)
         turn = np.radians(self._heading)
         goal = np.array(
             [

@@ -88,7 +88,8 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
     elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     normal = _unit(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
-    return bone_frame(elbow, normal), bone_frame(target - elbow, normal)
+    frames = bone_frame(np.stack([elbow, target - elbow]), np.broadcast_to(normal, (2, *normal.shape)))
+    return frames[0], frames[1]
 
 
 def bone_frame(direction: Array, hinge: Array) -> Array:
@@ -97,17 +98,15 @@ def bone_frame(direction: Array, hinge: Array) -> Array:
     return matrix_to_quat(np.stack([x, hinge, cross(x, hinge)], -1))
 
 
-def hand_rotations(forearm: Array, angles: Array) -> tuple[Array, Array]:
-    """Forearm with its share of pronation, and hand, both in the frame of ``forearm``'s frame.
+def hand_turns(angles: Array) -> tuple[Array, Array]:
+    """What follows the rotation of a forearm from `solve_arm`: its share of the pronation, and the hand in that frame.
 
     Args:
-        forearm: (..., 4) from `solve_arm`.
         angles: (..., 3) pronation, flexion, deviation in radians.
     """
     pronation, flexion, deviation = angles[..., 0], angles[..., 1], angles[..., 2]
-    twisted = quat_multiply(forearm, _about(0, pronation * FOREARM_SHARE))
     wrist = quat_multiply(_about(0, pronation * (1 - FOREARM_SHARE)), quat_multiply(_about(1, deviation), _about(2, -flexion)))
-    return twisted, wrist
+    return _about(0, pronation * FOREARM_SHARE), wrist
 
 
 def finger_rotations(channels: Array) -> Array:

@@ -274,8 +274,8 @@ class Planner:
             end += length * (0.82 if k + 1 < len(poses) else 1.0)
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
-        sink = max(sink, 0.55 * _effort(hold) * self._random.uniform(0.7, 1.2))
-        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.4 * _effort(hold), 0.55, 0.4]) * sink
+        sink = max(sink, 0.75 * _effort(hold) * self._random.uniform(0.8, 1.2))
+        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * _effort(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
         state.track.move(end + self._random.uniform(0.2, 0.6), self._random.uniform(1.0, 1.8) / tempo, hold)
@@ -390,4 +390,4 @@ class Planner:
 
 def _effort(pose: Array) -> float:
     """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
-    return float(np.clip(max(pose[0] - 0.22, 0.0) / 0.30 + max(pose[1] + 0.40, 0.0) / 0.55, 0.0, 1.0))
+    return float(np.clip(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 0.0, 1.0))

@@ -138,7 +138,7 @@ class Posture:
         gesture, knees that give way under a stroke downward.
         """
         way = poses[1][:3] - poses[0][:3]
-        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.25 if self.style.seated else 1.0)
+        torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
         part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
@@ -151,7 +151,9 @@ class Posture:
         part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
-        if not self.style.seated:
+        if self.style.seated:  # on a chair the head goes along, and the trunk hardly
+            part[turned] *= 0.3
+        else:
             part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso
             part[Body.HIPS_Z] = np.clip(0.05 * way[2], -0.014, 0.014) * torso
             part[Body.SINK] = np.clip(-0.018 * way[1], -0.002, 0.006) * torso

@@ -41,6 +41,7 @@ _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
+_STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
 _CLEAR = 0.010  # metres of air kept between hand and body
 
@@ -162,6 +163,8 @@ class _Frames(NamedTuple):
     head_at: Array
     lap: Array
     """(N, 1) height of the lap in the T-pose frame of the hips."""
+    stay: Array
+    """By which the hands of a seated body stay where they are when the trunk leans."""
 
 
 def _both(left: Array, mirror: Array) -> Array:
@@ -171,7 +174,7 @@ def _both(left: Array, mirror: Array) -> Array:
 _MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
 
 
-def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array) -> _Frames:
+def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array, style: Style) -> _Frames:
     chest_at, chest = places["upperChest"]
     hips_at, hips = places["hips"]
     back = quat_conjugate(chest)
@@ -185,10 +188,21 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
     head = quat_rotate(back, head_joint + quat_rotate(head_world, HEAD_CENTRE) - chest_at)
     to_hips = quat_multiply(quat_conjugate(hips), chest)
     hips_from = quat_rotate(quat_conjugate(hips), chest_at - hips_at)
+    o, stay = _offsets(), np.zeros((len(b), 3))
+    if style.seated:
+        usual = quat_rotate(
+            euler_to_quat(np.array([0.0, np.radians(0.6 * style.lean), 0.0]), "YXZ"), o["t:upperChest"] - o["t:hips"]
+        )
+        stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
     crossed = _smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
-    lap = float(_offsets()["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
+    lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
     return _Frames(
-        _both(to_hips, _MIRROR_Q), _both(hips_from, _MIRROR_V), _both(gesture, _MIRROR_Q), _both(head, _MIRROR_V), lap
+        _both(to_hips, _MIRROR_Q),
+        _both(hips_from, _MIRROR_V),
+        _both(gesture, _MIRROR_Q),
+        _both(head, _MIRROR_V),
+        lap,
+        _both(stay, _MIRROR_V),
     )
 
 
@@ -207,12 +221,12 @@ def _arms(
 ) -> None:
     h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
     _add_hand_noise(h, times, seed, size, tremor)
-    frames = _frames(places, neck, b, rotations)
+    frames = _frames(places, neck, b, rotations, style)
     o = _offsets()
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
     angles = np.stack([_limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
-    target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length)
+    target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length) + frames.stay
     raised = h[..., Channel.UP]
     lift = (
         np.radians(h[..., Channel.SHRUG])

@@ -229,10 +229,10 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "seated": Style(
             "relaxed on a chair, hands in the lap between phrases",
-            rate=0.84,
-            amplitude=1.05,
+            rate=0.74,
+            amplitude=1.22,
             height=-0.02,
-            hold=0.75,
+            hold=0.6,
             both=0.6,
             seated=True,
             rest="lap",

@@ -9,7 +9,7 @@ from cospeech.audio.prosodic_events import RATE, Accent, Heard
 from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.rules import EMOTIONS, RuleBasedModel
-from cospeech.rules.arousal import Arousal, arouse, loudness_rate_pitch
+from cospeech.rules.arousal import Arousal, amplitude, arouse, loudness_rate_pitch
 from cospeech.rules.emotion_modifiers import MANNERS
 
 
@@ -71,6 +71,26 @@ def test_arousal_makes_movement_larger_and_quicker_and_names_no_emotion():
     for name in ("amplitude", "rate", "tempo", "torso", "head"):
         assert getattr(calm, name) < getattr(MANNERS["neutral"], name) < getattr(excited, name)
     assert arouse(MANNERS["anger"], 0.0) == MANNERS["anger"]
+
+
+def test_levels_are_known_at_any_time_from_the_first_look_on():
+    arousal, levels = Arousal(), []
+    assert arousal.at(np.array([0.0, 3.0])).tolist() == [0.0, 0.0]
+    for k in range(40):
+        arousal.follow(heard(6.0 * (k > 20), 0.0), accents(3.0))
+        levels.append(arousal.level)
+    times = np.array([-1.0, 0.0, 10.25, 12.0, 19.5])
+    expected = [0.0, levels[0], (levels[20] + levels[21]) / 2, levels[24], levels[39]]
+    assert arousal.at(times) == pytest.approx(expected)
+    assert arousal.at(times[2:]) == pytest.approx(expected[2:])  # what is before is forgotten, and the rest is as it was
+    assert len(arousal._levels) == 20
+    assert arousal.mean == pytest.approx(np.mean(levels))
+
+
+def test_a_usual_voice_does_not_change_learned_poses_and_an_aroused_one_enlarges_them():
+    factors = amplitude(np.array([-1.0, -0.2, 0.0, 0.2, 0.6, 1.0]))
+    assert factors[1:4].tolist() == [1.0, 1.0, 1.0]
+    assert factors[0] < 0.7 < 1.1 < factors[4] < factors[5] <= 1.4
 
 
 def test_auto_plays_no_category_and_reports_both():

@@ -14,7 +14,7 @@ from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.hands import CHANNELS
 from cospeech.motion.kinematics.legs import STANCE, stand
 from cospeech.motion.motion import Motion
-from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_to_euler
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_identity, quat_to_euler
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk, peak_share, skew_for
@@ -106,6 +106,20 @@ class TestStance:
         assert np.ptp(b[:, [Body.HIPS_X, Body.HIPS_Z]], axis=0).max() < 0.03
         assert np.ptp(b[:, Body.LEFT_FOOT], axis=0).max() > 0.02
 
+    def test_a_seated_body_crosses_its_legs_now_and_then_and_never_both(self):
+        crossed = np.array([stood(seed, seated=True)[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]] > 0.1 for seed in (0, 3)])
+        assert 0.05 < crossed.any(-1).mean() < 0.7
+        assert not crossed.all(-1).any()
+
+    def test_under_a_crossed_leg_the_pelvis_tilts_back(self):
+        b = np.tile(first_body(Random(0), seated=True), (2, 1))
+        b[:, Body.HIPS_PITCH] = 15.0
+        b[1, Body.LEFT_LIFT] = 0.17
+        hips, _ = stand(b, True, None)
+        free, under = np.degrees(quat_to_euler(hips, "YXZ"))[:, 1]
+        assert 5 < free < 15
+        assert under < 0
+
 
 class TestFeet:
     @pytest.mark.parametrize("tip", [-7.0, 0.0, 16.0])
@@ -181,6 +195,25 @@ class TestLayer:
         parts = [layer.push(bare.rotations[a:z], bare.root[a:z]) for a, z in pairwise(edges)] + [layer.finish()]
         assert np.concatenate([q for q, _ in parts]).tobytes() == whole.rotations.tobytes()
         assert np.concatenate([r for _, r in parts]).tobytes() == whole.root.tobytes()
+
+    def test_it_waits_for_the_hands_and_leads_them(self):
+        bare, layer = upper_body(6.0), StanceLayer(seed=5, fps=30.0)
+        given, _ = layer.push(bare.rotations, bare.root)
+        rest, _ = layer.finish()
+        assert (len(given), len(rest)) == (len(bare) - round(layer.look_ahead * 30), round(layer.look_ahead * 30))
+        assert 0 < layer.look_ahead < 0.3
+        assert len(layer.finish()[0]) == 0
+        raised, still = upper_body(4.0), upper_body(4.0)
+        for motion, since in ((raised, 60), (still, len(still))):  # hands that come up at two seconds, and hands that do not
+            for side in ("left", "right"):
+                motion.rotations[:, humanoid().index[side + "UpperArm"]] = motion.rotations[
+                    0, humanoid().index[side + "UpperArm"]
+                ]
+                arm = motion.rotations[:, humanoid().index[side + "LowerArm"]]
+                arm[:since], arm[since:] = arm[0], axis_angle_to_quat([0.0, 1.0, 0.0], (-2.0 if side == "left" else 2.0))
+        chests = [add_stance(m, seed=5).rotations[:, humanoid().index["chest"]] for m in (raised, still)]
+        changed = np.flatnonzero(quat_angle(*chests) > np.radians(0.1))
+        assert 50 < changed[0] < 60  # before the hands
 
     def test_arms_and_hands_are_as_they_were_and_the_body_below_lives(self):
         bare = upper_body(60.0)

@@ -152,6 +152,21 @@ def test_a_mood_that_is_heard_is_reported_and_not_played():
     assert named.arousal is None
 
 
+@pytest.mark.slow
+def test_arousal_enlarges_and_a_voice_that_stays_the_same_is_neutral():
+    calm = replace(talk(18.0), words=None)
+    raised = replace(calm, samples=calm.samples * np.where(np.arange(len(calm)) < 10 * calm.rate, 0.2, 1.0).astype(np.float32))
+    options = {"parts": BODY, "seed": 4}
+    chain = gesturer()
+    for speech, moved in ((calm, False), (raised, True)):
+        auto, neutral = (chain.generate(speech, emotion=emotion, **options) for emotion in ("auto", "neutral"))
+        assert (away(auto, neutral) > 0) == moved
+    session = chain.session(**options)
+    pieces = [piece for chunk in cut(raised, [1, 9000, 9001, 150_000, 250_000]) for piece in session.push(chunk)]
+    assert same(Motion.concatenate([*pieces, *session.finish()]), chain.generate(raised, **options))
+    assert session.arousal > 0
+
+
 def test_who_speaks_is_told_and_played():
     speech, session = talk(4.0), gesturer().session(style=VOICE)
     list(session.push(speech))

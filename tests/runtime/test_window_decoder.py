@@ -283,6 +283,10 @@ def test_intensity_scales_around_the_style_s_mean_pose():
     np.testing.assert_allclose(poses[1.0], sized + centre, atol=1e-6)
     np.testing.assert_allclose(poses[0.5] - centre, (poses[1.0] - centre) / 2, atol=1e-6)
     np.testing.assert_allclose(poses[2.0] - centre, (poses[1.0] - centre) * 2, atol=1e-6)
+    who, growing = player(style=MIXED), np.linspace(1, 1.5, 60, dtype=np.float32)[:, None]  # arousal, frame by frame
+    np.testing.assert_allclose(
+        who.denormalise(played(who, rows), at, growing) - centre, (poses[1.0] - centre) * growing, atol=1e-6
+    )
     who = player(intensity=0.0)
     who.restyle(BEN, 20)
     still = (who.denormalise(np.zeros((1, 60, 3), np.float32), at)[0] - s.pose_mean) / s.pose_std

@@ -48,7 +48,9 @@ class Arousal:
         """−1 … 1; 0: as this voice usually speaks."""
         self._mean = np.zeros(3)
         self._looks = 0
-        self._levels = array("d")  # of every look: 8 bytes for half a second of speech
+        self._total, self._ticks = 0.0, 0
+        self._levels = array("d")  # of the looks from the first on that somebody may still ask for
+        self._first = 0
 
     def follow(self, heard: Heard, accents: list[Accent]) -> None:
         """Take one look at the last seconds of speech, twice a second; where nothing is said, arousal fades."""
@@ -61,16 +63,31 @@ class Arousal:
             self._mean += (cues - self._mean) / min(self._looks, _MEMORY)
         self.level = _INERTIA * self.level + (1 - _INERTIA) * goal
         self._levels.append(self.level)
+        self._total += self.level
+        self._ticks += 1
 
     @property
     def mean(self) -> float:
         """Over all that was heard."""
-        return float(np.mean(self._levels)) if self._levels else 0.0
+        return self._total / self._ticks if self._ticks else 0.0
 
     def at(self, times: Array) -> Array:
-        """(n,) levels at ``times (n,)`` seconds of the looks, straight from one look to the next; 0 before the first."""
-        looks = np.frombuffer(self._levels) if self._levels else np.zeros(1)
-        return np.interp(times / LOOKS, np.arange(len(looks)), looks, left=0.0)
+        """(n,) levels at ``times (n,)`` seconds of the looks, straight from one look to the next; 0 before the first.
+
+        Times go on from call to call: what was before them is forgotten.
+        """
+        if not len(times) or not self._levels:
+            return np.zeros(len(times))
+        self.forget(times[0])
+        looks = np.array(self._levels)
+        return np.interp(times / LOOKS, self._first + np.arange(len(looks)), looks, left=0.0)
+
+    def forget(self, before: float) -> None:
+        """Nobody will ask for a time before this one."""
+        over = min(int(before / LOOKS) - self._first, len(self._levels) - 1)
+        if over > 0:
+            del self._levels[:over]
+            self._first += over
 
 
 def amplitude(level: Array) -> Array:

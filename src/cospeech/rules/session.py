@@ -266,6 +266,8 @@ class Session:
             track.forget(made - 0.5)
         while len(self._moods) > 1 and self._moods[1][0] < made - 1.5:
             self._moods.popleft()
+        if "body" in self.parts or "hands" in self.parts:  # nobody else makes them, and asks for the arousal
+            self.mood.arousal.forget(made)
         if self._words:  # a long one may begin before a short one that is over
             self._words = [word for word in self._words if word.end >= made - 3]
         while self.gestures and self.gestures[0].end < made - KEPT:

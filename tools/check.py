@@ -110,6 +110,8 @@ def node() -> str:
 
 
 def main(arguments: list[str]) -> int:
+    # Where an image sets this, every process compiles every module again: hundreds of processes, and a third of the time.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     good = lint()
     if arguments == ["check"]:
         good &= tests("-m", QUICK)

@@ -39,6 +39,7 @@ _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
 _CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
+_FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -260,7 +261,8 @@ class Planner:
         It winds up on one side of the chord and strikes on the other, goes a little too far and settles.
         """
         draw = self._random
-        wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -draw.uniform(0.05, 0.30))
+        bulge = draw.uniform(0.05, 0.30) * (_FROM_HANGING if state.place == "idle" else 1.0)
+        wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -bulge)
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
         for k in range(1, len(poses)):

@@ -33,11 +33,17 @@ def torso_solid() -> Solid:
     for sign in (1, -1):
         side = np.array([sign, 1, 1])
         shoulder = joint("leftUpperArm") * side
-        parts.append(capsule(np.array([0.034, 1.452, -0.036]) * side, shoulder + np.array([-0.020, 0.004, -0.008]) * side, 0.026, 0.030))
-        parts.append(capsule(np.array([0.030, 1.400, 0.006]) * side, shoulder + np.array([-0.020, -0.006, 0.008]) * side, 0.030, 0.036))
+        parts.append(
+            capsule(np.array([0.034, 1.452, -0.036]) * side, shoulder + np.array([-0.020, 0.004, -0.008]) * side, 0.026, 0.030)
+        )
+        parts.append(
+            capsule(np.array([0.030, 1.400, 0.006]) * side, shoulder + np.array([-0.020, -0.006, 0.008]) * side, 0.030, 0.036)
+        )
         parts.append(capsule(np.array([0.060, 1.292, 0.030]) * side, np.array([0.090, 1.315, 0.018]) * side, 0.056, 0.050))
         parts.append(capsule(np.array([0.088, 1.335, -0.060]) * side, np.array([0.078, 1.245, -0.054]) * side, 0.048, 0.047))
-        bones.append(capsule(np.array([0.020, 1.414, 0.030]) * side, shoulder + np.array([-0.018, 0.026, 0.012]) * side, 0.0115, 0.0105))
+        bones.append(
+            capsule(np.array([0.020, 1.416, 0.034]) * side, shoulder + np.array([-0.018, 0.029, 0.014]) * side, 0.0125, 0.0110)
+        )
     return union(0.016, union(0.045, *parts), *bones)
 
 

@@ -12,16 +12,19 @@ from .sculpture import joint, weights_of
 
 __all__ = ["MELT", "hand_share", "limb_weights", "shirt_weights", "spine_weights"]
 
-ELBOW = 0.085  # metres before and behind the elbow over which a sleeve bends; ours: less and its back is stretched
+ELBOW = 0.0502  # metres before and behind the elbow over which a sleeve bends; ours: less and its back is stretched
 
 # How the shirt passes from the trunk to an arm: the values of least stretch over the arms' poses in gesturing, searched for with
 # the simplex method of Nelder and Mead on 40 poses as unlike as possible; degrees, metres.
-TILT = 50.0  # of the way along which the arm takes over, below the T-pose's arm
-MIDDLE, SINK = 0.0475, -0.0668  # where the arm has half the weight, beyond its joint; how much farther under the joint than over it
-REACH = 0.0905  # before and behind the middle
-THICK = 0.05  # from the arm's axis to the cloth above and under it
-FLANK = 1.2832  # height at which the cloth under the arm has half of that
-MELT = 0.0376  # over which the weights flow into one another at last
+TILT = 41.3  # of the way along which the arm takes over, below the T-pose's arm
+MIDDLE, SINK = (
+    0.0509,
+    -0.0618,
+)  # where the arm has half the weight, beyond its joint; how much farther under the joint than over it
+REACH = 0.0781  # before and behind the middle
+THICK = 0.0505  # from the arm's axis to the cloth above and under it
+FLANK = 1.3523  # height at which the cloth under the arm has half of that
+MELT = 0.0422  # over which the weights flow into one another at last
 
 
 def spine_weights(y: Array) -> dict[str, Array]:
@@ -41,7 +44,7 @@ def _trunk_weights(p: Array) -> Array:
     weights = weights_of(len(p), **spine_weights(np.minimum(p[:, 1], 1.40)))
     index = humanoid().index
     for sign, side in ((1, "left"), (-1, "right")):
-        lift = smoothstep(0.03, 0.16, p[:, 0] * sign) * smoothstep(1.24, 1.40, p[:, 1]) * 0.8
+        lift = smoothstep(0.03, 0.16, p[:, 0] * sign) * smoothstep(1.30, 1.42, p[:, 1]) * 0.8
         weights *= (1 - lift)[:, None]
         weights[:, index[side + "Shoulder"]] += lift
     return weights

@@ -28,6 +28,7 @@ RADII = {  # metres at knuckle, middle joint, last joint, tip; ours, after adult
     "Little": (0.0092, 0.0080, 0.0071, 0.0061),
     "Thumb": (0.0170, 0.0126, 0.0105, 0.0076),
 }
+MELT = 0.010  # metres over which the weights of joints and webs flow into one another; ours
 AROUND = np.radians([45, 0, -45, -90, -135, 180, 135, 90])  # of a finger's points, from its back towards the thumb
 WEB = np.array([0.0190, 0.0200, 0.0185, 0.0140])  # metres from each knuckle to where the fingers part; ours
 
@@ -251,10 +252,7 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
         weights[:, index["leftThumb" + name]] += value
     weights = np.maximum(weights, 0)
     weights /= weights.sum(1, keepdims=True)
-    soft = np.zeros(len(p), bool)
-    soft[[i for row in rows for i in row] + web + fingers["Thumb"][:16]] = True
-    soft[[i for row in rows[: len(FOREARM) + 2] for i in row]] = False
-    weights = net.diffuse(weights, 6, soft)
+    weights = net.spread(weights, MELT, p[:, 0] > -0.05)
     normals = net.shade(whole, 0.35)
     colour = _tint(p, fingers, normals)
     net.points = p + humanoid().tpose[index["leftHand"]]

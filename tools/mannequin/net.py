@@ -121,18 +121,11 @@ class Net:
             moved = self.points + pull * (average @ self.points - self.points)
             self.points[free] = moved[free]
 
-    def diffuse(self, weights: Array, rounds: int, free: Array | None = None) -> Array:
-        """Smooth per-point weights (V, J) over the net; rows where ``free`` is false stay."""
-        average = self.neighbours()
-        for _ in range(rounds):
-            spread = 0.5 * weights + 0.5 * (average @ weights)
-            weights = spread if free is None else np.where(free[:, None], spread, weights)
-        return weights
-
     def spread(self, weights: Array, reach: float, free: Array, rounds: int = 3) -> Array:
         """Let weights (V, J) flow into one another as heat does, over about ``reach`` metres of the surface.
 
-        Unlike `diffuse` it does not depend on how dense the net is. The rows where ``free`` is false stay.
+        It does not matter how dense the net is. The rows where ``free`` is false stay. Implicit steps of the heat equation
+        with the cotangent Laplacian (Desbrun et al. 1999).
         """
         stiff, mass = self._heat()
         step = diags(mass) + reach**2 / (2 * rounds) * stiff

@@ -14,13 +14,13 @@ __all__ = ["MELT", "hand_share", "limb_weights", "shirt_weights", "spine_weights
 
 ELBOW = 0.0502  # metres before and behind the elbow over which a sleeve bends; ours: less and its back is stretched
 
-# How the shirt passes from the trunk to an arm: the values of least stretch over the arms' poses in gesturing, searched for with
-# the simplex method of Nelder and Mead on 40 poses as unlike as possible; degrees, metres.
+# How the shirt passes from the trunk to an arm, degrees and metres. Ours: the values of least stretch on 40 frames of
+# gesturing, recorded and made, that are as unlike as possible; found by the simplex method of Nelder and Mead.
 TILT = 41.3  # of the way along which the arm takes over, below the T-pose's arm
 MIDDLE, SINK = (
     0.0509,
     -0.0618,
-)  # where the arm has half the weight, beyond its joint; how much farther under the joint than over it
+)  # beyond the joint, where the arm has half the weight; farther under the joint than over it
 REACH = 0.0781  # before and behind the middle
 THICK = 0.0505  # from the arm's axis to the cloth above and under it
 FLANK = 1.3523  # height at which the cloth under the arm has half of that

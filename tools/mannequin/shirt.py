@@ -12,7 +12,6 @@ import numpy as np
 
 from cospeech.export.mannequin.character import Part
 from cospeech.motion.rotations import Array
-from cospeech.motion.skeleton import humanoid
 
 from .body_solids import sleeve_solid, torso_solid
 from .garment_weights import MELT, shirt_weights
@@ -125,7 +124,7 @@ def shirt() -> list[Part]:
     net.relax(solid, free, 40)
     shoulder = free & (np.abs(net.points[:, 0]) > 0.085) & (np.abs(net.points[:, 0]) < 0.235) & (net.points[:, 1] > 1.335)
     net.soften(shoulder, 3, 0.4)
-    _fold(net, solid, labels)
+    _fold(net, solid)
     _raise_placket(net, solid, rows)
     _finish_edges(net, rows, tails, labels)
     return _dress(net, solid, rows, labels)
@@ -177,6 +176,9 @@ def _depth_of_folds(p: Array) -> Array:
     pull = np.exp(-(((y - 1.235 - 0.42 * (x - 0.13)) / 0.060) ** 2)) * smoothstep(0.5, 1.1, around)
     depth += 0.0048 * pull * np.sin(105.0 * (y - 1.235 - 0.55 * (x - 0.10)))
     depth *= trunk
+    # over the collar bones, and in the hollow under them
+    bone = smoothstep(0.035, 0.070, x) * smoothstep(0.170, 0.130, x) * smoothstep(0.0, 0.02, z)
+    depth += bone * (0.0045 * np.exp(-(((y - 1.404) / 0.011) ** 2)) - 0.0060 * np.exp(-(((y - 1.376) / 0.013) ** 2)))
     depth -= 0.012 * smoothstep(1.038, 1.022, y) * (x < 0.2)  # under the belt
     shoulder, elbow, hand = (joint(n) for n in ("leftUpperArm", "leftLowerArm", "leftHand"))
     mine = np.stack([x, y, z], 1)
@@ -191,7 +193,7 @@ def _depth_of_folds(p: Array) -> Array:
     return depth
 
 
-def _fold(net: Net, solid: Solid, labels: _Labels) -> None:
+def _fold(net: Net, solid: Solid) -> None:
     """Lay the cloth in folds."""
     net.points = net.points + _depth_of_folds(net.points)[:, None] * gradient(solid, net.points)
 

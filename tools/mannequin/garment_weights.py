@@ -12,19 +12,18 @@ from .sculpture import joint, weights_of
 
 __all__ = ["MELT", "hand_share", "limb_weights", "shirt_weights", "spine_weights"]
 
-ELBOW = 0.0502  # metres before and behind the elbow over which a sleeve bends; ours: less and its back is stretched
+ELBOW = 0.051  # metres before and behind the elbow over which a sleeve bends; ours: less and its back is stretched
 
 # How the shirt passes from the trunk to an arm, degrees and metres. Ours: the values of least stretch on 40 frames of
 # gesturing, recorded and made, that are as unlike as possible; found by the simplex method of Nelder and Mead.
-TILT = 41.3  # of the way along which the arm takes over, below the T-pose's arm
-MIDDLE, SINK = (
-    0.0509,
-    -0.0618,
-)  # beyond the joint, where the arm has half the weight; farther under the joint than over it
-REACH = 0.0781  # before and behind the middle
-THICK = 0.0505  # from the arm's axis to the cloth above and under it
-FLANK = 1.3523  # height at which the cloth under the arm has half of that
-MELT = 0.0422  # over which the weights flow into one another at last
+TILT = 39.6  # of the way along which the arm takes over, below the T-pose's arm
+MIDDLE, SINK = 0.0444, -0.0600  # beyond the joint, where the arm has half the weight; farther under the joint than over it
+REACH = 0.0819  # before and behind the middle
+THICK = 0.0536  # from the arm's axis to the cloth above and under it
+FLANK = 1.3495  # height at which the cloth under the arm has half of that
+BONE = 1.3216  # height from which the collar bone carries the shirt
+SHARE = 0.614  # of the shirt that the collar bone carries at most
+MELT = 0.042  # over which the weights flow into one another at last
 
 
 def spine_weights(y: Array) -> dict[str, Array]:
@@ -44,7 +43,7 @@ def _trunk_weights(p: Array) -> Array:
     weights = weights_of(len(p), **spine_weights(np.minimum(p[:, 1], 1.40)))
     index = humanoid().index
     for sign, side in ((1, "left"), (-1, "right")):
-        lift = smoothstep(0.03, 0.16, p[:, 0] * sign) * smoothstep(1.30, 1.42, p[:, 1]) * 0.8
+        lift = smoothstep(0.03, 0.16, p[:, 0] * sign) * smoothstep(BONE, 1.42, p[:, 1]) * SHARE
         weights *= (1 - lift)[:, None]
         weights[:, index[side + "Shoulder"]] += lift
     return weights

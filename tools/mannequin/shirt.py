@@ -55,7 +55,7 @@ def _row(solid: Solid, y: float) -> Array:
     """(COLUMNS, 3) points at one height, from the middle of the front over the left side and the back."""
     neckline = y == HEIGHTS[-1]
     share = np.array([1.86, 2.0, 2.3]) / 2
-    front = np.array(PLACKET) + _opening(y if not neckline else 1.432) * share
+    front = np.array(PLACKET) + _opening(y if not neckline else 1.405) * share
     middle, reach = np.array([0, y, -0.012]), np.array([0.16, 0, 0.12])
     if neckline:
         middle, reach = np.array([0, 1.449, -0.0165]), np.array([0.0610, 0, 0.0600])
@@ -99,7 +99,7 @@ def shirt() -> list[Part]:
     """The shirt with collar and buttons, and its pocket, which is a part of its own because the other side has none."""
     torso = torso_solid()
     arms = [sleeve_solid(1), sleeve_solid(-1)]
-    solid = union(0.040, torso, *arms)
+    solid = union(0.042, torso, *arms)
     net = Net()
     rows = [net.add(_row(torso, y)) for y in HEIGHTS]
     holes = _armholes(rows)
@@ -177,7 +177,7 @@ def _depth_of_folds(p: Array) -> Array:
     depth += 0.0048 * pull * np.sin(105.0 * (y - 1.235 - 0.55 * (x - 0.10)))
     depth *= trunk
     # over the collar bones, and in the hollow under them
-    bone = smoothstep(0.035, 0.070, x) * smoothstep(0.170, 0.130, x) * smoothstep(0.0, 0.02, z)
+    bone = smoothstep(0.035, 0.070, x) * smoothstep(0.150, 0.105, x) * smoothstep(0.0, 0.02, z)
     depth += bone * (0.0045 * np.exp(-(((y - 1.404) / 0.011) ** 2)) - 0.0060 * np.exp(-(((y - 1.376) / 0.013) ** 2)))
     depth -= 0.012 * smoothstep(1.038, 1.022, y) * (x < 0.2)  # under the belt
     shoulder, elbow, hand = (joint(n) for n in ("leftUpperArm", "leftLowerArm", "leftHand"))

@@ -15,12 +15,11 @@ from cospeech.motion.skeleton import humanoid
 @pytest.mark.slow
 def test_gesturing_stretches_few_edges():
     speech = cospeech.Speech.load(EXAMPLE).window(0, 6)
-    found = measure_stretch(
-        mannequin.build(), cospeech.load("rules").generate(speech, seed=3), ("shirt", "trousers", "face"), 5
-    )
+    motion = cospeech.load("rules").generate(speech, seed=3)
+    found = measure_stretch(mannequin.build(), motion, ("shirt", "trousers", "face"), every=5)
     for part, stretch in found.items():
-        assert stretch.most < 0.55, (part, stretch)
-        assert stretch.ever < 0.01, (part, stretch)
+        assert stretch.most < 0.46, (part, stretch)
+        assert stretch.ever < 0.005, (part, stretch)
 
 
 def test_stretch_of_a_bent_elbow_is_found():

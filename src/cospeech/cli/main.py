@@ -23,6 +23,7 @@ from ..models import DEFAULT, PARTS
 from . import convert as cli_convert
 from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
+from . import robot as cli_robot
 from . import stream as cli_stream
 from . import train as cli_train
 from .options import (  # fmt: skip
@@ -255,6 +256,7 @@ def _progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
 cli_convert.register(app)
 cli_corpora.register(app, _progress)
 cli_evaluate.register(app)
+cli_robot.register(app)
 cli_stream.register(app)
 cli_train.register(app, _progress)
 

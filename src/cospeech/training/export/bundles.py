@@ -19,6 +19,8 @@ from ...runtime.spec import VOICE, half, unpack_half
 from ...runtime.statistics import Statistics
 from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
+from ..processes import surroundings
+from ..train import Tell
 from .calibration import calibrate, relative_error, stretch_rows
 from .exported_model import ExportedModel, export_model
 from .flow import bundle_flow, control_quantiles
@@ -29,6 +31,7 @@ EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.training.calibration_clips.examples_of` took from the store."""
 
 
+@surroundings(1, torch.device("cpu"))  # steps this small take longer on several threads, which wait for each other
 def bundle_run(
     run: str | PathLike[str],
     path: str | PathLike[str],
@@ -38,6 +41,7 @@ def bundle_run(
     smooth: int = 1,
     card: str = "",
     style: str | None = None,
+    progress: Tell | None = None,
 ) -> None:
     """Make a bundle of a run.
 
@@ -51,6 +55,7 @@ def bundle_run(
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
             of a network that hears none the first.
+        progress: is told how much is done, of how much, and what is being done.
 
     Raises:
         InputError: not a run, or of a system that has no bundles.
@@ -61,6 +66,8 @@ def bundle_run(
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
+    if progress is not None:
+        progress(0, None, "exporting the networks")
     exported = export_model(model, facts["model"])
     kept = {
         name: tensor.numpy()
@@ -83,13 +90,14 @@ def bundle_run(
     }  # fmt: skip
     said = card or _card(facts, early=stands_for(folder, which) != which)
     if exported is None:
-        bundle_flow(target, model, kept, small=small, facts=known, card=said)
+        bundle_flow(target, model, kept, small=small, facts=known, progress=progress, card=said)
     else:
-        _bundle_networks(target, model, exported, kept, small=small, facts=known, card=said)
+        _bundle_networks(target, model, exported, kept, small=small, facts=known, card=said, progress=progress)
 
 
 def _bundle_networks(
-    path: Path, model: Any, exported: ExportedModel, kept: Mapping[str, Array], *, small: bool, facts: dict[str, Any], card: str
+    path: Path, model: Any, exported: ExportedModel, kept: Mapping[str, Array], *, small: bool, facts: dict[str, Any],
+    card: str, progress: Tell | None,
 ) -> None:  # fmt: skip
     """Calibrate networks as they will play, and write them."""
     if "pose_spread" in kept:
@@ -104,8 +112,12 @@ def _bundle_networks(
     columns = len(model.controls)
     if not model.literal:
         measures = space == "speaker-emotion"
-        statistics = calibrate(opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures)
+        statistics = calibrate(
+            opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures, progress=progress
+        )
     if small:
+        if progress is not None:
+            progress(1, 1, "rounding the weights")
         weights = half(weights)
         rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpack_half(weights))
         name = "make" if "make" in opened else "live"

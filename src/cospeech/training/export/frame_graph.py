@@ -78,6 +78,7 @@ class FrameGraph(GraphBuilder):
             for name in node.input:
                 self._uses[name] = self._uses.get(name, 0) + 1
         self._values: dict[str, Any] = {}
+        self._outputs: dict[str, str] = {}  # a value → the output that it has become
         self._lifted: dict[tuple[str, str], Value] = {}
 
     # the exported graph ---------------------------------------------------------------------------------------------
@@ -229,14 +230,19 @@ class FrameGraph(GraphBuilder):
             return Value(self.node("Concat", *(part.name for part in parts), axis=1), parts[0].layout, False)
         return value  # type: ignore[no-any-return]
 
-    def spread(self, value: Value) -> Value:
-        """A picture that is the same for all takes, for each of them."""
+    def spread(self, value: Value, rank: int = 4) -> Value:
+        """A value that is the same for all takes, for each of them.
+
+        Args:
+            value: a picture, or a plain value.
+            rank: how many axes it has.
+        """
         if not value.shared:
             return value
         name, shape = next((name, shape) for name, shape in self._inputs.items() if shape[0] != 1)
         edges = [self.const([k] * (len(shape) - 1), np.int64) for k in (0, 1)]
         first = self.node("Slice", name, *edges, self.const(range(1, len(shape)), np.int64))
-        zero = self.node("Reshape", self.node("Mul", first, self.const(0.0)), self.const([0, 1, 1, 1], np.int64))
+        zero = self.node("Reshape", self.node("Mul", first, self.const(0.0)), self.const([0, *[1] * (rank - 1)], np.int64))
         return Value(self.node("Add", value.name, zero), value.layout, False)
 
     def _write_output(self, name: str, shape: Dims) -> bool:
@@ -250,9 +256,12 @@ class FrameGraph(GraphBuilder):
         if value.shared and shape[0] != 1:
             value = self.spread(self.lift(value, "rows"))
         made = self.plain(value)
+        if made.name in self._outputs or made.name in self._inputs:  # a value of another name has to be made by a node
+            made = Value(self.reshape(self._outputs.get(made.name, made.name), [0] * len(shape)), "plain", made.shared)
         for node in self.nodes:
             for names in (node.input, node.output):
                 names[:] = [name if each == made.name else each for each in names]
+        self._outputs[made.name] = name
         return made.shared
 
 

@@ -222,7 +222,7 @@ def test_wrong_options(options):
 
 def test_what_a_chain_cannot_do_is_told():
     clip = RuleBasedModel().generate(talk(3.0), parts=BODY)
-    with pytest.raises(InputError, match="cannot see a style"):
+    with pytest.raises(InputError, match="cannot take a style"):
         gesturer().session(style=clip)
     with pytest.raises(InputError, match="transfer"):
         TrainedModel(gesturer().system, CodeSource)

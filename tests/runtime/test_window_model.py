@@ -254,7 +254,7 @@ def test_examples_that_are_too_short_or_of_no_use(tmp_path):
             gesturer().session(style=path)
         assert "\n" not in str(told.value)
     for kind in ({"recognises": False}, {"styles": "none", "recognises": False}):
-        with pytest.raises(InputError, match="cannot see a style"):
+        with pytest.raises(InputError, match="cannot take a style"):
             gesturer(**kind).session(style=acted())
 
 

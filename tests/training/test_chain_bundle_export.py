@@ -164,6 +164,6 @@ def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
 @pytest.mark.parametrize("part", ["attention", "style_injection"])
 def test_a_row_of_a_table_is_no_system(store, tmp_path, part):
     run = trained(store, tmp_path / "run", "chain-of-generation-extended", config={part: False})
-    with pytest.raises(InputError, match="without attention or style"):
+    with pytest.raises(InputError, match="lacks attention or style"):
         bundle_run(run, tmp_path / "x.cospeech", which="last")
     assert not (tmp_path / "x.cospeech").exists()

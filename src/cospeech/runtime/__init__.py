@@ -1,1 +1,1 @@
-"""What plays trained systems without torch: bundles, engines, gesturers."""
+"""What plays trained systems without torch: bundles, engines, models."""

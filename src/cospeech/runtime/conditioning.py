@@ -38,7 +38,9 @@ class ConditioningFace:
 
     def __init__(self, motion: Motion) -> None:
         if motion.face is None or not len(motion):
-            raise InputError("a face is given that has no weights", "name a file with ARKit weights: .json, .csv or .glb")
+            raise InputError(
+                "the motion for the option face has no face", "name a file with ARKit weights: .json, .csv or .glb"
+            )
         self._fps, self._duration = motion.fps, motion.duration
         self._weights = np.clip(motion.face, 0, 1).astype(np.float32)
 
@@ -76,9 +78,9 @@ def read_conditioning(face: object, before: object) -> Conditioning:
     Raises:
         InputError: neither, or what cannot be read.
     """
-    shown, past = _motion(face, "a face"), _motion(before, "motion to go on from")
+    shown, past = _motion(face, "a face"), _motion(before, "motion to continue from")
     if past is not None and not len(past):
-        raise InputError("motion to go on from has no frames", "name another")
+        raise InputError("the motion to continue from has no frames", "name another")
     return Conditioning(None if shown is None else ConditioningFace(shown), past)
 
 
@@ -86,7 +88,7 @@ def _motion(conditioning: object, what: str) -> Motion | None:
     if conditioning is None or isinstance(conditioning, Motion):
         return conditioning
     if not isinstance(conditioning, str | PathLike):
-        raise InputError(f"{what}: {str(conditioning)[:60]!r}", "a Motion, or a motion file")
+        raise InputError(f"{what} cannot be {str(conditioning)[:60]!r}", "a Motion, or a motion file")
     return Motion.load(conditioning)
 
 
@@ -97,11 +99,11 @@ def check_conditioning(conditioning: Conditioning, network: Network) -> None:
         InputError: it takes no such thing, or plays frame by frame.
     """
     able = network.signature.inputs
-    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to go on from", conditioning.before)):
+    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to continue from", conditioning.before)):
         if there is not None and network.signature.window is None:
-            raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
+            raise InputError(f"{what} cannot be given while speech comes frame by frame", OFFLINE)
         if there is not None and port not in able:
-            raise InputError(f"this system cannot be given {what}", _TRAIN)
+            raise InputError(f"this model does not take {what}", _TRAIN)
 
 
 def poses_before(system: System, motion: Motion, frames: int) -> Array:

@@ -105,10 +105,10 @@ def _flow(
     transfer: Transfer | None,
 ) -> AutoregressiveDecoder:  # fmt: skip
     if given.anything:
-        what = "a face" if given.face is not None else "motion to go on from"
-        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+        what = "a face" if given.face is not None else "motion to continue from"
+        raise InputError(f"this model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md")
     if options.look_ahead is not None:
-        raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
+        raise InputError("the look-ahead of a flow cannot be chosen", "training has fixed it; leave look_ahead out")
     transfer = transfer or best_transfer(system)
 
     def sources(mixture: StyleMixture) -> list[Source]:

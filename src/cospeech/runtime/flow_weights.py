@@ -73,13 +73,13 @@ class FlowSizes:
             kinds = (int, float) if field.name in ("nu", "inertia", "feedback_gain") else (type(low),)
             if field.name == "cell":
                 if not isinstance(value, str) or value not in GATES:
-                    raise InputError(f"a flow of {str(value)[:60]!r} cells", f"one of {', '.join(GATES)}")
+                    raise InputError(f"the cells of a flow are {str(value)[:60]!r}", f"one of {', '.join(GATES)}")
             elif type(value) not in kinds or not low <= value <= high:
-                raise InputError(f"{field.name} = {str(value)[:60]} of a flow", f"{low} … {high}")
+                raise InputError(f"the sizes of a flow have {field.name} = {str(value)[:60]}", f"{low} … {high}")
         if self.inertia and self.history < 2:
-            raise InputError(f"a flow with inertia and a history of {self.history} poses", "2 at least")
+            raise InputError(f"a flow with inertia has a history of {self.history} poses", "2 at least")
         if self.speech_frames <= self.history:
-            raise InputError(f"a flow that hears {self.speech_frames} frames", f"more than its history of {self.history}")
+            raise InputError(f"a flow has speech_frames = {self.speech_frames}", f"more than its history of {self.history}")
 
     @property
     def gates(self) -> int:
@@ -153,7 +153,7 @@ def pack_weights(arrays: Mapping[str, Array], sizes: FlowSizes) -> dict[str, Arr
         if sizes.style:
             _pack_stylist(out, arrays)
     except (KeyError, ValueError, IndexError, np.linalg.LinAlgError) as error:
-        raise InputError(f"weights that are not those of {sizes}: {error}"[:300]) from None
+        raise InputError(f"the weights do not fit {sizes}: {error}"[:300], "are they of another network?") from None
     check_weights(out, sizes)
     return out
 
@@ -295,11 +295,13 @@ def check_weights(weights: Mapping[str, Array], sizes: FlowSizes) -> None:
     shapes = _shapes(sizes)
     if set(weights) != set(shapes):
         odd = sorted(set(weights) ^ set(shapes))
-        raise InputError(f"weights of another network: {len(odd)} names differ, such as {odd[0]!r}"[:200])
+        raise InputError(f"{len(odd)} names of weights differ, such as {odd[0]!r}"[:200], "are they of another network?")
     for name, shape in shapes.items():
         value = weights[name]
         kind = np.int8 if name.endswith(".q") else np.float32
         if value.shape != shape or value.dtype != kind:
-            raise InputError(f"weights {name!r} of {value.dtype} {value.shape}", f"{np.dtype(kind)} {shape}")
+            raise InputError(
+                f"weights {name!r} are {value.dtype} of shape {value.shape}", f"expected {np.dtype(kind)} of shape {shape}"
+            )
         if kind is np.float32 and not np.abs(value).max(initial=0) <= LARGEST:  # not a number fails this too
-            raise InputError(f"weights {name!r} hold numbers that are not finite or absurd", "did the training diverge?")
+            raise InputError(f"weights {name!r} hold numbers that are not finite or too large", "did the training diverge?")

@@ -160,5 +160,5 @@ def flow_of(system: System) -> FlowEngine:
         InputError: it is none.
     """
     if system.flow is None:
-        raise InputError("a way of transfer for a system without latents", "leave it out")
+        raise InputError("only a flow has latents to transfer", "leave transfer out for this model")
     return system.flow

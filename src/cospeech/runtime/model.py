@@ -39,7 +39,7 @@ __all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
 
 
 class TrainedModel:
-    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer with a learnt mouth.
+    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based model with a learnt mouth.
 
     Args:
         system: an opened bundle; `TrainedModel.open` takes a path.
@@ -54,7 +54,8 @@ class TrainedModel:
 
     def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = open_default_mouth) -> None:
         if system.pose in _WHOLE:
-            raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
+            hint = "each of its frames depends on all before; train on another representation"
+            raise InputError(f"a model of {system.pose!r} poses cannot be played", hint)
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
@@ -92,7 +93,7 @@ class TrainedModel:
         """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
         if options.takes > _MOST_TAKES:
-            raise InputError(f"{options.takes} takes at once", f"1 … {_MOST_TAKES}")
+            raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
         resolved_style, conditioning = (
             self._resolve_style(options.style),
             read_conditioning(options.face, options.continue_from),
@@ -200,7 +201,7 @@ class TrainedModel:
         """
         pose = find_pose(self.system.pose)
         if pose.source != "points":
-            raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
+            raise InputError(f"this model makes {pose.name!r} poses, not key points", "call generate")
         options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
         frontend, decoder = self._start(self._resolve_style(style), options)
         check_speech(speech)

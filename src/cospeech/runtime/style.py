@@ -52,7 +52,9 @@ class Styles:
         weights = _weights(style, self._system.styles)
         total = sum(weights.values())
         if not all(isfinite(w) and w >= 0 for w in weights.values()) or total >= MOST_WEIGHT:
-            raise InputError(f"style weights {_describe(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
+            raise InputError(
+                f"the weights of style {_describe(style)} are not usable", "positive numbers, as in ada:0.7,clip.bvh:0.3"
+            )
         scale = max(total, 1.0) if total < ALL else total
         parts = [(weight / scale, self._find_embedding(who)) for who, weight in weights.items() if weight > 0]
         if total < ALL:
@@ -109,14 +111,13 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
         found: dict[Any, float] = {}
         for who, weight in style.items():
             if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
-                raise InputError(f"weight {weight!r} of style {_describe(who)}", "a number")
+                raise InputError(f"the weight of style {_describe(who)} is {weight!r}", "a number")
             key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
             found[key] = found.get(key, 0.0) + float(weight)
         return found
     if not isinstance(style, str) or not style.strip():
-        raise InputError(
-            f"style {_describe(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
-        )
+        hint = "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
+        raise InputError(f"{_describe(style)} is not a style", hint)
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
@@ -141,7 +142,7 @@ def _check_example(who: object, names: tuple[str, ...]) -> str:
         InputError: it is none, and nobody's name either.
     """
     if not isinstance(who, str):
-        raise InputError(f"style {_describe(who)}", "a name, a motion file or a Motion")
+        raise InputError(f"{_describe(who)} is not a style", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
     known = " ".join(suffixes(reads_body))

@@ -100,14 +100,14 @@ class CodeSpace:
         """The mean of what the style encoder makes of stretches that overlap by half; and all poses of the example."""
         system, encoder = self._system, self._system.networks.get("style")
         if encoder is None:
-            hint = f"it has {', '.join(system.styles)}, and their mixtures"
-            raise InputError(f"this system cannot see a style in {name}", hint)
+            hint = f"its styles are {', '.join(system.styles)}, and mixtures of them"
+            raise InputError(f"this model cannot take a style from the example {name}", hint)
         least = encoder.signature.probe
         shown = standardise_example(system, motion, least / system.fps, name)
         frames = min(len(poses) for poses in shown)
         if frames < least:
-            hint = f"an example of style has {least} of them at least, {least / system.fps:.2f} s"
-            raise InputError(f"{name} has {frames} frames at {system.fps:g} a second", hint)
+            hint = f"at least {least} frames, {least / system.fps:.2f} s"
+            raise InputError(f"example {name} has only {frames} frames at {system.fps:g} per second", hint)
         shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
         pieces = [stretch for poses in shown for stretch in stretches(poses, least)]
         return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown

@@ -62,7 +62,7 @@ def bundle_run(
     """
     target = Path(path)
     if target.suffix != ".cospeech":
-        raise InputError(f"a bundle called {str(target)!r}", "its name ends in .cospeech")
+        raise InputError(f"a bundle cannot be called {str(target)!r}", "its name ends in .cospeech")
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
@@ -76,9 +76,11 @@ def bundle_run(
     }
     audio = facts["recipe"]["data"].get("audio")
     if audio is None and "audio" in model.arrays:
-        raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
+        raise InputError(
+            f"the run {str(folder)!r} was trained on all audio columns", "name data.audio in the recipe, and train again"
+        )
     if not {"stretches", "speech"} <= set(kept):
-        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
+        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it again")
     store = facts["store"]
     if style is not None and style not in store["speakers"]:
         raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
@@ -101,11 +103,10 @@ def _bundle_networks(
 ) -> None:  # fmt: skip
     """Calibrate networks as they will play, and write them."""
     if "pose_spread" in kept:
-        raise InputError(
-            f"a run of {facts['model']!r} on poses per_clip_normalisation", "only flows play poses by their recording's moments"
-        )
+        hint = "only flows can; set data.per_clip_normalisation = false and train again"
+        raise InputError(f"a run of {facts['model']!r} with per_clip_normalisation cannot become a bundle", hint)
     if exported.words.size and "texts" not in kept:
-        raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
+        raise InputError(f"the run of {facts['model']!r} is of another version", "train it again")
     codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()
     space, statistics = _style_space(codes), _statistics(model, exported, kept, codes)
     weights, opened = exported.weights, _players(exported, exported.weights)

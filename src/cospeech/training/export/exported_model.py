@@ -55,17 +55,18 @@ def _check_inputs(model: Any, name: str) -> Array:
     whole = model
     if isinstance(model, ChainLive):
         if model.teacher is None:
-            raise InputError(f"a run of {name!r} without a teacher", "train it with [needs] teacher = …")
+            raise InputError(f"the run of {name!r} has no teacher", "train it with [needs] teacher = …")
         whole = model.teacher
     if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
-        raise InputError(f"a run of {name!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch")
+        raise InputError(
+            f"the run of {name!r} needs the speech encoder {whole.config.speech_encoder}, which bundles cannot hold",
+            "bundles play without PyTorch; train it without one",
+        )
     if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
-        raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
+        raise InputError(f"the run of {name!r} lacks attention or style, and cannot become a bundle", "train the whole network")
     table = getattr(whole, "word", None) or whole.embedding
     if not hasattr(table, "table"):
-        raise InputError(
-            "a run on word vectors of somebody else's", "bundles are of runs that learnt words; leave out data.words"
-        )
+        raise InputError(f"the run of {name!r} uses ready-made word vectors", "leave out data.words, and train again")
     rows: Tensor = table.table.weight.detach().clone()
     rows[0] = 0
     return rows.numpy()

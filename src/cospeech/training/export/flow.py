@@ -64,7 +64,7 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor], progress: Tell | 
     speakers, count = stretches.shape[:2]
     history: int = model.config.history
     if history > stretches.shape[2]:
-        raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
+        raise InputError(f"the run's history of {history} frames is too long for a bundle", f"at most {stretches.shape[2]}")
     codes = model.style_of(stretches.flatten(0, 1))
     feedback_gain, made = 1.0, {}
     if "pose_spread" in examples:

@@ -21,6 +21,7 @@ from .causal_stream_decoder import CausalStreamDecoder
 from .conditioning import Conditioning, check_conditioning, poses_before
 from .flow_engine import FlowEngine
 from .latent_sources import Transfer, best_transfer
+from .mouth import POSE
 from .network import Network
 from .session import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SlidingWindowDecoder, looking, sections
@@ -31,19 +32,19 @@ from .style_track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import check_look_ahead
 
-__all__ = ["has_legs", "options_for_files", "start_decoder"]
+__all__ = ["needs_stance", "options_for_files", "start_decoder"]
 
 
 def options_for_files(system: System) -> Mapping[str, Any]:
-    """Options of a session over a file: windows that hear both ways, where a system has them too, as nobody waits; and a stance
-    for those that have no legs."""
+    """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; and a stance."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
-    return ahead | {"stance": not has_legs(system)}
+    return ahead | {"stance": needs_stance(system)}
 
 
-def has_legs(system: System) -> bool:
-    """Whether the poses of a system say how the legs stand."""
-    return any(part in name for name in find_pose(system.pose).names for part in ("Leg", "Foot", "knee"))
+def needs_stance(system: System) -> bool:
+    """Whether a system moves a body, but its poses do not say how the legs stand."""
+    names = find_pose(system.pose).names
+    return system.pose != POSE and not any(part in name for name in names for part in ("Leg", "Foot", "knee"))
 
 
 def start_decoder(

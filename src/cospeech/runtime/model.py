@@ -24,7 +24,7 @@ from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
 from ..rules.stance_layer import StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
-from .decoders import has_legs, options_for_files, start_decoder
+from .decoders import needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
@@ -114,8 +114,8 @@ class TrainedModel:
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
-        """One for each take, of a system that has no legs, where the body is wanted and a stance is asked for."""
-        if not options.stance or "body" not in options.parts or self.system.pose == POSE or has_legs(self.system):
+        """One for each take, of a system that needs one, where the body is wanted and a stance is asked for."""
+        if not options.stance or "body" not in options.parts or not needs_stance(self.system):
             return []
         return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
 

@@ -117,7 +117,7 @@ def by_part(system: System, speech: Speech) -> dict[str, float]:
     frontend = SpeechTextFrontend(system, resolved_style.controls)
     options = GenerationOptions(look_ahead=inf)
     decoder = start_decoder(system, space, resolved_style.blend, frontend.silence, options, NOTHING)
-    face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=decoder.moods or "auto")
+    face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=decoder.moods or "auto", aimed=False)
     shared = SharedProsody()
     for each in (frontend, face):
         each.share(shared)

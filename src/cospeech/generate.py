@@ -36,7 +36,7 @@ from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
 from .runtime.style import example_files
 
-__all__ = ["check_request", "generate_files", "speech_chunks", "take_path"]
+__all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path"]
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
@@ -182,6 +182,23 @@ def take_path(path: File, take: int, takes: int) -> Path:
     """
     path = Path(path)
     return path if takes == 1 else path.with_name(f"{path.stem}.{take}{path.suffix}")
+
+
+def open_live_session(
+    model: str = DEFAULT, *, emotion: str | PathLike[str] | EmotionTrack = "auto", **options: Any
+) -> GenerationSession:
+    """A session whose frames somebody watches while the speech goes on: with a stance, and no more look-ahead than is usual.
+
+    Args:
+        model, emotion: see `generate_files`.
+        options: of `GenerationOptions`.
+
+    Raises:
+        InputError: an option is out of range or a name unknown.
+    """
+    opened = load_model(model)
+    usual = {name: value for name, value in opened.for_files.items() if name == "stance"}
+    return opened.session(GenerationOptions(emotion=_read_emotion(emotion)[0], **usual, **options))
 
 
 def speech_chunks(source: SpeechSource) -> Iterator[Speech]:

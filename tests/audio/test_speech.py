@@ -414,11 +414,8 @@ def test_no_process_is_left(tmp_path):
     assert children() == before
 
 
-def test_the_decoder_starts_fast(tmp_path):
-    path = wav(tmp_path)
-    taken = []
-    for _ in range(5):
-        start = time.perf_counter()
-        Speech.load(path)
-        taken.append(time.perf_counter() - start)
-    assert min(taken) < 0.5
+def test_the_decoder_imports_little():
+    """What makes it start fast: half of a second would be numpy's and onnxruntime's."""
+    code = "import sys, cospeech.audio.worker, cospeech.audio._decode; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numpy", "onnxruntime", "scipy", "torch", "cospeech.audio.speech"} & set(modules)

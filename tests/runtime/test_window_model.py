@@ -239,7 +239,7 @@ def test_an_encoder_s_nonsense_becomes_weights(monkeypatch):
 
 
 def test_examples_that_are_too_short_or_of_no_use(tmp_path):
-    with pytest.raises(InputError, match=r"the example has 3\.17 s.*3\.2 s at least"):
+    with pytest.raises(InputError, match=r"the example has only 3\.17 s.*3\.2 s at least"):
         gesturer().session(style=acted()[:95])
     assert gesturer().session(style=acted()[:96]).style_mixture
     short, stick = tmp_path / "short.npz", tmp_path / "stick.bvh"

@@ -18,7 +18,7 @@ from .features.shared_prosody import Prosody, SharedProsody
 from .prosodic_events import RATE, Accent, Heard, Phrase
 from .speech import Speech
 
-__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector", "listen"]
+__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector", "listen", "quantile"]
 
 TICK = 0.1  # seconds between two decisions; ours
 _TICK = round(TICK * RATE)
@@ -114,7 +114,7 @@ class EventDetector:
         first = self._loudness.end
         energy = self._raw["energy"].rows(first, end)
         self._follow_level(self._raw["energy"].rows(first, end + round(LEVEL_DELAY * RATE)))
-        spread = float(np.clip(self._peak - self._floor, *_RANGE))
+        spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
         top = max(self._peak, _WEAKEST)
         self._loudness.append(np.clip((energy - (top - spread)) / spread, 0.0, 1.25))
         pitch, voicing = self._raw["pitch"].rows(first, end), self._raw["voicing"].rows(first, end)
@@ -142,7 +142,7 @@ class EventDetector:
     def _follow_level(self, ahead: Array) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
         ordered = np.sort(ahead)
-        low, high = _quantile(ordered, 0.10), _quantile(ordered, 0.92)
+        low, high = quantile(ordered, 0.10), quantile(ordered, 0.92)
         if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
         self._peak = max(high, self._peak - 0.6 * TICK) if high > self._peak - 14 else self._peak - 0.25 * TICK
@@ -206,7 +206,7 @@ class EventDetector:
         return Heard(a, self._loudness.rows(a, b), self._tone.rows(a, b), raw["voicing"], raw["onset"], raw["bands"])
 
 
-def _quantile(ordered: Array, share: float) -> float:
+def quantile(ordered: Array, share: float) -> float:
     """As `numpy.quantile` of what is in order, which takes twenty times as long over so few."""
     place = (len(ordered) - 1) * share
     low = int(place)

@@ -22,6 +22,7 @@ from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..models import DEFAULT, PARTS
 from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
+from . import stream as cli_stream
 from . import train as cli_train
 from .options import (  # fmt: skip
     Audio,
@@ -288,6 +289,7 @@ def _show_outputs(results: list[Report]) -> None:
 
 cli_corpora.register(app)
 cli_evaluate.register(app)
+cli_stream.register(app)
 cli_train.register(app)
 
 

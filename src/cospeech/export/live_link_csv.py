@@ -28,7 +28,7 @@ from .reading import check_frames, open_file, size_of
 from .timing import frame_rate, frames_of, on_grid
 from .to_humanoid import as_humanoid, make_standing
 
-__all__ = ["COLUMNS", "Writer", "load"]
+__all__ = ["COLUMNS", "Writer", "head_and_eyes", "load"]
 
 
 def _app_order() -> tuple[str, ...]:
@@ -63,7 +63,7 @@ class Writer(BaseWriter):
     def _write(self, motion: Motion) -> None:
         assert self._file is not None
         face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
-        values = np.concatenate([face[:, _COLUMN_OF], _angles(as_humanoid(motion))], 1)
+        values = np.concatenate([face[:, _COLUMN_OF], head_and_eyes(as_humanoid(motion))], 1)
         base = max(1, round(self.fps))
         for k, row in enumerate((values + 0.0).tolist(), start=self.frames):  # + 0.0: no negative zeros
             seconds, rest = divmod(round(k / self.fps * base * 1000), base * 1000)
@@ -79,7 +79,7 @@ class Writer(BaseWriter):
             self._file.close()
 
 
-def _angles(motion: Motion) -> Array:
+def head_and_eyes(motion: Motion) -> Array:
     """(T, 9) yaw, pitch, roll of the head (relative to the upper chest) and of both eyes, radians."""
     skeleton, q = motion.skeleton, motion.rotations
     head = quat_multiply(q[:, skeleton.index["neck"]], q[:, skeleton.index["head"]])

@@ -13,16 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .rotations import (
-    Array,
-    matrix_to_quat,
-    quat_angle,
-    quat_conjugate,
-    quat_identity,
-    quat_multiply,
-    quat_rotate,
-    vector_normalize,
-)
+from .rotations import Array, matrix_to_quat, quat_angle, quat_conjugate, quat_identity, quat_multiply, quat_rotate
 from .skeleton import Skeleton
 from .soles import find_soles
 from .tpose import on_floor
@@ -197,7 +188,7 @@ class _Lines:
         here, frames = self._tpoints[b] - self._tpoints[a], self._points[:, b] - self._points[:, a]
         if np.linalg.norm(here) < 1e-6 * np.ptp(self._tpoints):
             return None
-        return _Line(vector_normalize(here) if rest is None else rest, vector_normalize(frames), np.ones(len(frames)))
+        return _Line(_unit(here) if rest is None else rest, _unit(frames), np.ones(len(frames)))
 
     def _up(self, ours: str) -> _Line | None:
         """From a joint of the trunk to the next above it that lies elsewhere; of a head, from below."""
@@ -213,7 +204,11 @@ class _Lines:
         if not {side + part for part in chain} <= set(self.joints):
             return None
         a, b, c = (self._points[:, self.joints[side + part]] for part in chain)
-        normal = np.cross(vector_normalize(b - a), vector_normalize(c - b))
+        normal = np.cross(_unit(b - a), _unit(c - b))
         bend = np.linalg.norm(normal, axis=-1)
         weight = np.where(bend > _BENT, bend, 0.0)
-        return _Line(axis, vector_normalize(normal), weight) if np.count_nonzero(weight) >= _FEWEST else None
+        return _Line(axis, _unit(normal), weight) if np.count_nonzero(weight) >= _FEWEST else None
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)

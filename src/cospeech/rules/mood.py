@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods
+from ..audio.event_detection import quantile
 from ..audio.prosodic_events import RATE, Accent, Heard
 from ..motion.rotations import Array
 from .arousal import WINDOW, Arousal
@@ -35,7 +36,8 @@ def voice_cues(heard: Heard, accents: list[Accent]) -> Array | None:
     duration = spoken.sum() / RATE
     first, last = heard.start / RATE, (heard.start + len(heard.loudness)) / RATE
     rate = sum(first <= a.time < last for a in accents) / duration
-    spread = np.subtract(*np.percentile(tone, [90, 10]))
+    ordered = np.sort(tone)
+    spread = quantile(ordered, 0.9) - quantile(ordered, 0.1)
     cues = np.array([spread, high - low, rate, heard.loudness[spoken].std()])
     return (cues - _USUAL) / _VARIES
 

@@ -51,7 +51,7 @@ class Posture:
             self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
             self._turn_head(now, modifier, speaking)
-        self._look(now, phrases, modifier)
+        self.look(now, phrases, modifier)
         self.stance.decide(now, speaking=speaking)
 
     def _gauss(self, size: float) -> float:
@@ -89,8 +89,11 @@ class Posture:
     def _gaze_yaw(self) -> float:
         return float(self.track.target[Body.GAZE_YAW])
 
-    def _look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
-        """The eyes jump where the plan of the gaze wants; the head follows far jumps."""
+    def look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
+        """One tick of the eyes: they jump where the plan of the gaze wants; the head follows far jumps.
+
+        The gaze depends on nothing else that is planned. Where it is all that is wanted, this is called in place of `decide`.
+        """
         away = self.gaze.away
         saccade = self.gaze.decide(now, phrases, modifier.averted)
         if saccade is None:

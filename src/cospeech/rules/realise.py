@@ -32,7 +32,7 @@ from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
 from .styles import Style
 
-__all__ = ["Pieces", "realise"]
+__all__ = ["Pieces", "gaze_only", "realise"]
 
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
@@ -91,7 +91,7 @@ def realise(
     hips, root = stand(b, style.seated, None if hands is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-BREATH_PITCH) * breath))
-    head, gaze = _head(b, torso, turn), np.radians(b[:, [Body.GAZE_YAW, Body.GAZE_UP]])
+    head, gaze = _head(b, torso, turn), _gaze(b)
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     if hands is None:
         return Pieces(rotations, quat_rotate(facing, root), gaze)
@@ -111,6 +111,16 @@ def realise(
     neck = position + quat_rotate(world, _offsets()["neck"])
     _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
     return Pieces(rotations, quat_rotate(facing, root), gaze)
+
+
+def gaze_only(times: Array, body: MinimumJerkTrack) -> Pieces:
+    """The gaze at ``times (N,)`` seconds on a body in its rest pose, for a face whose head another system turns."""
+    root = np.repeat(humanoid().offsets[:1].astype(float), len(times), 0)
+    return Pieces(quat_identity(len(times), len(humanoid())), root, _gaze(body.at(times)))
+
+
+def _gaze(b: Array) -> Array:
+    return np.radians(b[:, [Body.GAZE_YAW, Body.GAZE_UP]])
 
 
 def _euler(b: Array, columns: tuple[int, int, int]) -> Array:

@@ -29,7 +29,7 @@ from .arousal import arouse
 from .emotion_modifiers import blend_modifiers
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
-from .realise import realise
+from .realise import Pieces, gaze_only, realise
 from .styles import Style
 
 __all__ = ["KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "stream_motion"]
@@ -61,7 +61,7 @@ class Session:
         mouth: what the face speaks with; rules make its mouth where there is none.
         gains: (52,) factors of the face's channels; all 1 where not given.
         aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
-            because another system turns the head.
+            because another system turns the head. Such a session of the face alone plans no gestures.
     """
 
     def __init__(
@@ -89,6 +89,7 @@ class Session:
             gains=gains,
         )  # fmt: skip
         self.mouth, self._aimed = mouth, aimed
+        self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
         self._sound = At16kHz()
@@ -219,9 +220,12 @@ class Session:
         elif self._ticks % 5 == 0:
             recent = [a for a in detector.accents if a.time <= now + HORIZON]
             self.mood.follow(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
+        modifier = blend_modifiers(self.mood.probabilities)
         self._moods.append((now, self.mood.probabilities.copy()))
-        if self.parts:
+        if self._eyes_only:
+            self.planner.posture.look(now, phrases, modifier)
+        elif self.parts:
+            modifier = arouse(modifier, self.mood.arousal.level)
             self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
         self._ticks += 1
 
@@ -249,10 +253,8 @@ class Session:
             self.gestures.popleft()
 
     def _realise(self, times: Array) -> Motion:
-        tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         mood = self._mood_at(times)
-        fear = mood[:, EMOTIONS.index("fear")]
-        pose = realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)
+        pose = gaze_only(times, self.planner.body) if self._eyes_only else self._pose(times, mood)
         rotations = pose.rotations
         rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
@@ -269,6 +271,11 @@ class Session:
         rotations = self._signs.push(rotations.astype(np.float32))
         made = Motion(self.fps, rotations, pose.root.astype(np.float32), face, humanoid(), float(times[0]))
         return self.aim(made) if self._aimed else made
+
+    def _pose(self, times: Array, mood: Array) -> Pieces:
+        tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
+        fear = mood[:, EMOTIONS.index("fear")]
+        return realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)
 
     def aim(self, motion: Motion) -> Motion:
         """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.

@@ -11,6 +11,7 @@ from ..motion.rotations import Array
 __all__ = ["SECONDS", "SmoothGumbel"]
 
 SECONDS = 1.0  # ours: about a gesture with its preparation; over it noise correlates (the integral of its correlation)
+BLOCK = 16  # frames of noise that are made ahead; ours: about a second
 LEAST = 1e-300  # ours: of a probability, so that logarithms are numbers
 
 
@@ -36,18 +37,27 @@ class SmoothGumbel:
         settled = np.diag([1.0, rate * rate])  # variances of the process and of its slope, at any time
         self._stir = np.linalg.cholesky(settled - self._go @ settled @ self._go.T)
         self._state = np.sqrt(np.diag(settled))[:, None] * self._rng.standard_normal((2, width))
+        self._waiting = np.zeros((0, width), np.float32)
 
     def draw(self, frames: int) -> Array:
         """(frames, width) float32."""
         if not self._state.size:
             return np.zeros((frames, 0), np.float32)
-        (a, b), (c, d) = self._go
-        (e, _), (f, g) = self._stir
+        if (missing := frames - len(self._waiting)) > 0:
+            self._waiting = np.concatenate([self._waiting, self._block(max(missing, BLOCK))])
+        drawn, self._waiting = self._waiting[:frames], self._waiting[frames:]
+        return drawn
+
+    def _block(self, frames: int) -> Array:
+        """The next frames at once: many hardly take longer than one."""
+        (a, b), (c, d) = self._go.tolist()
+        (e, _), (f, g) = self._stir.tolist()
         out = np.empty((frames, self._state.shape[1]))
-        for row in out:
-            row[:] = self._state[0]
-            (x, v), (n, m) = self._state, self._rng.standard_normal(self._state.shape)
-            self._state = np.stack([a * x + b * v + e * n, c * x + d * v + f * n + g * m])
+        (x, v), stirs = self._state, self._rng.standard_normal((frames, *self._state.shape))
+        for row, (n, m) in zip(out, stirs, strict=True):
+            row[:] = x
+            x, v = a * x + b * v + e * n, c * x + d * v + f * n + g * m
+        self._state = np.stack([x, v])
         return _gumbel(out).astype(np.float32)
 
 

@@ -117,7 +117,7 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
         return found
     if not isinstance(style, str) or not style.strip():
         hint = "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
-        raise InputError(f"{_describe(style)} is not a style", hint)
+        raise InputError(f"style {_describe(style)} cannot be used", hint)
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
@@ -142,7 +142,7 @@ def _check_example(who: object, names: tuple[str, ...]) -> str:
         InputError: it is none, and nobody's name either.
     """
     if not isinstance(who, str):
-        raise InputError(f"{_describe(who)} is not a style", "a name, a motion file or a Motion")
+        raise InputError(f"style {_describe(who)} cannot be used", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
     known = " ".join(suffixes(reads_body))

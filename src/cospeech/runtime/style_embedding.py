@@ -81,9 +81,7 @@ def standardise_example(system: BundleFacts, motion: Motion, least: float, name:
         InputError: it is shorter, or its skeleton is not recognised.
     """
     if motion.duration < least:
-        raise InputError(
-            f"{name} has only {motion.duration:.2f} s of motion", f"an example of style needs at least {least:g} s"
-        )
+        raise InputError(f"{name} has only {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
     try:
         return tuple(_standardise(piece, system) for piece in _spread(motion, least))
     except InputError as error:

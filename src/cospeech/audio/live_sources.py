@@ -1,0 +1,161 @@
+"""Sound that comes while somebody speaks: from a microphone, a pipe, a WebSocket, or a file at the speed of its clock.
+
+Every source gives blocks of float32 samples; `pace_pieces` makes of them pieces of speech without a gap, with silence where
+nothing comes. So the clock of the sound and the clock on the wall stay together, and a character idles while nobody speaks.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .speech import Speech
+
+__all__ = [
+    "FORMATS", "PIECE", "decode_pcm", "pace_pieces", "read_microphone", "read_pcm", "read_websocket", "wait_for_each",
+]  # fmt: skip
+
+PIECE = 0.02  # seconds of a piece: what telephones and browsers send (ours)
+FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f4")}
+"""Raw samples: whole numbers of 16 bits, floats of 32 bits; little-endian, one channel."""
+_SLACK = 0.1  # seconds that sound may be late before silence takes its place (ours: more than a network's jitter)
+_BEHIND = 30.0  # seconds of blocks that may wait: who sends more than that ahead is made to wait (ours)
+
+Samples = NDArray[np.float32]
+
+
+def pace_pieces(
+    blocks: Iterable[Samples],
+    rate: int,
+    *,
+    idle: bool = True,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Iterator[Speech]:
+    """Pieces of `PIECE` seconds, each when its last sample is due.
+
+    Args:
+        blocks: (n,) samples; they may come in bursts, early or late. Their end is the end of the speech.
+        rate: samples per second.
+        idle: put silence where no sound has come in time; else the pieces wait for it.
+
+    Yields:
+        Speech without a gap; the first piece begins at 0.
+    """
+    size = max(1, round(PIECE * rate))
+    arrived: queue.Queue[Samples | BaseException | None] = queue.Queue(max(1, round(_BEHIND / PIECE)))
+    threading.Thread(target=_collect, args=(blocks, arrived, size), name="cospeech sound", daemon=True).start()
+    began, heard, rest, over = clock(), 0, np.zeros(0, np.float32), False
+    while not over or len(rest):
+        due = began + (heard + size) / rate
+        while len(rest) < size and not over:
+            try:
+                block = arrived.get(timeout=max(due + _SLACK - clock(), 0.001) if idle else None)
+            except queue.Empty:
+                rest = np.concatenate([rest, np.zeros(size - len(rest), np.float32)])
+                break
+            if isinstance(block, BaseException):
+                raise block
+            if block is None:
+                over = True
+            else:
+                rest = np.concatenate([rest, block])
+        piece, rest = rest[:size], rest[size:]
+        if not len(piece):
+            return
+        if (wait := due - clock()) > 0:
+            sleep(wait)
+        yield Speech(piece, rate, start=heard / rate)
+        heard += len(piece)
+
+
+def wait_for_each(
+    pieces: Iterable[Speech],
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Iterator[Speech]:
+    """Pieces of a recording, each when its last sample would have been spoken."""
+    began = clock()
+    for piece in pieces:
+        if (wait := began + piece.start + float(piece.duration) - clock()) > 0:
+            sleep(wait)
+        yield piece
+
+
+def _collect(blocks: Iterable[Samples], arrived: queue.Queue[Any], size: int) -> None:
+    """In a thread: what comes, cut into pieces, then None; or the error that ended it."""
+    try:
+        for block in blocks:
+            for first in range(0, len(block), size):
+                arrived.put(block[first : first + size])
+        arrived.put(None)
+    except Exception as error:  # it is raised again where the pieces are taken
+        arrived.put(error)
+
+
+def read_pcm(file: IO[bytes], rate: int, kind: str = "s16") -> Iterator[Samples]:
+    """Raw samples of a pipe, as they come.
+
+    Raises:
+        InputError: the pipe ends within a sample.
+    """
+    read = getattr(file, "read1", file.read)  # what there is, without waiting for more
+    dtype, rest = FORMATS[kind], b""
+    while data := read(max(1, round(PIECE * rate)) * dtype.itemsize):
+        data = rest + data
+        whole = len(data) - len(data) % dtype.itemsize
+        yield decode_pcm(data[:whole], kind)
+        rest = data[whole:]
+    if rest:
+        raise InputError(f"the sound ends within a sample: {len(rest)} bytes more", f"samples are {kind}, little-endian")
+
+
+def decode_pcm(data: bytes, kind: str) -> Samples:
+    """Bytes → float32 samples, full scale ±1; what is no number becomes silence."""
+    values = np.frombuffer(data, FORMATS[kind])
+    if kind == "s16":
+        return values.astype(np.float32) / np.float32(32768)
+    return np.clip(np.nan_to_num(values.astype(np.float32), posinf=0, neginf=0), -1, 1)
+
+
+def read_websocket(connection: Any, kind: str = "s16") -> Iterator[Samples]:
+    """The binary messages of a WebSocket, each a whole number of samples; other messages are left out.
+
+    Raises:
+        InputError: a message ends within a sample.
+    """
+    for message in connection:
+        if isinstance(message, str) or not message:
+            continue
+        if len(message) % FORMATS[kind].itemsize:
+            raise InputError(f"a message of {len(message)} bytes ends within a sample", f"samples are {kind}, little-endian")
+        yield decode_pcm(message, kind)
+
+
+def read_microphone(rate: int) -> Iterator[Samples]:
+    """The default microphone, until the program is interrupted (the extra ``live``).
+
+    Raises:
+        InputError: there is no library, or no microphone.
+    """
+    try:
+        import sounddevice
+    except (ImportError, OSError) as error:  # OSError: the system has no PortAudio
+        hint = "pip install 'cospeech[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
+        raise InputError("the microphone needs the package sounddevice and PortAudio", hint) from None
+    size = max(1, round(PIECE * rate))
+    try:
+        with sounddevice.InputStream(samplerate=rate, channels=1, dtype="float32", blocksize=size) as stream:
+            while True:
+                samples, _ = stream.read(size)
+                yield np.ascontiguousarray(samples[:, 0])
+    except sounddevice.PortAudioError as error:
+        raise InputError(f"no sound from the microphone: {error}", "is one plugged in and allowed?") from None

@@ -1,0 +1,179 @@
+"""``cospeech stream``: speech in, frames out, while somebody speaks."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from ..models import DEFAULT, PARTS
+from .options import (
+    Avatar,
+    Debug,
+    Emotion,
+    FaceGain,
+    Fps,
+    Intensity,
+    Model,
+    Parts,
+    Quiet,
+    Seed,
+    Style,
+    Temperature,
+    option,
+    whole,
+)
+
+if TYPE_CHECKING:
+    from ..audio.speech import Speech
+
+__all__ = ["register"]
+
+_ALL = ",".join(PARTS)
+_RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
+Source = Annotated[
+    str,
+    option(
+        "--input",
+        "-i",
+        metavar="SOURCE",
+        help="mic; a sound file, at the speed of its clock; - for raw samples on standard input; ws://HOST:PORT for a "
+        "WebSocket server that sends raw samples; listen://HOST:PORT to wait for a client that does.",
+    ),
+]
+Targets = Annotated[
+    list[str],
+    option(
+        "--to",
+        metavar="ADDRESS",
+        help="Receiver. Repeat the option for several: vmc://HOST:39539, livelink://HOST:11111, ws://HOST:PORT (a server of "
+        "yours), listen://HOST:PORT (clients connect to us), - (JSON lines on standard output).",
+    ),
+]
+Rate = Annotated[
+    int, option("--rate", metavar="HZ", parser=whole, help="Samples per second of raw samples and the microphone.")
+]
+Kind = Annotated[str, option("--samples", metavar="KIND", help="Raw samples: s16 or f32, little-endian, one channel.")]
+Words = Annotated[str | None, option("--transcript", metavar="FILE", help="Words of a sound file, with their times.")]
+Unpaced = Annotated[
+    bool, typer.Option("--unpaced", help="Send frames when they are made, and read a file as fast as it can be played.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(stream)
+
+
+def stream(
+    source: Source = "mic",
+    to: Targets = ["-"],  # noqa: B006  typer reads it, and nobody changes it
+    model: Model = DEFAULT,
+    style: Style = None,
+    emotion: Emotion = "auto",
+    seed: Seed = 0,
+    temperature: Temperature = 1.0,
+    intensity: Intensity = 1.0,
+    parts: Parts = _ALL,
+    face_gain: FaceGain = "1",
+    fps: Fps = 60.0,
+    avatar: Avatar = None,
+    transcript: Words = None,
+    rate: Rate = 16_000,
+    samples: Kind = "s16",
+    unpaced: Unpaced = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Generate motion live, and send each frame to avatars, game engines and programs.
+
+    Frames leave evenly, some time after their sound. The program prints this time when it starts: delay the sound by it.
+
+    \b
+    cospeech stream --input mic --to vmc://127.0.0.1:39539 --to livelink://192.168.0.7:11111
+    cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
+    my_tts | cospeech stream --input - --rate 24000 --to vmc://127.0.0.1:39539?face=arkit
+    """
+    from ..audio.live_sources import FORMATS, PIECE
+    from ..export.live.pacing import MARGIN, FramePacer
+    from ..export.live.targets import StreamSettings, open_outlet
+    from ..generate import open_live_session
+
+    if samples not in FORMATS:
+        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
+    tell = _say_nothing if quiet else _tell
+    session = open_live_session(
+        model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=parts,
+        face_gain=face_gain, fps=fps,
+    )  # fmt: skip
+    delay = session.latency + PIECE + MARGIN
+    wanted = tuple(part.strip() for part in parts.split(","))
+    settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
+    with ExitStack() as stack:
+        pieces = _pieces(stack, source, transcript, rate, samples, unpaced)
+        outlets = []
+        for address in to:
+            outlets.append(open_outlet(address, settings, tell))
+            stack.callback(outlets[-1].close)
+        pacer = FramePacer(outlets, delay, paced=not unpaced)
+        tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
+        over = False
+        try:
+            for piece in pieces:
+                if not pacer.begun:
+                    pacer.begin(float(piece.duration))
+                for motion in session.push(piece):
+                    pacer.push(motion)
+            for motion in session.finish():
+                pacer.push(motion)
+            over = True
+        finally:
+            pace = pacer.close(drop=not over)
+    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    for outlet in outlets:
+        tell(f"  {outlet.name}: {outlet.sent} sent, {outlet.dropped} dropped")
+
+
+def _tell(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _say_nothing(text: str) -> None:
+    """With --quiet."""
+
+
+def _pieces(stack: ExitStack, source: str, transcript: str | None, rate: int, kind: str, unpaced: bool) -> Iterator[Speech]:
+    """The speech of a source, piece by piece; what it opens is closed with ``stack``."""
+    from ..audio.live_sources import pace_pieces, read_microphone, read_pcm, read_websocket
+
+    live: dict[str, Callable[[], Any]] = {
+        "mic": lambda: read_microphone(rate),
+        "-": lambda: read_pcm(sys.stdin.buffer, rate, kind),
+    }
+    if source.startswith(("ws://", "wss://", "listen://")):
+        from ..export.live.websocket import open_receiver
+
+        receiver = stack.enter_context(open_receiver(source))
+        return pace_pieces(read_websocket(receiver, kind), rate)
+    if transcript is not None and source in live:
+        raise InputError("a transcript of live speech", "leave out --transcript, or give a sound file")
+    if source in live:
+        return pace_pieces(live[source](), rate)
+    return _pieces_of_file(stack, source, transcript, unpaced)
+
+
+def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced: bool) -> Iterator[Speech]:
+    from ..audio.live_sources import PIECE, wait_for_each
+    from ..audio.speech import open_speech
+    from ..generate import speech_chunks
+
+    opened = stack.enter_context(open_speech(path, transcript=transcript))
+    pieces = (piece for block in speech_chunks(opened) for piece in block.chunks(PIECE))
+    return pieces if unpaced else wait_for_each(pieces)

@@ -1,0 +1,179 @@
+"""Where frames go while they are made: one thread for each receiver, so that none can hold up the others or the session."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import IO, Protocol
+from urllib.parse import parse_qs, urlsplit
+
+from ...errors import InputError
+from ...motion.motion import Motion
+from .json_frames import JsonEncoder
+
+__all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire", "split_address"]
+
+WAITING = 2.0  # seconds of frames that a slow receiver may be behind; then the oldest are dropped (ours)
+_RETRY = (0.25, 4.0)  # seconds between two attempts to connect: the first, and the longest (ours)
+
+
+class Encoder(Protocol):
+    """Frames of motion → what a receiver takes."""
+
+    def frames(self, motion: Motion) -> Iterator[list[bytes]]: ...
+
+
+class Wire(Protocol):
+    """How bytes reach a receiver."""
+
+    def connect(self) -> None:
+        """Raises OSError where there is nobody."""
+
+    def send(self, data: bytes) -> None:
+        """Raises OSError where the receiver has gone."""
+
+    def close(self) -> None: ...
+
+
+class UdpWire:
+    """Datagrams, which nobody has to receive."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address, self._socket = (host, port), None
+
+    _socket: socket.socket | None
+
+    def connect(self) -> None:
+        """See `Wire`; the name of the host is looked up."""
+        family, kind, protocol, _, address = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.connect(address)
+
+    def send(self, data: bytes) -> None:
+        """See `Wire`."""
+        assert self._socket is not None
+        with suppress(ConnectionRefusedError):  # of an earlier datagram: nobody listens yet
+            self._socket.send(data)
+
+    def close(self) -> None:
+        """See `Wire`."""
+        if self._socket is not None:
+            self._socket.close()
+
+
+class LineWire:
+    """Lines of standard output, or of another binary file."""
+
+    def __init__(self, file: IO[bytes] | None = None) -> None:
+        self._file = file if file is not None else sys.stdout.buffer
+
+    def connect(self) -> None:
+        """See `Wire`."""
+
+    def send(self, data: bytes) -> None:
+        """See `Wire`."""
+        self._file.write(data + b"\n")
+        self._file.flush()
+
+    def close(self) -> None:
+        """See `Wire`."""
+
+
+class Outlet:
+    """One receiver at work.
+
+    Args:
+        name: for messages.
+        encoder: of its format.
+        wire: to it.
+        fps: of the motion.
+        note: told when the receiver goes, and when it is back.
+    """
+
+    def __init__(self, name: str, encoder: Encoder, wire: Wire, *, fps: float, note: Callable[[str], None]) -> None:
+        self.name, self.sent, self.dropped = name, 0, 0
+        self._encoder, self._wire, self._note = encoder, wire, note
+        self._waiting: deque[Motion] = deque()
+        self._most = max(1, round(WAITING * fps))
+        self._changed, self._over = threading.Condition(), False
+        self._thread = threading.Thread(target=self._work, name=f"cospeech {name}", daemon=True)
+        self._thread.start()
+
+    def send(self, frame: Motion) -> None:
+        """Queue one frame; returns at once."""
+        with self._changed:
+            if len(self._waiting) >= self._most:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(frame)
+            self._changed.notify()
+
+    def close(self, timeout: float = 2.0) -> None:
+        """Send what waits, and end; a receiver that takes longer than ``timeout`` seconds does not get it."""
+        with self._changed:
+            self._over = True
+            self._changed.notify()
+        self._thread.join(timeout)
+        self._wire.close()
+
+    def _next(self) -> Motion | None:
+        with self._changed:
+            while not self._waiting and not self._over:
+                self._changed.wait()
+            return self._waiting.popleft() if self._waiting else None
+
+    def _work(self) -> None:
+        connected, told, wait = False, False, _RETRY[0]
+        while (frame := self._next()) is not None:
+            try:
+                if not connected:
+                    self._wire.connect()
+                    if isinstance(self._encoder, JsonEncoder):
+                        self._wire.send(self._encoder.begin())
+                    if told:
+                        self._note(f"{self.name} is back")
+                    connected, told, wait = True, False, _RETRY[0]
+                for packets in self._encoder.frames(frame):
+                    for data in packets:
+                        self._wire.send(data)
+                self.sent += 1
+            except OSError as error:
+                self.dropped += 1
+                connected = False
+                if not told:
+                    told = True
+                    self._note(f"{self.name} cannot be reached ({error.strerror or error}); trying again")
+                with self._changed:
+                    self._changed.wait_for(lambda: self._over, wait)
+                wait = min(2 * wait, _RETRY[1])
+        if connected and isinstance(self._encoder, JsonEncoder):
+            with suppress(OSError):
+                self._wire.send(self._encoder.end())
+
+
+def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) -> tuple[str, int, dict[str, str]]:
+    """``scheme://host:port?key=value`` → host, port and options.
+
+    Args:
+        port: where the address has none; None: it must have one.
+        query: options that there are.
+
+    Raises:
+        InputError: no host, no port, or an option that there is not.
+    """
+    try:
+        parts = urlsplit(url)
+        found = parts.port or port
+    except ValueError:
+        raise InputError(f"{url!r} is no address", "write vmc://127.0.0.1:39539") from None
+    options = {key: values[-1] for key, values in parse_qs(parts.query, keep_blank_values=True).items()}
+    if not parts.hostname or found is None:
+        raise InputError(f"{url!r} has no {'port' if parts.hostname else 'host'}", f"write {parts.scheme}://127.0.0.1:8765")
+    for key in options:
+        if key not in query:
+            raise InputError(f"{url!r} has an unknown option {key!r}", f"known: {', '.join(query) or 'none'}")
+    return parts.hostname, found, options

@@ -1,0 +1,99 @@
+"""Frames that leave evenly, each at its own time on the clock, however unevenly they are made."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from ...motion.motion import Motion
+from .outlets import Outlet
+
+__all__ = ["FramePacer", "Pace"]
+
+MARGIN = 0.06  # seconds between the last moment at which a frame can be ready and its time to leave: two frames (ours)
+
+
+@dataclass
+class Pace:
+    """How evenly frames left."""
+
+    frames: int = 0
+    late: int = 0
+    """Frames that were made after their time to leave, by more than half of a frame."""
+    worst: float = 0.0
+    """Seconds after its time at which the latest frame left."""
+
+
+@dataclass
+class FramePacer:
+    """Sends frames to receivers: frame k at ``start + k / fps + delay``.
+
+    Args:
+        outlets: the receivers.
+        delay: seconds that a frame leaves after its sound: the session's latency, the length of a piece, and `MARGIN`.
+        paced: False: frames leave when they are made.
+        clock: seconds that only grow.
+    """
+
+    outlets: Sequence[Outlet]
+    delay: float
+    paced: bool = True
+    clock: Callable[[], float] = time.monotonic
+    pace: Pace = field(default_factory=Pace)
+
+    def __post_init__(self) -> None:
+        self._waiting: deque[Motion] = deque()
+        self._changed, self._over = threading.Condition(), False
+        self._start: float | None = None
+        self._thread = threading.Thread(target=self._work, name="cospeech pacing", daemon=True)
+        self._thread.start()
+
+    @property
+    def begun(self) -> bool:
+        """Whether the first sound was heard."""
+        return self._start is not None
+
+    def begin(self, heard: float = 0.0) -> None:
+        """So many seconds of sound have been heard now; before `push`."""
+        self._start = self.clock() - heard
+
+    def push(self, motion: Motion) -> None:
+        """Frames that were made."""
+        with self._changed:
+            self._waiting.extend(motion[k : k + 1] for k in range(len(motion)))
+            self._changed.notify()
+
+    def close(self, *, drop: bool = False) -> Pace:
+        """Wait until all frames have left; with ``drop``, forget those that have not."""
+        with self._changed:
+            if drop:
+                self._waiting.clear()
+            self._over = True
+            self._changed.notify()
+        self._thread.join()
+        return self.pace
+
+    def _work(self) -> None:
+        while (frame := self._next()) is not None:
+            if self.paced and self._start is not None:
+                due = self._start + frame.start + self.delay
+                self._sleep_until(due)
+                behind = self.clock() - due
+                self.pace.worst = max(self.pace.worst, behind)
+                self.pace.late += behind > 0.5 / frame.fps
+            self.pace.frames += 1
+            for outlet in self.outlets:
+                outlet.send(frame)
+
+    def _next(self) -> Motion | None:
+        with self._changed:
+            while not self._waiting and not self._over:
+                self._changed.wait()
+            return self._waiting.popleft() if self._waiting else None
+
+    def _sleep_until(self, due: float) -> None:
+        while (rest := due - self.clock()) > 0:
+            time.sleep(rest)

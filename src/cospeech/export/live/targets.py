@@ -1,0 +1,94 @@
+"""Receivers by their address: ``vmc://``, ``livelink://``, ``ws://``, ``listen://``, and ``-`` for standard output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import InputError
+from ...motion.skeleton import humanoid
+from ..avatar import load_avatar
+from . import live_link, vmc
+from .json_frames import JsonEncoder
+from .live_link import LiveLinkEncoder
+from .outlets import Encoder, LineWire, Outlet, UdpWire, Wire, split_address
+from .vmc import VmcEncoder, avatar_offsets
+from .websocket import WebSocketServer, WebSocketWire
+
+__all__ = ["SCHEMES", "StreamSettings", "open_outlet"]
+
+SCHEMES = {
+    "vmc": "VMC protocol: VSeeFace, Warudo, VMC4UE, EVMC4U, VMC4B; vmc://127.0.0.1:39539?face=vrm0|vrm1|arkit&packet=1400",
+    "livelink": "Live Link Face, for Unreal: livelink://127.0.0.1:11111?subject=cospeech",
+    "ws": "JSON to a WebSocket server of yours: ws://127.0.0.1:8765",
+    "wss": "JSON to a WebSocket server with TLS: wss://example.org/motion",
+    "listen": "JSON to every WebSocket client that connects: listen://127.0.0.1:8765",
+    "-": "JSON on standard output, one frame per line",
+}
+"""Scheme → what it is."""
+_PACKET = range(200, 65_001)  # bytes of a datagram that can be asked for: one bone must fit (ours)
+
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """What the encoders have to know of a stream."""
+
+    fps: float
+    latency: float
+    """Seconds that a frame leaves after its sound."""
+    parts: tuple[str, ...]
+    avatar: Path | None = None
+    """Whose bones receivers of bones have."""
+
+
+def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], None]) -> Outlet:
+    """The receiver at an address; it is connected to when the first frame comes, and again whenever it was lost.
+
+    Raises:
+        InputError: no such scheme, a part of the address that is missing or unknown, or a port that is taken.
+    """
+    scheme = "-" if address == "-" else address.partition("://")[0].lower()
+    if scheme not in SCHEMES or (scheme != "-" and "://" not in address):
+        raise InputError(f"cannot send to {address!r}", f"known: {', '.join(s if s == '-' else s + '://' for s in SCHEMES)}")
+    encoder, wire = _OPEN[scheme](address, settings)
+    return Outlet(address, encoder, wire, fps=settings.fps, note=note)
+
+
+def _vmc(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+    host, port, options = split_address(address, vmc.PORT, query=("face", "packet"))
+    face, packet = options.get("face", vmc.FACES[0]), options.get("packet", str(_PACKET[-1]))
+    if face not in vmc.FACES:
+        raise InputError(f"face={face!r} in {address!r}", f"known: {', '.join(vmc.FACES)}")
+    if not packet.isdecimal() or int(packet) not in _PACKET:
+        raise InputError(f"packet={packet!r} in {address!r}", f"bytes, {_PACKET[0]} … {_PACKET[-1]}; 1400 fits into Ethernet's")
+    rest = None if settings.avatar is None else avatar_offsets(load_avatar(settings.avatar))
+    return VmcEncoder(face=face, rest=rest, most=int(packet)), UdpWire(host, port)
+
+
+def _live_link(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+    host, port, options = split_address(address, live_link.PORT, query=("subject",))
+    subject = options.get("subject", "cospeech")
+    if not subject or len(subject.encode()) > 255:
+        raise InputError(f"subject={subject[:40]!r} in {address[:80]!r}", "a name of 1 … 255 bytes")
+    return LiveLinkEncoder(subject), UdpWire(host, port)
+
+
+def _json(settings: StreamSettings) -> JsonEncoder:
+    return JsonEncoder(settings.fps, settings.latency, humanoid(), face="face" in settings.parts)
+
+
+def _websocket(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+    split_address(address.split("?")[0], 443 if address.lower().startswith("wss:") else 80)
+    return _json(settings), WebSocketWire(address)
+
+
+def _listen(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+    host, port, _ = split_address(address, None)
+    return _json(settings), WebSocketServer(host, port)
+
+
+_OPEN: dict[str, Callable[[str, StreamSettings], tuple[Encoder, Wire]]] = {
+    "vmc": _vmc, "livelink": _live_link, "ws": _websocket, "wss": _websocket, "listen": _listen,
+    "-": lambda address, settings: (_json(settings), LineWire()),
+}  # fmt: skip

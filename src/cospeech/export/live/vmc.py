@@ -1,0 +1,122 @@
+"""VMC protocol 2.0 and later (https://protocol.vmc.info): bones and blend shapes of a VRM avatar as OSC over UDP.
+
+We are the *Performer*; the *Marionette* (VSeeFace, VMC4UE, EVMC4U, VMC4B for Blender, Warudo …) listens on port 39539. Each
+frame is one bundle: the state, the time, the root, every bone, the blend shapes, and the order to apply these.
+
+Bones have Unity's names and Unity's space, which is left-handed: x points to the character's right, so that positions change
+the sign of x, and quaternions those of y and z. Rotations are local to the T-pose with identity rest rotations, which is how
+VRM 0.x stores its avatars and how receivers hold those of VRM 1.0.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ...motion.motion import Motion
+from ...motion.rotations import Array
+from ...motion.skeleton import humanoid
+from ...motion.skeletons.arkit import ARKIT
+from ...motion.skeletons.vrm import FROM_VRM0
+from ..avatar import Avatar
+from ..rig import world_matrices
+from ..to_humanoid import as_humanoid
+from ..visemes import vrm_presets
+from . import osc
+
+__all__ = ["FACES", "PORT", "VmcEncoder", "avatar_offsets"]
+
+PORT = 39539
+FACES = ("vrm0", "vrm1", "arkit")
+"""Names of blend shapes that can be asked for; the protocol wants VRM 0.x's unless the user chooses."""
+
+_VRM0 = {
+    "aa": "A", "ih": "I", "ou": "U", "ee": "E", "oh": "O", "blink": "Blink", "blinkLeft": "Blink_L", "blinkRight": "Blink_R",
+}  # fmt: skip
+"""VRM 1.0's presets → VRM 0.x's (the table of the protocol)."""
+_MOST = 65_000  # bytes of a UDP datagram, a little less than can be
+_THUMBS = {new: old for old, new in FROM_VRM0.items()}  # Unity's names are those of VRM 0.x
+
+
+def _unity_name(name: str) -> str:
+    name = _THUMBS.get(name, name)
+    return name[0].upper() + name[1:]
+
+
+class VmcEncoder:
+    """Frames of motion → datagrams.
+
+    Args:
+        face: one of `FACES`: which names the blend shapes have; "arkit" are those of "perfect sync" avatars.
+        rest: offsets of the avatar's own bones, so that they keep their lengths (`avatar_offsets`); ours where not given.
+        most: bytes of a datagram; a frame that is longer is sent as several bundles.
+    """
+
+    def __init__(self, *, face: str = "vrm0", rest: Mapping[str, Array] | None = None, most: int = _MOST) -> None:
+        self._names, self._most = face, most
+        own = humanoid()
+        offsets = dict(zip(own.names, own.offsets, strict=True)) if rest is None else rest
+        self._bones = [k for k, name in enumerate(own.names) if name in offsets]
+        names = [own.names[k] for k in self._bones]
+        self._scale = float(offsets["hips"][1] / own.offsets[0][1])  # hips move as much further as the legs are longer
+        self._heads = [osc.message("/VMC/Ext/Bone/Pos", _unity_name(name), *[0.0] * 7)[:-28] for name in names]
+        self._places = _unity_place(np.array([offsets[name] for name in names], float))
+
+    def frames(self, motion: Motion) -> Iterator[list[bytes]]:
+        """The datagrams of each frame.
+
+        Args:
+            motion: the next frames; ``start`` and ``fps`` give their times on the audio clock.
+        """
+        motion = as_humanoid(motion)
+        turned = motion.rotations[:, self._bones] * np.array([1, -1, -1, 1], np.float32)
+        root = _unity_place(motion.root * self._scale)
+        names, weights = self._weights(motion)
+        shapes = [osc.message("/VMC/Ext/Blend/Val", name, 0.0)[:-4] for name in names]
+        for k in range(len(motion)):
+            messages = [
+                osc.message("/VMC/Ext/OK", 1),
+                osc.message("/VMC/Ext/T", motion.start + k / motion.fps),
+                osc.message("/VMC/Ext/Root/Pos", "root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+            ]
+            places = self._places.copy()
+            places[0] = root[k]
+            values = np.concatenate([places, turned[k]], 1).astype(">f4")
+            messages += [head + row.tobytes() for head, row in zip(self._heads, values, strict=True)]
+            messages += [head + struct.pack(">f", value) for head, value in zip(shapes, weights[k], strict=True)]
+            messages.append(osc.message("/VMC/Ext/Blend/Apply"))
+            yield osc.split_bundles(messages, self._most)
+
+    def _weights(self, motion: Motion) -> tuple[list[str], list[list[float]]]:
+        """Names of blend shapes, and (T, S) their weights 0 … 1; none without a face."""
+        if motion.face is None:
+            return [], [[] for _ in range(len(motion))]
+        face = np.clip(motion.face, 0, 1)
+        if self._names == "arkit":
+            return [name[0].upper() + name[1:] for name in ARKIT], face.tolist()
+        presets = {name: value for name, value in vrm_presets(face).items() if name in _VRM0}
+        names = list(presets) if self._names == "vrm1" else [_VRM0[name] for name in presets]
+        return names, np.clip(np.stack(list(presets.values()), 1), 0, 1).tolist()
+
+
+def avatar_offsets(avatar: Avatar) -> dict[str, Array]:
+    """Bone → (3,) metres from the next bone above it, in the avatar's T-pose; of the hips from the avatar's origin."""
+    own, bones, places = humanoid(), avatar.rig.bones, np.array(avatar.skeleton.tpose)
+    hips = bones["hips"]
+    places[:, 1] += world_matrices(avatar.file)[avatar.rig.nodes[hips]][1, 3] - places[hips, 1]  # the skeleton's is the floor
+    offsets = {}
+    for k, name in enumerate(own.names):
+        if name not in bones:
+            continue
+        above = own.parents[k]
+        while above >= 0 and own.names[above] not in bones:
+            above = own.parents[above]
+        start = np.zeros(3) if above < 0 else places[bones[own.names[above]]]
+        offsets[name] = places[bones[name]] - start
+    return offsets
+
+
+def _unity_place(places: Array) -> Array:
+    return places * np.array([-1.0, 1.0, 1.0])

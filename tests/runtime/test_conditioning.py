@@ -204,7 +204,7 @@ def test_who_cannot_is_told(option, tmp_path):
     for wrong in (7, tmp_path / "none.json", tmp_path, replace(recorded(), face=None)[:0]):
         with pytest.raises(InputError, match=r"^[^\n]*$"):
             gesturer().session(**{option: wrong}, **WHOLE)
-    with pytest.raises(InputError, match="no weights"):
+    with pytest.raises(InputError, match="has no face"):
         gesturer().session(face=replace(recorded(), face=None), **WHOLE)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.flow_engine import FlowEngine, StudentT
-from cospeech.runtime.flow_graph import build_graphs
-from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
+from cospeech.runtime.flow.engine import FlowEngine, StudentT
+from cospeech.runtime.flow.graph import build_graphs
+from cospeech.runtime.flow.weights import FlowSizes, pack_weights, unpack
 from cospeech.runtime.network import run_session
 
 torch = pytest.importorskip("torch")

@@ -19,7 +19,7 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
-from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
+from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler

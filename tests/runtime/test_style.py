@@ -22,7 +22,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
-from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
+from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.style import Styles, example_files
 from cospeech.runtime.style_space import FlowSpace

@@ -19,7 +19,7 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
-from cospeech.runtime.latent_sources import CodeSource
+from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.style_embedding import stretches

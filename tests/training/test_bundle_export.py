@@ -23,7 +23,7 @@ from cospeech.models import SHIPPED  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
-from cospeech.runtime.bundle import read_bundle  # noqa: E402
+from cospeech.runtime.bundles.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.batch_loader import SPREAD_FLOOR, BatchLoader, clip_moments, standard_audio, standard_pose  # noqa: E402

@@ -19,8 +19,8 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
+from cospeech.runtime.bundles.spec import VOICE  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
-from cospeech.runtime.spec import VOICE  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
 from cospeech.training.recipe import read_recipe  # noqa: E402

@@ -13,9 +13,9 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from cospeech.models.nn.export import ExportGraph  # noqa: E402
-from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
-from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
-from cospeech.runtime.graph_check import OPERATORS  # noqa: E402
+from cospeech.runtime.bundles.graph_check import OPERATORS  # noqa: E402
+from cospeech.runtime.flow.graph import build_graphs  # noqa: E402
+from cospeech.runtime.flow.weights import pack_weights  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.onnx_export import Exported, export_graphs, measure_reach  # noqa: E402
 from tests.support.runtime_bundles import random_arrays, small_sizes  # noqa: E402

@@ -128,7 +128,7 @@ def _add_bundle(app: typer.Typer) -> None:
         cospeech bundle old.cospeech -o new.cospeech
         """
         if run.is_file():
-            from ..runtime.convert_bundle import convert_bundle
+            from ..runtime.bundles.convert_bundle import convert_bundle
 
             convert_bundle(run, output)
         else:

@@ -19,8 +19,8 @@ from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder
 from .conditioning import Conditioning, check_conditioning, poses_before
-from .flow_engine import FlowEngine
-from .latent_sources import Transfer, best_transfer
+from .flow.engine import FlowEngine
+from .flow.latent_sources import Transfer, best_transfer
 from .mouth import POSE
 from .network import Network
 from .session import Decoder

@@ -26,7 +26,7 @@ from ..rules.stance_layer import StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoders import needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
-from .latent_sources import Transfer, flow_of
+from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
@@ -43,7 +43,7 @@ class TrainedModel:
 
     Args:
         system: an opened bundle; `TrainedModel.open` takes a path.
-        transfer: how styles become a flow's motion, see `cospeech.runtime.latent_sources`; the best one for it where not given.
+        transfer: how styles become a flow's motion, see `cospeech.runtime.flow.latent_sources`; the best one where not given.
         mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
     Raises:

@@ -18,8 +18,8 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.session import MOUTH_WAITS
+from .bundles.signature import Signature
 from .pose_resampler import PoseResampler
-from .signature import Signature
 from .sliding_window_decoder import SlidingWindowDecoder
 from .speech_frontend import SpeechFrontend
 from .style import Styles

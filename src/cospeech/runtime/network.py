@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .graph_check import check_onnx
-from .signature import Port, Signature
+from .bundles.graph_check import check_onnx
+from .bundles.signature import Port, Signature
 
 __all__ = ["LIMIT", "Network", "explain_failure", "open_session", "run_session"]
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
+from .bundles.signature import Signature
 from .conditioning import ConditioningFace
 from .network import Network
 from .network_decoder import NetworkDecoder
-from .signature import Signature
 from .style_track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import Sliding, WindowLayout, check_look_ahead

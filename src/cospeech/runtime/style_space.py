@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from .flow_engine import FlowEngine
-from .spec import VOICE
+from .bundles.spec import VOICE
+from .flow.engine import FlowEngine
 from .style_embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
 from .system import System
 

@@ -38,7 +38,7 @@ class ExportGraph:
     shortest: int = 1
     """The least T."""
     window: int | None = None
-    """This, and what follows: see `cospeech.runtime.signature.Signature`."""
+    """This, and what follows: see `cospeech.runtime.bundles.signature.Signature`."""
     look_ahead: int = 0
     hop: int | None = None
     seeds: int = 0

@@ -83,7 +83,7 @@ class Trainable(nn.Module):
         return {}
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """What plays, by the names of `cospeech.runtime.signature.NETWORKS`; for ``cospeech bundle``.
+        """What plays, by the names of `cospeech.runtime.bundles.signature.NETWORKS`; for ``cospeech bundle``.
 
         Raises:
             InputError: it makes no motion, which is the default.

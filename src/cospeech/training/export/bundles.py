@@ -14,9 +14,9 @@ import torch
 from ...audio.emotions import EMOTIONS
 from ...errors import InputError, nearest
 from ...motion.rotations import Array
+from ...runtime.bundles.spec import VOICE, half, unpack_half
+from ...runtime.bundles.statistics import Statistics
 from ...runtime.network import Network
-from ...runtime.spec import VOICE, half, unpack_half
-from ...runtime.statistics import Statistics
 from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
 from ..processes import surroundings
@@ -139,7 +139,7 @@ def _players(exported: ExportedModel, weights: Mapping[str, Array]) -> dict[str,
 
 
 def _style_space(codes: Array) -> str:
-    """Of `cospeech.runtime.spec.STYLE_SPACES` the one in which the speakers have these styles (S, C)."""
+    """Of `cospeech.runtime.bundles.spec.STYLE_SPACES` the one in which the speakers have these styles (S, C)."""
     speakers, width = codes.shape
     alone = np.eye(speakers, width)
     if width == speakers + len(EMOTIONS):

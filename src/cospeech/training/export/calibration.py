@@ -11,9 +11,9 @@ from ...audio.emotions import EMOTIONS
 from ...models.nn.gumbel import smooth_gumbel
 from ...models.nn.objective import StepRandom
 from ...motion.rotations import Array
+from ...runtime.bundles.statistics import Statistics
 from ...runtime.mode_noise import SECONDS
 from ...runtime.network import Network
-from ...runtime.statistics import Statistics
 from ..train import Tell
 
 __all__ = ["calibrate", "relative_error", "stretch_rows"]

@@ -16,7 +16,7 @@ from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
-from ...runtime.signature import Signature
+from ...runtime.bundles.signature import Signature
 from .onnx_export import export_graphs
 
 __all__ = ["ExportedModel", "export_model"]

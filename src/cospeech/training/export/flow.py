@@ -15,8 +15,8 @@ from ...models.nn.conditioning import frame_windows
 from ...models.nn.objective import StepRandom
 from ...motion.poses.controls import CONTROLS
 from ...motion.rotations import Array
-from ...runtime.flow_weights import FlowSizes
-from ...runtime.statistics import Statistics
+from ...runtime.bundles.statistics import Statistics
+from ...runtime.flow.weights import FlowSizes
 from ...runtime.system import write_flow
 from ..train import Tell
 

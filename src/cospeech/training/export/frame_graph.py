@@ -17,7 +17,7 @@ from onnx.reference import ReferenceEvaluator
 
 from ...errors import InputError
 from ...motion.rotations import Array
-from ...runtime.graph_builder import GraphBuilder
+from ...runtime.bundles.graph_builder import GraphBuilder
 
 __all__ = ["Dims", "FrameGraph", "Joined", "Padded", "Value", "attributes", "refuse"]
 

@@ -23,8 +23,8 @@ from torch import Tensor
 from ...errors import InputError
 from ...models.nn.export import ExportGraph, inference_copy
 from ...motion.rotations import Array
+from ...runtime.bundles.signature import Signature
 from ...runtime.network import open_session
-from ...runtime.signature import Signature
 from .frame_graph import Dims, FrameGraph
 
 __all__ = ["Exported", "export_graphs"]

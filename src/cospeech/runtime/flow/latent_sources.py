@@ -15,13 +15,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
-from .autoregressive_decoder import Source
-from .flow_engine import FlowEngine, StudentT
-from .style_embedding import StyleMixture, average_parts, mix
-from .style_space import FlowSpace
-from .system import System
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..autoregressive_decoder import Source
+from ..style_embedding import StyleMixture, average_parts, mix
+from ..style_space import FlowSpace
+from ..system import System
+from .engine import FlowEngine, StudentT
 
 __all__ = ["CodeSource", "NormalSource", "SegmentSource", "Transfer", "best_transfer", "flow_of"]
 

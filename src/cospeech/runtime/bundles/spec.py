@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS
-from ..audio.features.reduce import REDUCTIONS, audio_width
-from ..audio.features.words import BUCKETS
-from ..errors import InputError
-from ..motion.poses import POSES, find_pose
-from ..motion.poses.controls import CONTROLS, QUANTILES
-from ..motion.rotations import Array
-from ..motion.skeletons.arkit import ARKIT
+from ...audio.emotions import EMOTIONS
+from ...audio.features.reduce import REDUCTIONS, audio_width
+from ...audio.features.words import BUCKETS
+from ...errors import InputError
+from ...motion.poses import POSES, find_pose
+from ...motion.poses.controls import CONTROLS, QUANTILES
+from ...motion.rotations import Array
+from ...motion.skeletons.arkit import ARKIT
+from ..flow.weights import FlowSizes
+from ..flow.weights import check_weights as check_flow
 from .bundle import Bundle
-from .flow_weights import FlowSizes
-from .flow_weights import check_weights as check_flow
 from .graph_check import check_onnx
 from .signature import Signature
 from .statistics import Statistics

@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...errors import InputError
+from ...motion.rotations import Array
 
 __all__ = [
     "CODE", "GATES", "LEVELS", "SCALE_FLOOR", "STEP_GAIN", "FlowSizes", "check_weights", "pack_weights", "state_kinds",

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...errors import InputError
+from ...motion.rotations import Array
 
 __all__ = ["Statistics"]
 

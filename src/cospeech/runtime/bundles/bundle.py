@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..export.arrays import check_zip
-from ..files import atomic, parse_json, read_regular
-from ..limits import (  # fmt: skip
+from ...errors import InputError
+from ...export.arrays import check_zip
+from ...files import atomic, parse_json, read_regular
+from ...limits import (  # fmt: skip
     BUNDLE_CARD_BYTES,
     BUNDLE_GRAPH_BYTES,
     BUNDLE_MANIFEST_BYTES,
@@ -33,7 +33,7 @@ from ..limits import (  # fmt: skip
     BUNDLE_WEIGHTS_BYTES,
     TENSORS_HEAD_BYTES,
 )
-from ..motion.rotations import Array
+from ...motion.rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...audio.emotions import EMOTIONS
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..network import open_session
+from ..system import open_system
 from .bundle import Bundle, pack_arrays, read_bundle, write_bundle
-from .network import open_session
 from .signature import STYLE_FRAMES, Port, Signature
 from .spec import STATISTICS, WEIGHTS, read_spec, unpack_half
-from .system import open_system
 
 __all__ = ["NAMES", "SIZES", "convert_bundle"]
 

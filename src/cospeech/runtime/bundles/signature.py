@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..errors import InputError
+from ...errors import InputError
 
 __all__ = ["NETWORKS", "PORTS", "STYLE_FRAMES", "Port", "Signature"]
 

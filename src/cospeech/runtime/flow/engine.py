@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
-from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .network import explain_failure, open_session, run_session
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..network import explain_failure, open_session, run_session
+from .weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
 
 __all__ = ["FlowEngine", "StudentT", "Takes"]
 
@@ -48,8 +48,8 @@ class FlowEngine:
 
     Args:
         sizes: of the network.
-        weights: of `cospeech.runtime.flow_weights.pack_weights`.
-        graphs: of `cospeech.runtime.flow_graph.build_graphs`.
+        weights: of `cospeech.runtime.flow.weights.pack_weights`.
+        graphs: of `cospeech.runtime.flow.graph.build_graphs`.
         low, high: (D,) bounds of every pose that is made: those of the training data and some more. What is fed back can
             therefore not run away.
 

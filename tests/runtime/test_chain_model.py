@@ -23,7 +23,6 @@ from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.audio.speech import Speech, Word
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
-from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.flow.latent_sources import CodeSource
@@ -55,16 +54,6 @@ def cut_with_words(speech: Speech, edges) -> list[Speech]:
         Speech(speech.samples[a:b], speech.rate, tuple(w for w in speech.words if a <= w.start * speech.rate < b))
         for a, b in pairwise(bounds)
     ]
-
-
-@pytest.mark.parametrize("fps", [15.0, 30.0, 24000 / 1001, 7.3])
-def test_frames_and_clothes(fps):
-    speech = talk()
-    motion = gesturer().generate(speech, fps=fps, seed=1)
-    assert len(motion) == speech.frames(fps)
-    assert (motion.fps, motion.skeleton) == (fps, humanoid())
-    assert motion.face.shape == (len(motion), 52)
-    assert motion.rotations.std(0).max() > 0.01  # it moves
 
 
 @pytest.mark.parametrize("style", ["ada", VOICE])
@@ -190,34 +179,6 @@ def test_short_speech(samples, look_ahead):
     motion = gesturer().generate(speech, look_ahead=look_ahead)
     assert len(motion) == speech.frames(30.0)
     assert np.isfinite(motion.rotations).all()
-
-
-def test_odd_speech():
-    for look_ahead in (None, inf):
-        assert np.isfinite(
-            gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead).rotations
-        ).all()
-    with pytest.raises(InputError, match="no speech"):
-        list(gesturer().session().finish())
-    session = gesturer().session()
-    list(session.push(talk(0.5)))
-    with pytest.raises(InputError, match="Hz"):
-        list(session.push(talk(0.5, rate=8000)))
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"}, {"style": "ada:nan"}, {"style": ""},
-        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
-        {"temperature": 3}, {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
-        {"look_ahead": -1.0}, {"look_ahead": np.nan}, {"look_ahead": "long"}, {"look_ahead": True}, {"look_ahead": [1]},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_wrong_options(options):
-    with pytest.raises(InputError, match=r"^[^\n]*$"):
-        gesturer().session(**options)
 
 
 def test_what_a_chain_cannot_do_is_told():

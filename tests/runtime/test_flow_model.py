@@ -48,19 +48,6 @@ def source(style: object, seed: int = 0):
     return CodeSource(system, blend(style), seed=seed)
 
 
-@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
-def test_frames_and_clothes(fps):
-    speech = talk()
-    motion = gesturer().generate(speech, fps=fps, seed=1)
-    assert len(motion) == speech.frames(fps)
-    assert motion.fps == fps
-    assert motion.skeleton == humanoid()
-    assert motion.rotations.dtype == np.float32
-    assert motion.face is not None
-    assert motion.face.shape == (len(motion), 52)
-    assert motion.rotations[:, BODY].std(0).max() > 0.01  # it moves
-
-
 @pytest.mark.parametrize(
     ("pose", "fps", "audio"),
     [("expmap-humanoid", 20.0, "mel20-prosody"), ("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")],
@@ -184,37 +171,6 @@ def test_resampling_keeps_poses_and_holds_ends(fps):
     np.testing.assert_allclose(made[0, inner, 0], at[inner], atol=2e-4)
     assert made[1, 0, 2] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
     assert (np.diff(made[0, :, 0]) >= -1e-4).all()
-
-
-def test_odd_speech():
-    tiny = gesturer().generate(Speech(np.zeros(1, np.float32)))
-    assert len(tiny) == 1
-    silent = gesturer().generate(Speech(np.zeros(48_000, np.float32)))
-    assert np.isfinite(silent.rotations).all()
-    loud = gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)))
-    assert len(loud) == 30
-    with pytest.raises(InputError, match="no speech"):
-        list(gesturer().session().finish())
-    session = gesturer().session()
-    list(session.push(talk(0.5)))
-    with pytest.raises(InputError, match="Hz"):
-        list(session.push(talk(0.5, rate=8000)))
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"},
-        {"style": "ada:nan"}, {"style": ""},
-        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
-        {"temperature": 3},
-        {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_wrong_options(options):
-    with pytest.raises(InputError):
-        gesturer().session(**options)
 
 
 def test_poses_that_add_up_are_refused(tmp_path):

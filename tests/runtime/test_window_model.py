@@ -48,17 +48,6 @@ CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
 # as every gesturer -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0, 24000 / 1001, 7.3])
-def test_frames_and_clothes(fps):
-    speech = talk()
-    motion = gesturer().generate(speech, fps=fps, seed=1)
-    assert len(motion) == speech.frames(fps)
-    assert (motion.fps, motion.skeleton) == (fps, humanoid())
-    assert motion.rotations.dtype == np.float32
-    assert motion.face.shape == (len(motion), 52)
-    assert motion.rotations.std(0).max() > 0.01  # it moves
-
-
 @pytest.mark.parametrize("look_ahead", [None, 0.0, 0.5, inf])
 def test_pieces_do_not_show(look_ahead):
     speech = talk()
@@ -117,35 +106,6 @@ def test_intensity_scales_from_the_style_s_mean_pose():
     mean = s.speaker_mean[:2].mean(0) * s.pose_std + s.pose_mean
     np.testing.assert_allclose((still[0] - humanoid().offsets[0])[[0, 2]], mean[[0, 2]], atol=1e-5)
     np.testing.assert_allclose((half - still)[:, 0], (full - still)[:, 0] / 2, atol=1e-5)
-
-
-def test_odd_speech():
-    assert len(gesturer().generate(Speech(np.zeros(1, np.float32)))) == 1
-    for look_ahead in (None, inf):
-        loud = gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead)
-        assert len(loud) == 30
-        assert np.isfinite(loud.rotations).all()
-    with pytest.raises(InputError, match="no speech"):
-        list(gesturer().session().finish())
-    session = gesturer().session()
-    list(session.push(talk(0.5)))
-    with pytest.raises(InputError, match="Hz"):
-        list(session.push(talk(0.5, rate=8000)))
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"}, {"style": "ada:nan"}, {"style": ""},
-        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
-        {"temperature": 3}, {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
-        {"look_ahead": -1.0}, {"look_ahead": np.nan}, {"look_ahead": "long"}, {"look_ahead": True},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_wrong_options(options):
-    with pytest.raises(InputError, match=r"^[^\n]*$"):
-        gesturer().session(**options)
 
 
 def test_latents_are_of_flows():

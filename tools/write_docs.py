@@ -19,7 +19,20 @@ from cospeech.cli.catalogue import catalogue
 from cospeech.limits import LIMITS, Limit
 
 ROOT = Path(__file__).resolve().parents[1]
-COMMANDS = ("generate", "convert", "render", "list", "demo", "bench", "prepare", "synthesise", "evaluate", "train", "bundle")
+COMMANDS = (
+    "generate",
+    "stream",
+    "convert",
+    "render",
+    "list",
+    "demo",
+    "bench",
+    "prepare",
+    "synthesise",
+    "evaluate",
+    "train",
+    "bundle",
+)
 BINARY = {30: "GiB", 20: "MiB", 10: "KiB", 0: "bytes"}
 BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
 FILE = re.compile(r"(<!-- file: (\S+) -->\n```\w+\n).*?(^```\n<!-- end -->)", re.S | re.M)

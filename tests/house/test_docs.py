@@ -146,6 +146,8 @@ def test_commands_of_the_docs_work(desk, line):
         pytest.skip("needs an avatar of the reader's; the tests of avatars drive some")
     if line == "cospeech demo":
         pytest.skip("`make demo` is this")
+    if "listen://" in line:
+        pytest.importorskip("websockets")
     needs_weights(line)
     run(line, desk)
     for name in re.findall(r"-o (\S+)", line):

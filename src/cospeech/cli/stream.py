@@ -127,7 +127,7 @@ def stream(
         over = False
         try:
             for piece in pieces:
-                if not pacer.begun:
+                if not pacer.is_started:
                     pacer.begin(float(piece.duration))
                 for motion in session.push(piece):
                     pacer.push(motion)

@@ -52,7 +52,7 @@ class FramePacer:
         self._thread.start()
 
     @property
-    def begun(self) -> bool:
+    def is_started(self) -> bool:
         """Whether the first sound was heard."""
         return self._start is not None
 

@@ -41,8 +41,8 @@ from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechTextFrontend
-from cospeech.runtime.style import Styles
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.style import Styles
 from cospeech.runtime.system import System
 from cospeech.training.checkpoint import network
 from cospeech.training.export.onnx_export import export_graphs

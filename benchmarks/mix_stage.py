@@ -30,8 +30,8 @@ from cospeech.models.nn.objective import Batch, StepRandom
 from cospeech.runtime.bundles.statistics import Statistics
 from cospeech.runtime.network import Network
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
-from cospeech.runtime.style_space import style_space
-from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.track import StyleTrack
 from cospeech.runtime.system import System
 from cospeech.training.export.onnx_export import Exported, export_graphs
 

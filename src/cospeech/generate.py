@@ -34,7 +34,7 @@ from .motion.motion import Motion
 from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
-from .runtime.style import example_files
+from .runtime.styles.style import example_files
 
 __all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path"]
 

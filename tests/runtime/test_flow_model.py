@@ -23,8 +23,8 @@ from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, Segme
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.pose_resampler import PoseResampler
-from cospeech.runtime.style import Styles
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.style import Styles
 from tests.support.runtime_bundles import changed, cut, same, talk, write_small
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]

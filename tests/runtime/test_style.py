@@ -24,8 +24,8 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.style import Styles, example_files
-from cospeech.runtime.style_space import FlowSpace
+from cospeech.runtime.styles.space import FlowSpace
+from cospeech.runtime.styles.style import Styles, example_files
 from cospeech.runtime.system import System, open_bundle
 from tests.support.runtime_bundles import write_small
 

@@ -22,8 +22,8 @@ from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.sliding_window_decoder import LIVE
-from cospeech.runtime.style_embedding import stretches
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.embedding import stretches
+from cospeech.runtime.styles.space import style_space
 from tests.support.fake_windows import whole_system
 from tests.support.runtime_bundles import changed, cut, same, talk, write_small_window
 

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .network import Network
-from .style_embedding import encode_motion
+from .styles.embedding import encode_motion
 from .system import System
 
 __all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_conditioning", "poses_before", "read_conditioning"]

@@ -26,9 +26,9 @@ from .network import Network
 from .session import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
-from .style_embedding import StyleMixture
-from .style_space import StyleSpace
-from .style_track import SpokenStyleTrack, StyleTrack
+from .styles.embedding import StyleMixture
+from .styles.space import StyleSpace
+from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import check_look_ahead
 

@@ -31,8 +31,8 @@ from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
-from .style import Styles
-from .style_space import style_space
+from .styles.space import style_space
+from .styles.style import Styles
 from .system import System, open_bundle
 
 __all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
@@ -149,7 +149,7 @@ class TrainedModel:
         Args:
             speech: any rate.
             style: a speaker of the training data by name (`styles` lists them); an example: a motion file, or a `Motion`; a
-                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
+                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.styles.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face, and of body and hands where a system knows emotions: one of
                 `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, see docs/styles.md.

@@ -22,9 +22,9 @@ from .bundles.signature import Signature
 from .pose_resampler import PoseResampler
 from .sliding_window_decoder import SlidingWindowDecoder
 from .speech_frontend import SpeechFrontend
-from .style import Styles
-from .style_space import style_space
-from .style_track import StyleTrack
+from .styles.space import style_space
+from .styles.style import Styles
+from .styles.track import StyleTrack
 from .system import System, open_bundle
 from .window_layout import WindowLayout
 

@@ -32,7 +32,7 @@ from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
 from .seam import Seam
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
-from .style_embedding import StyleMixture
+from .styles.embedding import StyleMixture
 from .system import System
 
 __all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]

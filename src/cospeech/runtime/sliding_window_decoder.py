@@ -15,7 +15,7 @@ from .bundles.signature import Signature
 from .conditioning import ConditioningFace
 from .network import Network
 from .network_decoder import NetworkDecoder
-from .style_track import SpokenStyleTrack, StyleTrack
+from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import Sliding, WindowLayout, check_look_ahead
 

@@ -18,8 +18,8 @@ import numpy as np
 from ...errors import InputError
 from ...motion.rotations import Array
 from ..autoregressive_decoder import Source
-from ..style_embedding import StyleMixture, average_parts, mix
-from ..style_space import FlowSpace
+from ..styles.embedding import StyleMixture, average_parts, mix
+from ..styles.space import FlowSpace
 from ..system import System
 from .engine import FlowEngine, StudentT
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, nearest
-from ..export.registry import FORMATS, reads_body, suffixes
-from ..motion.motion import Motion
-from ..motion.named_numbers import read_named_numbers
-from .style_embedding import StyleEmbedding, StyleMixture
-from .style_space import StyleSpace
-from .system import System
+from ...errors import InputError, nearest
+from ...export.registry import FORMATS, reads_body, suffixes
+from ...motion.motion import Motion
+from ...motion.named_numbers import read_named_numbers
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture
+from .space import StyleSpace
 
 __all__ = ["StyleMixture", "Styles", "example_files"]
 

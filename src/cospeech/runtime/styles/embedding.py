@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.motion import Motion
-from ..motion.poses import Pose, find_pose
-from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
-from .bundles.spec import BundleFacts
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.poses import Pose, find_pose
+from ...motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
+from ..bundles.spec import BundleFacts
 
 __all__ = ["StyleEmbedding", "StyleMixture", "encode_motion", "mix", "standardise_example", "stretches", "average_parts"]
 

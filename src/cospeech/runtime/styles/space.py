@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.motion import Motion
-from ..motion.rotations import Array
-from .bundles.spec import VOICE
-from .flow.engine import FlowEngine
-from .style_embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
-from .system import System
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.rotations import Array
+from ..bundles.spec import VOICE
+from ..flow.engine import FlowEngine
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
 
 __all__ = ["CodeSpace", "FlowSpace", "OneHotSpace", "StyleSpace", "style_space"]
 

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, Moods
-from ..motion.rotations import Array
-from .crossfade import Crossfade
-from .pose_resampler import MOST_LAG
-from .speaker_emotion_tracker import SpeakerEmotionTracker
-from .style_embedding import StyleEmbedding, StyleMixture
-from .style_space import StyleSpace
-from .system import System
+from ...audio.emotions import EMOTIONS, Moods
+from ...motion.rotations import Array
+from ..crossfade import Crossfade
+from ..pose_resampler import MOST_LAG
+from ..speaker_emotion_tracker import SpeakerEmotionTracker
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture
+from .space import StyleSpace
 
 __all__ = ["SpokenStyleTrack", "StyleTrack"]
 

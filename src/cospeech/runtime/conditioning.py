@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 
@@ -9,12 +10,21 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.rotations import Array
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from .network import Network
 from .styles.embedding import encode_motion
 from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_conditioning", "poses_before", "read_conditioning"]
+__all__ = [
+    "NOTHING",
+    "OFFLINE",
+    "Conditioning",
+    "ConditioningFace",
+    "Seam",
+    "check_conditioning",
+    "poses_before",
+    "read_conditioning",
+]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
@@ -121,3 +131,35 @@ def poses_before(system: System, motion: Motion, frames: int) -> Array:
     part = (place - low).astype(np.float32)[:, None]
     here, there = rows[low], rows[np.minimum(low + 1, len(tail) - 1)]
     return (here + part * (there - here)).astype(np.float32)  # type: ignore[no-any-return]
+
+
+class Seam:
+    """What is missing from the last frame of a motion to the first that goes on from it, faded out within half a second.
+
+    A network goes on in its own representation, which does not say all: one has fewer numbers for a thumb than a thumb has
+    angles, or none for feet and eyes. Here every joint goes on from where it was.
+
+    Args:
+        before: the motion, of any skeleton that is recognised; one frame at least.
+        fps: of what goes on.
+        still: joints that are not generated, and stay as they are.
+        placed: whether the hips' place is generated.
+    """
+
+    def __init__(self, before: Motion, fps: float, *, still: Sequence[int] = (), placed: bool = True) -> None:
+        last = before[len(before) - 1 :].retarget("humanoid")
+        self._rotations, self._root = np.asarray(last.rotations[0], float), np.asarray(last.root[0], float)
+        self._fps, self._still, self._placed = fps, list(still), placed
+        self._gap: tuple[Array, Array] | None = None
+
+    def blend(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
+        """Rotations (n, J, 4) and places (n, 3) of the frames from ``first`` on, which is 0 at the first call."""
+        if self._gap is None:
+            turns = quat_to_rotvec(quat_multiply(self._rotations, quat_conjugate(rotations[0].astype(float))))
+            turns[self._still] = 0.0
+            self._gap = turns, (self._root - root[0]) * self._placed
+        turns, way = self._gap
+        left = np.clip(1 - (first + np.arange(len(rotations)) + 1) / (FADE * self._fps), 0, 1)  # all of it a frame before
+        left = (left * left * (3 - 2 * left))[:, None]
+        turned = quat_multiply(rotvec_to_quat(left[..., None] * turns), rotations.astype(float))
+        return np.where(left[..., None] > 0, turned, rotations).astype(rotations.dtype), (root + left * way).astype(root.dtype)

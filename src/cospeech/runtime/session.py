@@ -28,9 +28,9 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
+from .conditioning import Seam
 from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
-from .seam import Seam
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System

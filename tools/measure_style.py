@@ -1,4 +1,4 @@
-"""Compares the ways of style transfer (`cospeech.runtime.flow.latent_sources`) on a bundle. It writes the table of docs/styles.md.
+"""Compares ways of style transfer (`cospeech.runtime.flow.latent_sources`) on a bundle, and writes the table of docs/styles.md.
 
     python tools/measure_style.py BUNDLE.cospeech --store STORE --raw CORPUS [--write]
 

@@ -1,4 +1,4 @@
-"""What a performance may be given beside speech: a face, and motion that it goes on from."""
+"""What a session can be given beside speech: a face, and motion that it continues from."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ConditioningFace:
 
 @dataclass(frozen=True)
 class Conditioning:
-    """What is given; None: nothing."""
+    """A face, and motion to continue from; None where not given."""
 
     face: ConditioningFace | None = None
     before: Motion | None = None
@@ -75,7 +75,7 @@ class Conditioning:
 
     @property
     def anything(self) -> bool:
-        """Whether there is some of it."""
+        """Whether a face or a motion is given."""
         return self.face is not None or self.before is not None
 
 
@@ -83,10 +83,10 @@ NOTHING = Conditioning()
 
 
 def read_conditioning(face: object, before: object) -> Conditioning:
-    """Motions, or files of them.
+    """Read the face and the motion to continue from.
 
     Raises:
-        InputError: neither, or what cannot be read.
+        InputError: neither a Motion nor a file, or a file that cannot be read.
     """
     shown, past = _motion(face, "a face"), _motion(before, "motion to continue from")
     if past is not None and not len(past):
@@ -103,7 +103,7 @@ def _motion(conditioning: object, what: str) -> Motion | None:
 
 
 def check_conditioning(conditioning: Conditioning, network: Network) -> None:
-    """Whether a network can be given these.
+    """Refuse what a network does not take.
 
     Raises:
         InputError: it takes no such thing, or plays frame by frame.
@@ -134,10 +134,10 @@ def poses_before(system: System, motion: Motion, frames: int) -> Array:
 
 
 class Seam:
-    """What is missing from the last frame of a motion to the first that goes on from it, faded out within half a second.
+    """The gap between the last frame of a motion and the first frame that continues it, faded out within half a second.
 
-    A network goes on in its own representation, which does not say all: one has fewer numbers for a thumb than a thumb has
-    angles, or none for feet and eyes. Here every joint goes on from where it was.
+    The representation of a network lacks some angles: a thumb has fewer numbers than angles; feet and eyes have none. The seam
+    makes every joint continue from where it was.
 
     Args:
         before: the motion, of any skeleton that is recognised; one frame at least.

@@ -90,7 +90,7 @@ class TrainedModel:
         return self._usual.look_ahead
 
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> TrainedSession:
-        """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
+        """A session to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
         if options.takes > _MOST_TAKES:
             raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
@@ -120,7 +120,7 @@ class TrainedModel:
         return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
-        """Who makes the face; of a system of faces one that speaks with it, in that style."""
+        """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
         system = self.system
         if system.pose != POSE or "make" not in system.networks:
             return self._rules
@@ -129,7 +129,7 @@ class TrainedModel:
     def _start(
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
-        """Who hears, and who plays."""
+        """The front end of the speech, and the decoder."""
         kind = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
         frontend = kind(self.system, resolved_style.controls)
         decoder = start_decoder(
@@ -138,7 +138,7 @@ class TrainedModel:
         return frontend, decoder
 
     def _resolve_style(self, style: object) -> ResolvedStyle:
-        """What a style means."""
+        """A style as the decoder needs it."""
         weights, controls = _parse_style(style, self.system)
         blend = self._styles.blend(weights)
         return ResolvedStyle(blend, controls, self._space.shares(blend))

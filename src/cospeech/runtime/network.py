@@ -131,7 +131,7 @@ def _sane(values: Array) -> Array:
 
 
 def _clip_output(values: Array, low: Any, high: Any) -> Array:
-    """What a hostile network makes too: infinities at the bounds, what is no number at 0."""
+    """Bound the outputs of any network: infinities become the bounds, NaN becomes 0."""
     bounded: Array = np.minimum(np.maximum(values, low), high)
     if np.isnan(bounded).any():
         bounded = np.minimum(np.maximum(np.where(np.isnan(bounded), np.float32(0), bounded), low), high)
@@ -168,7 +168,7 @@ def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
     """Outputs for inputs.
 
     Raises:
-        InputError: it fails, as only a graph of somebody else's does.
+        InputError: it fails; our own graphs do not.
     """
     try:
         made: list[Array] = session.run(None, given)

@@ -27,7 +27,7 @@ __all__ = ["System", "open_bundle", "open_system", "write_flow", "write_networks
 
 @dataclass(frozen=True)
 class System(BundleFacts):
-    """What plays."""
+    """An opened bundle: its facts and its networks, ready to run."""
 
     networks: Mapping[str, Network]
     """See `cospeech.runtime.bundles.signature.NETWORKS`; none for a flow."""
@@ -143,7 +143,7 @@ def _write(
     path: str | PathLike[str], facts: Mapping[str, Any], graphs: Mapping[str, bytes], weights: Mapping[str, Array],
     statistics: Statistics, card: str,
 ) -> None:  # fmt: skip
-    """What can be opened is written."""
+    """Write a bundle, after a check that it can be opened."""
     members = {
         WEIGHTS: pack_arrays(weights),
         STATISTICS: pack_arrays({name: value for name, value in vars(statistics).items() if value.size}),

@@ -23,7 +23,7 @@ class WindowLayout:
     """How windows lie, in frames.
 
     Raises:
-        InputError: windows that do not hold what they shall.
+        InputError: the frames do not fit into the window.
     """
 
     window: int
@@ -50,8 +50,10 @@ class WindowLayout:
 
 
 def check_look_ahead(seconds: object) -> None:
-    """Raises:
-    InputError: no number of seconds from 0 on, nor None.
+    """Refuse a look-ahead that is no number of seconds.
+
+    Raises:
+        InputError: neither a number from 0 on nor None.
     """
     number = isinstance(seconds, int | float | np.number) and not isinstance(seconds, bool)
     if seconds is not None and not (number and seconds >= 0):  # type: ignore[operator]  # NaN fails, too

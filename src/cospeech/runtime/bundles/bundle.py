@@ -51,7 +51,7 @@ _HINT = "is the file damaged, or not a bundle of ours?"
 
 @dataclass(frozen=True)
 class Bundle:
-    """What a file held, checked but not interpreted."""
+    """The content of a file: checked, but not yet interpreted."""
 
     name: str
     manifest: Mapping[str, Any]
@@ -93,7 +93,7 @@ class Bundle:
 
 
 def pack_arrays(arrays: Mapping[str, Array]) -> bytes:
-    """A safetensors member."""
+    """Arrays as a safetensors member."""
     from safetensors.numpy import save
 
     return save({name: np.ascontiguousarray(value) for name, value in arrays.items()})

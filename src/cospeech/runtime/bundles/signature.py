@@ -54,7 +54,7 @@ _HINT = "is the bundle damaged?"
 
 @dataclass(frozen=True)
 class Signature:
-    """Ports of a network, and how its frames lie.
+    """Ports of a network, its window and its look-ahead.
 
     Raises:
         InputError: sizes that no network of ours can have.
@@ -96,7 +96,7 @@ class Signature:
 
     @classmethod
     def parse(cls, role: str, value: object) -> Signature:
-        """Out of a manifest, as the network ``role``.
+        """Read the signature of the network ``role`` from a manifest.
 
         Raises:
             InputError: it is none, of an unknown role, or absurd.
@@ -110,7 +110,7 @@ class Signature:
         return found
 
     def check(self, role: str) -> None:
-        """Whether the ports are those of this network.
+        """Refuse ports that a network of this name cannot have.
 
         Raises:
             InputError: they are not.
@@ -140,7 +140,7 @@ class Signature:
                 raise InputError(f"state {name[:40]!r} has the shape {str(port)[:60]}", f"(N or 1, at most {_WIDEST_STATE:,})")
 
     def to_dict(self) -> dict[str, Any]:
-        """For a manifest; what has its default is left out."""
+        """The signature as a manifest holds it; defaults are left out."""
         found = {f.name: getattr(self, f.name) for f in fields(self)}
         ports = {key: {name: list(port) for name, port in found[key].items()} for key in ("inputs", "outputs", "state")}
         plain = {f.name: found[f.name] for f in fields(self)[3:] if found[f.name] != f.default}

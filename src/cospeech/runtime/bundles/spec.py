@@ -43,7 +43,7 @@ _GRAPHS = {"speech", "past", "frame"}  # of a flow; style where it has codes
 
 @dataclass(frozen=True)
 class BundleFacts:
-    """What every system says of itself."""
+    """The facts that every bundle states."""
 
     name: str
     """Of the file."""
@@ -86,7 +86,7 @@ class BundleSpec(BundleFacts):
 
 
 def half(weights: Mapping[str, Array]) -> dict[str, Array]:
-    """Weights at half the size: float16 but for biases.
+    """Weights at half their size: all but biases become float16.
 
     Raises:
         InputError: some are too large for it.
@@ -175,7 +175,7 @@ def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
 
 
 def _facts(bundle: Bundle) -> dict[str, Any]:
-    """Those of `BundleFacts` but the statistics."""
+    """The facts of `BundleFacts`, without the statistics."""
     pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
     smooth, names, style = bundle.fact("smooth", int), bundle.fact("styles", list), bundle.fact("style", str)
     if style not in names or len({str(name) for name in names}) < len(names) or not all(isinstance(n, str) for n in names):
@@ -209,7 +209,7 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
 
 
 def _statistics(bundle: Bundle) -> Statistics:
-    """By their names; not checked."""
+    """The statistics by their names, not checked yet."""
     arrays = bundle.arrays(STATISTICS)
     required = {f.name for f in fields(Statistics)[:9]}
     if not required <= set(arrays) <= {f.name for f in fields(Statistics)}:
@@ -291,12 +291,12 @@ def _check_graphs(graphs: Mapping[str, bytes], signatures: Mapping[str, Signatur
 
 
 def unpack_half(weights: Mapping[str, Array]) -> dict[str, Array]:
-    """Those in float16 as float32; others as they are."""
+    """Weights in float16 become float32; the others stay."""
     return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
 
 
 def _check_weights(weights: Mapping[str, Array]) -> None:
-    """Types and values.
+    """Refuse weights of a wrong type or value.
 
     Raises:
         InputError: some are not float32, not finite or absurd.

@@ -42,7 +42,7 @@ class StudentT:
 
 
 class FlowEngine:
-    """A flow ready to run; any number of performances may share it.
+    """A flow ready to run; any number of sessions may share it.
 
     Poses and audio are standardised vectors, as the network was trained on.
 
@@ -184,7 +184,7 @@ class FlowEngine:
         return x
 
     def _normalise(self, k: int, x: Array, past: Array) -> Array:
-        """One step, all frames."""
+        """One step of the flow backwards, for all frames."""
         s, w = self.sizes, self.weights
         moved = s.pose - s.first_half
         x = np.linalg.solve(w[f"{k}.mix"].T.astype(np.float64), (x - w[f"{k}.mix.bias"]).T).T.astype(np.float32)

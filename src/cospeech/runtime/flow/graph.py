@@ -45,7 +45,7 @@ def build_graphs(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, by
 
 
 class _Builder(GraphBuilder):
-    """With what flows are made of."""
+    """A graph builder with the operations of flows."""
 
     def __init__(self, weights: Mapping[str, Array], sizes: FlowSizes) -> None:
         super().__init__(weights)

@@ -30,7 +30,7 @@ CHUNK = 64  # frames drawn at once
 
 
 class Transfer(Protocol):
-    """What the three sources have in common: how they are made."""
+    """The constructor that the three sources share."""
 
     def __call__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> Source: ...
 

@@ -29,7 +29,7 @@ GATES = {"gru": 3, "lstm": 4}
 
 @dataclass(frozen=True)
 class FlowSizes:
-    """What the shape of the graphs follows from."""
+    """The sizes of a flow, which decide the shape of its graphs."""
 
     pose: int
     """D, numbers of a pose."""
@@ -217,7 +217,7 @@ def _mixing(arrays: Mapping[str, Array], at: str) -> Array:
 
 
 def _pack_encoder(out: dict[str, Array], arrays: Mapping[str, Array], sizes: FlowSizes) -> None:
-    """The global encoder's, batch norms folded into the convolutions."""
+    """The global encoder's weights, with batch norms folded into the convolutions."""
     for side in ("poses", "speech"):
         for part in ("first", *(f"blocks.{n}" for n in range(sizes.blocks)), "last"):
             conv, norm = (part, f"{part}_norm") if "." not in part else (f"{part}.conv", f"{part}.norm")
@@ -239,7 +239,7 @@ def _pack_encoder(out: dict[str, Array], arrays: Mapping[str, Array], sizes: Flo
 
 
 def _pack_stylist(out: dict[str, Array], arrays: Mapping[str, Array]) -> None:
-    """The style encoder's."""
+    """The style encoder's weights."""
     for n in range(3):
         for kind, end in (("weight", ""), ("bias", ".bias")):
             out[f"style.{n}{end}"] = np.asarray(arrays[f"stylist.convolutions.{2 * n}.{kind}"], np.float32)
@@ -248,7 +248,7 @@ def _pack_stylist(out: dict[str, Array], arrays: Mapping[str, Array]) -> None:
 
 
 def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
-    """Of the large matrices, which are quantised or not."""
+    """Shapes of the large matrices, which are quantised or not."""
     g, h = sizes.gates, sizes.hidden
     shapes: dict[str, tuple[int, ...]] = {
         "past": (sizes.history * sizes.pose + sizes.feature + sizes.style, sizes.steps * g),
@@ -261,7 +261,7 @@ def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 
 def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
-    """Of every array of `pack_weights`."""
+    """Shape of every array of `pack_weights`."""
     g, d, moved, c = sizes.gates, sizes.pose, sizes.pose - sizes.first_half, sizes.channels
     shapes: dict[str, tuple[int, ...]] = {"speech.bias": (sizes.steps * g,)}
     for name, shape in _matrix_shapes(sizes).items():
@@ -287,7 +287,7 @@ def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 
 def check_weights(weights: Mapping[str, Array], sizes: FlowSizes) -> None:
-    """Names, types, shapes and values.
+    """Refuse weights whose names, types, shapes or values are wrong.
 
     Raises:
         InputError: they are not those of a network of these sizes.

@@ -1,4 +1,4 @@
-"""What a system knows of how somebody moves, of its own speakers and out of an example, any motion of any length."""
+"""What a model knows of a style: of one of its speakers, or from an example of any length."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "co
 
 @dataclass(frozen=True, eq=False)
 class StyleEmbedding:
-    """How somebody moves, in a system's standardised numbers; None: the system knows no such thing."""
+    """A style in the standardised numbers of a system; None: the system does not use this number."""
 
     code: Array
     """(C,) what the network is given; of no width for a system that has no codes."""

@@ -29,14 +29,14 @@ BEGINNINGS = 8  # ours: places in an example that takes begin from
 
 
 class StyleSpace(Protocol):
-    """What a user's words for a style mean to a system."""
+    """Turns names, examples and mixtures into styles of a system."""
 
     def by_name(self, name: str) -> StyleEmbedding:
         """One of the system's styles."""
         ...
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
-        """What a motion shows of somebody's style; the face is not looked at.
+        """The style of an example; its face is ignored.
 
         Args:
             motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
@@ -58,7 +58,7 @@ class StyleSpace(Protocol):
 
 
 def style_space(system: System) -> StyleSpace:
-    """That of a system."""
+    """The style space of a system."""
     if system.flow is not None:
         return FlowSpace(system, system.flow)
     return OneHotSpace(system) if system.style_space in ("one-hot", "speaker-emotion") else CodeSpace(system)
@@ -113,7 +113,7 @@ class CodeSpace:
         return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown
 
     def _embedding(self, code: Array, mean: Array, shares: Array, shown: tuple[Array, ...]) -> StyleEmbedding:
-        """Of an example that is like the speakers by these shares."""
+        """The style of an example that is a mixture of the speakers with these shares."""
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
         made, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
@@ -214,5 +214,5 @@ def _normalise(code: Array) -> Array:
 
 
 def _no_beginnings(system: System) -> Array:
-    """Windows have no past."""
+    """No beginnings: networks of windows have no history."""
     return np.zeros((0, 0, system.pose_width), np.float32)

@@ -1,4 +1,4 @@
-"""What users say of a style: a speaker by name, an example, a mixture of both."""
+"""Reads what a user names as style: a speaker, an example, or a mixture of them."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ _KEPT = 8  # ours: examples remembered
 
 
 def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
-    """Name, path or motion → its weight, as the user said it."""
+    """Name, path or motion → its weight, as the user gave it."""
     if style is None:
         return {}
     if isinstance(style, Motion):

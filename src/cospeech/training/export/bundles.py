@@ -1,4 +1,4 @@
-"""``cospeech bundle``: what a run has learnt → one file that plays without PyTorch."""
+"""``cospeech bundle``: turns a training run into one file that plays without PyTorch."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def _style_space(codes: Array) -> str:
 
 
 def _statistics(model: Any, exported: ExportedModel, kept: Mapping[str, Array], codes: Array) -> Statistics:
-    """Out of those of the run, with a code for each speaker."""
+    """Statistics of the run, with a style code for each speaker."""
     codes = codes[:, : len(codes)] if _style_space(codes) == "speaker-emotion" else codes
     own = {f.name: kept[f.name] for f in fields(Statistics)[:8]} | {"speaker_mean": kept["pose_centre"]}
     own |= {"style_codes": codes, "words": exported.words}

@@ -1,4 +1,4 @@
-"""What a bundle's networks make of its speakers' speech, measured as they will play: how far from the speakers' own motion."""
+"""Measures a bundle's networks on its speakers' speech, and compares the motion with the speakers' own."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def calibrate(
 
 
 class _Measured:
-    """Windows of everybody's speech, played by a network in each style."""
+    """Windows of all speakers' speech, played by a network in each style."""
 
     def __init__(
         self, network: Network, s: Statistics, examples: Mapping[str, Array], fps: float, columns: int, takes: int,
@@ -92,7 +92,7 @@ class _Measured:
         self.plays = count * (1 if len(self.noise) == 1 else 3)  # `compare` plays each window once, `find_noise_gain` twice
 
     def find_noise_gain(self) -> float:
-        """By what noise is multiplied so that two takes lie `APART` as far from each other as one moves; they do so nearly in
+        """The factor of the noise with which two takes differ by `APART` times the movement of one; it grows nearly in
         proportion to the noise."""
         take, other = (np.stack([*self.play_styles(self.codes[:1], noise)]) for noise in self.noise)
         apart, moved = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
@@ -134,7 +134,7 @@ def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
 
 
 def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -> float:
-    """√mean square of how far poses of one network are from those of another, in that of the latter.
+    """Relative error of one network's poses: RMS of the difference over RMS of the exact poses.
 
     Args:
         exact, other: of one signature.

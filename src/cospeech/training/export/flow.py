@@ -1,4 +1,4 @@
-"""A run of a flow as a bundle: codes and beginnings of its speakers, and how it moves when nobody corrects it."""
+"""A run of a flow as a bundle: codes and beginnings of its speakers, and how it moves when it runs freely."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor], progress: Tell | 
 def _calibrate(
     model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, progress: Tell | None
 ) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one of ``per_clip_normalisation``.
+    """How a network moves when it runs freely, for the speech of the stretches; for one of ``per_clip_normalisation``.
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
     too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of
@@ -101,7 +101,7 @@ def _calibrate(
 
 
 def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
-    """(N, L, D) → (N, τ, D): where each moves least; nobody begins to speak in the middle of a gesture."""
+    """(N, L, D) → (N, τ, D): the part of each in which it moves least. Speech does not begin in the middle of a gesture."""
     speeds = stretches.diff(dim=1).square().mean(-1)
     windows = stretches.unfold(1, history, 1).transpose(2, 3)
     moved = speeds.unfold(1, history - 1, 1).mean(-1) if history > 1 else stretches.square().mean(-1)
@@ -109,7 +109,7 @@ def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
 
 
 def _wandering(poses: torch.Tensor) -> torch.Tensor:
-    """Deviation of the means of stretches (N, F, D), in that of all their poses."""
+    """Standard deviation of the means of stretches (N, F, D), over that of all their poses."""
     return poses.mean(1).std(0).mean() / poses.std((0, 1)).mean()
 
 

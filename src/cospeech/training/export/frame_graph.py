@@ -190,7 +190,7 @@ class FrameGraph(GraphBuilder):
         return self.weight(name)
 
     def reshape(self, name: str, shape: Sequence[int]) -> str:
-        """In another shape."""
+        """A value in another shape."""
         return str(self.node("Reshape", name, self.const(shape, np.int64)))
 
     def lift(self, value: Any, layout: str) -> Value:
@@ -221,7 +221,7 @@ class FrameGraph(GraphBuilder):
         return Value(name, "plain", value.shared)
 
     def whole(self, value: Any) -> Value:
-        """What was put off, done: channels side by side, zeros around."""
+        """The value with its concatenation or padding written out."""
         if isinstance(value, Padded):
             pads = self.const([0, 0, 0, value.before, 0, 0, 0, value.after], np.int64)
             return Value(self.node("Pad", value.value.name, pads), value.value.layout, value.value.shared)
@@ -266,7 +266,7 @@ class FrameGraph(GraphBuilder):
 
 
 def attributes(node: NodeProto) -> dict[str, Any]:
-    """Of a node, by name."""
+    """Attributes of a node, by name."""
     return {each.name: helper.get_attribute_value(each) for each in node.attribute}
 
 
@@ -276,7 +276,7 @@ def refuse(node: NodeProto) -> InputError:
 
 
 def _dims(value: Any) -> Dims:
-    """A size that is not known has a name of its own."""
+    """The shape of a value; an unknown size gets a name of its own."""
     sizes = value.type.tensor_type.shape.dim
     return tuple(
         each.dim_value if each.WhichOneof("value") == "dim_value" else each.dim_param or f"{value.name}.{k}"

@@ -249,7 +249,7 @@ def _target(before: tuple[Any, ...], after: tuple[Any, ...], node: NodeProto) ->
 
 
 def _squeeze(b: FrameGraph, node: NodeProto) -> Made:
-    """One band less: a picture becomes a value over frames."""
+    """Remove an axis of one band: a picture becomes a value over frames."""
     value, before, after = b.value(node.input[0]), b.dims(node.input[0]), b.dims(node.output[0])
     if len(before) == 4 and before[2] == 1 and after == (*before[:2], before[3]):
         return [Value(b.plain(value).name, "waves", value.shared)]

@@ -132,7 +132,7 @@ class _Listed(torch.nn.Module):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what the exporter prints of its progress."""
+    """Silence the exporter's progress messages."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -165,7 +165,7 @@ def _compare(
 def measure_reach(graph: ExportGraph) -> int | None:
     """Frames to either side beyond which speech does not matter to a frame; None: all of a window matters.
 
-    A frame of speech that is no number makes no numbers of whatever hears it.
+    A frame of speech is set to NaN: every frame that depends on it becomes NaN.
     """
     module, step = inference_copy(graph.module), graph.multiple
     frames = 4 * graph.frames

@@ -1,4 +1,4 @@
-"""What a network gives to be exported: modules with named inputs and outputs; and its layers in the form in which they play."""
+"""What a network exports: modules with named inputs and outputs, and its layers as they run after training."""
 
 from __future__ import annotations
 

@@ -124,8 +124,8 @@ class CodeSpace:
 
 
 class OneHotSpace(CodeSpace):
-    """Styles are weights of the speakers. An example is the nearest mixture of them, and has its mean pose. `VOICE` is nobody:
-    its share goes to those whom the classifier hears."""
+    """Styles are weights of the speakers. An example is the nearest mixture of them, and has its mean pose. The share of
+    `VOICE` goes to the speakers that the classifier estimates."""
 
     def by_name(self, name: str) -> StyleEmbedding:
         """See `StyleSpace`."""

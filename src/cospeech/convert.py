@@ -1,20 +1,68 @@
-"""One motion file into another: the call behind ``cospeech convert`` and ``cospeech render``."""
+"""One motion file into another, edited on the way: the call behind ``cospeech convert`` and ``cospeech render``."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
 from .export.target_skeleton import rig_files
+from .motion import edit
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
+from .motion.parts import PARTS
 from .motion.skeleton import Skeleton
 from .rules.options import FPS_RANGE, check_range
 
-__all__ = ["convert_file"]
+__all__ = ["Edits", "convert_file"]
+
+_BLENDS = (0.0, 10.0)  # seconds; ours: none … longer than any gesture
+
+
+@dataclass(frozen=True)
+class Edits:
+    """What is done to a motion between reading and writing, in this order; see `cospeech.motion.edit`."""
+
+    joined: tuple[File, ...] = ()
+    """Motion files that go on after it."""
+    start: float | None = None
+    """Seconds before which everything is left out."""
+    end: float | None = None
+    """Seconds from which on everything is left out."""
+    face: File | None = None
+    """A motion file whose face takes the place of its own."""
+    mirror: bool = False
+    """Whether left and right are exchanged."""
+    loop: bool = False
+    """Whether the end leads into the beginning."""
+    blend: float = edit.BLEND
+    """Seconds of a transition."""
+
+    @property
+    def files(self) -> list[File]:
+        """What is read for them."""
+        return [*self.joined, *([self.face] if self.face is not None else [])]
+
+    def apply(self, motion: Motion) -> Motion:
+        """The motion, edited.
+
+        Raises:
+            InputError: one of them cannot be done with this motion.
+        """
+        check_range("blend", self.blend, _BLENDS, " seconds")
+        if self.joined:
+            motion = edit.join([motion, *(load(path) for path in self.joined)], blend=self.blend)
+        if self.start is not None or self.end is not None:
+            motion = edit.cut(motion, self.start, self.end)
+        if self.face is not None:
+            motion = edit.replace_face(motion, load(self.face))
+        if self.mirror:
+            own = motion.skeleton
+            motion = motion.mirror() if own.kind == "humanoid" else motion.retarget("humanoid").mirror().retarget(own)
+        return edit.loop(motion, blend=self.blend) if self.loop else motion
 
 
 def convert_file(
@@ -27,6 +75,7 @@ def convert_file(
     audio: File | None = None,
     camera: str | None = None,
     avatar: File | None = None,
+    edits: Edits | None = None,
 ) -> Motion:
     """Read a motion file and write it in another format; what was written is returned.
 
@@ -38,18 +87,20 @@ def convert_file(
         audio: the speech, for pictures.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM or GLB character for ``.glb`` and for pictures, in place of our mannequin.
+        edits: what is done to the motion before all that.
 
     Raises:
         InputError: a file cannot be read or written, or the skeleton is not recognised.
     """
-    written = format_of(target)
-    inputs = [*(path for path in (names, audio, avatar) if path), *rig_files(skeleton)]
+    written, edits = format_of(target), edits or Edits()
+    inputs = [*(path for path in (names, audio, avatar) if path), *rig_files(skeleton), *edits.files]
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
         check_range("fps", fps, FPS_RANGE)
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()})
-    motion = load(source)
-    shown = [part for part in format_of(source).holds if part != "face" or motion.face is not None]
+    motion = edits.apply(load(source))
+    holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
+    shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")
     options: dict[str, object] = {}
     if "body" not in shown and written.picture:
@@ -60,6 +111,9 @@ def convert_file(
         warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
     if audio is not None and written.picture and not written.sound:
         problem = f"the speech changes nothing: a {Path(target).suffix.lower()} has neither sound nor a waveform"
+        warnings.warn(problem, CospeechWarning, stacklevel=2)
+    if edits.face is not None and "face" not in written.holds:
+        problem = f"the face changes nothing: a {Path(target).suffix.lower()} holds none"
         warnings.warn(problem, CospeechWarning, stacklevel=2)
     if goal is not None or names is not None:
         motion = motion.retarget(goal or "humanoid", bone_map=load_map(names) if names else None)

@@ -20,6 +20,7 @@ from typer import Argument, Option
 from .. import __version__
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..models import DEFAULT, PARTS
+from . import convert as cli_convert
 from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
 from . import stream as cli_stream
@@ -29,7 +30,6 @@ from .options import (  # fmt: skip
     Avatar,
     Continue,
     Debug,
-    Drawn,
     Emotion,
     Face,
     FaceGain,
@@ -37,16 +37,11 @@ from .options import (  # fmt: skip
     Fps,
     Intensity,
     Json,
-    Map,
     Model,
-    Motion,
-    NewFps,
     Output,
     Parts,
-    Picture,
     Quiet,
     ReportFile,
-    Retarget,
     Seed,
     Skeleton,
     Speaker,
@@ -55,7 +50,6 @@ from .options import (  # fmt: skip
     Temperature,
     Transcribe,
     Transcript,
-    View,
     number,
     option,
 )
@@ -150,59 +144,6 @@ def _failure(results: Reports) -> CospeechError:
     return kind(problem, "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all")
 
 
-@app.command()
-def convert(
-    source: Motion,
-    target: Annotated[Path, Argument(metavar="FILE", help="File to write. The suffix chooses the format.")],
-    skeleton: Retarget = None,
-    fps: NewFps = None,
-    names: Map = None,
-    avatar: Avatar = None,
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
-    """Convert a motion file to another format.
-
-    \b
-    cospeech convert talk.bvh talk.vrma
-    cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
-    """
-    from ..convert import convert_file
-    from ..export import format_of
-
-    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar)
-    if not quiet:
-        print(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({format_of(target).opens})")
-
-
-@app.command()
-def render(
-    source: Motion,
-    target: Picture,
-    audio: Drawn = None,
-    camera: View = None,
-    avatar: Avatar = None,
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
-    """Draw a motion file as a video, .gif or strip of frames.
-
-    \b
-    cospeech render talk.glb talk.mp4 --audio talk.wav
-    """
-    from ..convert import convert_file
-    from ..export import FORMATS, format_of
-    from ..export.registry import suffixes
-
-    suffix = target.suffix.lower()
-    if suffix not in FORMATS or not FORMATS[suffix].picture:
-        known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
-        raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio, camera=camera, avatar=avatar)
-    if not quiet:
-        print(f"{target}  ({format_of(target).opens})")
-
-
 @app.command("list")
 def list_(
     what: Annotated[str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics or corpora.")],
@@ -287,6 +228,7 @@ def _show_outputs(results: list[Report]) -> None:
         told.add(suffix)
 
 
+cli_convert.register(app)
 cli_corpora.register(app)
 cli_evaluate.register(app)
 cli_stream.register(app)

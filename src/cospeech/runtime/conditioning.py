@@ -9,8 +9,9 @@ from os import PathLike
 import numpy as np
 
 from ..errors import InputError
+from ..motion.edit import OffsetFade
 from ..motion.motion import Motion
-from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
+from ..motion.rotations import Array
 from .network import Network
 from .styles.embedding import encode_motion
 from .system import System
@@ -150,16 +151,13 @@ class Seam:
         last = before[len(before) - 1 :].retarget("humanoid")
         self._rotations, self._root = np.asarray(last.rotations[0], float), np.asarray(last.root[0], float)
         self._fps, self._still, self._placed = fps, list(still), placed
-        self._gap: tuple[Array, Array] | None = None
+        self._gap: OffsetFade | None = None
 
     def blend(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
         """Rotations (n, J, 4) and places (n, 3) of the frames from ``first`` on, which is 0 at the first call."""
         if self._gap is None:
-            turns = quat_to_rotvec(quat_multiply(self._rotations, quat_conjugate(rotations[0].astype(float))))
-            turns[self._still] = 0.0
-            self._gap = turns, (self._root - root[0]) * self._placed
-        turns, way = self._gap
+            self._gap = OffsetFade(self._rotations, self._root, rotations[0], root[0])
+            self._gap.turns[self._still] = 0.0
+            self._gap.way *= self._placed
         left = np.clip(1 - (first + np.arange(len(rotations)) + 1) / (FADE * self._fps), 0, 1)  # all of it a frame before
-        left = (left * left * (3 - 2 * left))[:, None]
-        turned = quat_multiply(rotvec_to_quat(left[..., None] * turns), rotations.astype(float))
-        return np.where(left[..., None] > 0, turned, rotations).astype(rotations.dtype), (root + left * way).astype(root.dtype)
+        return self._gap.apply(rotations, root, left)

@@ -1,0 +1,101 @@
+"""``cospeech convert`` and ``cospeech render``: motion files to other motion files, and to pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from ..errors import InputError
+from .options import Avatar, Debug, Drawn, Map, Motion, NewFps, Picture, Quiet, Retarget, View, number, option
+
+__all__ = ["register"]
+
+From = Annotated[
+    float | None, option("--from", metavar="SECONDS", parser=number, help="Leave out what comes before this time of MOTION.")
+]
+To = Annotated[float | None, option("--to", metavar="SECONDS", parser=number, help="Leave out what comes from this time on.")]
+Join = Annotated[
+    list[Path] | None,
+    option("--join", metavar="FILE", help="Motion that goes on after MOTION. Repeat the option for several."),
+]
+Mirror = Annotated[bool, Option("--mirror", help="Exchange left and right.")]
+Loop = Annotated[bool, Option("--loop", help="Lead the end into the beginning, so that the motion can be repeated.")]
+OtherFace = Annotated[
+    Path | None,
+    option("--face", metavar="FILE", help="Motion (.json, .csv, .glb, .vrma) whose face replaces MOTION's."),
+]
+Blend = Annotated[
+    float, option("--blend", metavar="SECONDS", parser=number, help="Length of the transitions of --join and --loop, 0 … 10.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command()(convert)
+    app.command()(render)
+
+
+def convert(
+    source: Motion,
+    target: Annotated[Path, Argument(metavar="FILE", help="File to write. The suffix chooses the format.")],
+    skeleton: Retarget = None,
+    fps: NewFps = None,
+    names: Map = None,
+    avatar: Avatar = None,
+    start: From = None,
+    end: To = None,
+    joined: Join = None,
+    mirror: Mirror = False,
+    loop: Loop = False,
+    face: OtherFace = None,
+    blend: Blend = 0.4,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Convert a motion file to another format, and edit it on the way.
+
+    Edits happen in this order: --join, --from and --to, --face, --mirror, --loop, --skeleton, --fps.
+
+    \b
+    cospeech convert talk.bvh talk.vrma
+    cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
+    cospeech convert talk.glb middle.glb --from 0.5 --to 1.5 --loop
+    cospeech convert talk.glb both.glb --join other.glb --blend 0.6
+    """
+    from ..convert import Edits, convert_file
+    from ..export import format_of
+
+    edits = Edits(joined=tuple(joined or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend)
+    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, edits=edits)
+    if not quiet:
+        typer.echo(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({format_of(target).opens})")
+
+
+def render(
+    source: Motion,
+    target: Picture,
+    audio: Drawn = None,
+    camera: View = None,
+    avatar: Avatar = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Draw a motion file as a video, .gif or strip of frames.
+
+    \b
+    cospeech render talk.glb talk.mp4 --audio talk.wav
+    """
+    from ..convert import convert_file
+    from ..export import FORMATS, format_of
+    from ..export.registry import suffixes
+
+    suffix = target.suffix.lower()
+    if suffix not in FORMATS or not FORMATS[suffix].picture:
+        known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
+        raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
+    convert_file(source, target, audio=audio, camera=camera, avatar=avatar)
+    if not quiet:
+        typer.echo(f"{target}  ({format_of(target).opens})")

@@ -1,0 +1,63 @@
+"""Edits on the command line: what each option does to the motion, and what cannot be done."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cospeech.export import load, save
+from cospeech.motion.rotations import quat_angle
+from tests.support.motions import gesturing, stand_in
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with two clips and a face."""
+    monkeypatch.chdir(tmp_path)
+    motion = gesturing(60)
+    save(motion, "talk.glb", character=stand_in())
+    save(motion.mirror(), "other.glb", character=stand_in())
+    save(motion, "talk.bvh")
+    save(motion.mirror(), "face.json")
+    return tmp_path
+
+
+def test_cut_join_and_loop(cli, place):
+    assert cli("convert", "talk.bvh", "out.bvh", "--join", "talk.bvh", "--from", 1, "--to", 3.5, "--loop")[0] == 0
+    made, before = load("out.bvh"), load("talk.bvh")
+    assert len(made) == 75
+    np.testing.assert_allclose(made.root[:20], before.root[30:50], atol=1e-5)
+    step = quat_angle(made.rotations[-1].astype(float), made.rotations[0].astype(float)).max()
+    assert step < 0.15
+
+
+def test_mirror_and_the_face_of_another(cli, place):
+    assert cli("convert", "talk.glb", "out.bvh", "--mirror")[0] == 0
+    assert cli("convert", "talk.glb", "out.json", "--face", "face.json")[0] == 0
+    np.testing.assert_allclose(load("out.json").face, load("other.glb").face, atol=2e-3)
+    body, mirrored = load("out.bvh").retarget("humanoid"), gesturing(60).mirror()
+    assert quat_angle(body.rotations.astype(float), mirrored.rotations.astype(float)).max() < 0.02
+
+
+def test_a_face_for_a_file_without_one_is_noted(cli, place):
+    code, _, err = cli("convert", "talk.bvh", "out.bvh", "--face", "face.json")
+    assert code == 0
+    assert "note: the face changes nothing: a .bvh holds none" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["--from", "9"], "no frame from 9 to … s"),
+        (["--to", "x"], "'x' is not a number"),
+        (["--join", "nowhere.bvh"], "nowhere.bvh"),
+        (["--face", "talk.bvh"], "has no face"),
+        (["--loop", "--blend", "-1"], "blend -1"),
+        (["--join", "out.glb"], "out.glb"),
+    ],
+)
+def test_what_cannot_be_edited_leaves_nothing(cli, place, arguments, what):
+    code, out, err = cli("convert", "talk.glb", "out.glb", *arguments)
+    assert (code, out) == (2, "")
+    assert what in err
+    assert not (place / "out.glb").exists()

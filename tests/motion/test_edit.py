@@ -1,0 +1,83 @@
+"""Cut, join, loop and another face: exact lengths, no jumps, and what lies outside of a blend stays as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cospeech.errors import InputError
+from cospeech.motion.edit import cut, join, loop, replace_face
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_angle
+from cospeech.motion.skeleton import find_skeleton
+from tests.support.motions import gesturing
+
+MOTION = gesturing(90)
+
+
+def steps(motion: Motion) -> np.ndarray:
+    """(T − 1,) the largest turn of a joint from frame to frame, radians."""
+    return quat_angle(motion.rotations[1:].astype(float), motion.rotations[:-1].astype(float)).max(1)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "frames"), [(None, None, (0, 90)), (1.0, None, (30, 90)), (None, 1.0, (0, 30)), (0.5, 2.0, (15, 60))]
+)
+def test_cut(start, end, frames):
+    made = cut(MOTION, start, end)
+    np.testing.assert_array_equal(made.rotations, MOTION.rotations[slice(*frames)])
+    np.testing.assert_array_equal(made.face, MOTION.face[slice(*frames)])
+
+
+@pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (3.0, None), (None, 0.0), (-1.0, 2.0), (1.0, 1.0)])
+def test_cuts_without_a_frame(start, end):
+    with pytest.raises(InputError, match=r"the motion lasts from 0 to 3 s"):
+        cut(MOTION, start, end)
+
+
+def test_joined_clips_go_on_without_a_jump():
+    other = MOTION.mirror()
+    shifted = replace(other, root=other.root + np.float32([0.3, 0, 0.1]))
+    plain, made = Motion.concatenate([MOTION, shifted]), join([MOTION, shifted], blend=0.5)
+    assert len(made) == 180
+    assert steps(plain)[89] > 0.3  # there is something to blend
+    assert steps(made).max() < 1.5 * max(steps(MOTION).max(), steps(other).max()) + 0.05
+    assert np.linalg.norm(np.diff(made.root, axis=0), axis=1).max() < 0.05
+    np.testing.assert_array_equal(made.rotations[:90], MOTION.rotations)
+    np.testing.assert_allclose(np.abs((made.rotations[106:] * shifted.rotations[16:]).sum(-1)), 1, atol=1e-5)
+    np.testing.assert_allclose(made.root[106:], shifted.root[16:], atol=1e-6)
+    assert np.abs(np.diff(made.face, axis=0)).max() < np.abs(np.diff(plain.face, axis=0)).max() + 1e-6
+
+
+def test_clips_of_other_rates_take_the_first_ones_and_faces_need_all():
+    made = join([MOTION, replace(gesturing(50, 25.0), face=None)])
+    assert (made.fps, len(made), made.face) == (30, 150, None)
+    with pytest.raises(InputError, match="different skeletons"):
+        join([MOTION, MOTION.retarget(find_skeleton("mixamo"))])
+    with pytest.raises(InputError, match="no motion"):
+        join([])
+
+
+def test_a_loop_ends_where_it_begins():
+    short = MOTION[:70]
+    made = loop(short, blend=0.5)
+    before, after = Motion.concatenate([short, short]), Motion.concatenate([made, made])
+    assert steps(before)[69] > 0.1
+    assert steps(after).max() < 1.5 * steps(short).max() + 0.05
+    np.testing.assert_array_equal(made.rotations[:50], short.rotations[:50])
+    np.testing.assert_array_equal(made.root[:50], short.root[:50])
+    with pytest.raises(InputError, match="1 frames"):
+        loop(MOTION[:1])
+
+
+def test_the_face_of_another():
+    other = replace(gesturing(40, 60.0), face=np.linspace(0, 1, 40)[:, None].repeat(52, 1).astype(np.float32))
+    made = replace_face(MOTION, other)
+    np.testing.assert_array_equal(made.rotations, MOTION.rotations)
+    assert made.face.shape == (90, 52)
+    assert made.face[0, 0] == 0
+    np.testing.assert_array_equal(made.face[20:], made.face[20:21].repeat(70, 0))  # it is over: the last expression stays
+    with pytest.raises(InputError, match="no face"):
+        replace_face(MOTION, replace(MOTION, face=None))

@@ -332,7 +332,7 @@ def test_a_changed_recipe_is_another_run(table_runs):
     assert other.folder_of("flow_ted", 0) != table_runs.folder_of("flow_ted", 0)
     assert table_runs.folder_of("flow_ted", 1) != table_runs.folder_of("flow_ted", 0)
     assert other.folder_of(f"{FEATURES}_ted", 0) == table_runs.folder_of(f"{FEATURES}_ted", 0)
-    assert replace(table_runs, threads=2).data("flow_ted", 0) == table_runs.folder_of("flow_ted", 0)
+    assert replace(table_runs, threads=2).folder_of("flow_ted", 0) == table_runs.folder_of("flow_ted", 0)
 
 
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
@@ -94,16 +92,6 @@ def test_words_that_come_with_pieces_are_read():
     assert not moved[: int((1.0 - (LOOK_AHEAD + 3) / 15) * 30)].any()  # what it hears ahead, and smoothing
     assert moved[32:75].mean() > 0.9
     assert same(gesturer(words=0).generate(speech, parts=BODY), gesturer(words=0).generate(talk(), parts=BODY))
-
-
-def test_seeds_and_takes():
-    speech = talk(2.0)
-    first = gesturer().generate(speech, seed=5)
-    assert same(first, gesturer().generate(speech, seed=5))
-    takes = gesturer().generate_takes(speech, takes=4, seed=4)
-    assert same(takes[1], first)
-    assert away(takes[2], takes[3]) > 1e-4
-    assert same(*gesturer().generate_takes(speech, takes=2, temperature=0.0, parts=BODY))
 
 
 def test_emotions_are_heard_given_or_follow_a_track():
@@ -228,13 +216,3 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
         motion.save(f"{name}.npz")
     assert away(made, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(made, Motion.load("ahead.npz"))
     assert (gesturer().for_files, RuleBasedModel().for_files) == ({"look_ahead": inf, "stance": True}, {})
-
-
-def test_no_torch_and_no_onnx(tmp_path):
-    path = write_small_chain(tmp_path / "a.cospeech")
-    code = (
-        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
-        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
-        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from functools import cache
 from math import inf
 from pathlib import Path
@@ -14,10 +16,11 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 
 from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
+from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.runtime.model import TrainedModel
 from tests.support.fake_windows import whole_system
-from tests.support.runtime_bundles import talk, write_small, write_small_chain
+from tests.support.runtime_bundles import cut, same, talk, write_small, write_small_chain, write_small_window
 
 MAKERS = {
     "flow": lambda folder: TrainedModel.open(write_small(folder / "a.cospeech")),
@@ -45,6 +48,31 @@ def test_frames_and_clothes(kind, fps):
     assert motion.rotations.dtype == np.float32
     assert motion.face.shape == (len(motion), 52)
     assert motion.rotations[:, BODY].std(0).max() > 0.01  # it moves
+
+
+@of_every_model
+def test_pieces_at_another_rate(kind):
+    speech, model = talk(2.5, rate=44_100), model_of(kind)
+    pieces = [*model.stream(cut(speech, [999, 30_000, 30_441, 80_000]))]
+    assert same(Motion.concatenate(pieces), model.generate(speech))
+
+
+@pytest.mark.parametrize(("kind", "apart"), [("flow", 1e-3), ("window", 0.01), ("chain", 1e-4)])
+def test_seeds_and_takes(kind, apart):
+    speech, model = talk(2.0), model_of(kind)
+    first = model.generate(speech, seed=5)
+    assert same(first, model.generate(speech, seed=5))
+    takes = model.generate_takes(speech, takes=8, seed=4)
+    assert same(takes[1], first)
+    assert np.abs(takes[2].rotations - takes[3].rotations).max() > apart
+    assert kind == "flow" or same(*model.generate_takes(speech, takes=2, temperature=0.0, parts=("body", "hands")))
+
+
+@of_every_model
+def test_it_hears(kind):
+    silence = Speech(np.zeros(32_000, np.float32))
+    a, b = (model_of(kind).generate(speech, seed=1, parts=("body",)) for speech in (talk(2.0), silence))
+    assert np.abs(a.rotations - b.rotations).max() > 1e-3
 
 
 @of_every_model
@@ -78,3 +106,14 @@ def test_odd_speech(kind):
 def test_wrong_options(kind, options):
     with pytest.raises(InputError, match=r"^[^\n]*$"):
         model_of(kind).session(**options)
+
+
+@pytest.mark.parametrize("write", [write_small, write_small_window, write_small_chain], ids=["flow", "window", "chain"])
+def test_no_torch_and_no_onnx(write, tmp_path):
+    path = write(tmp_path / "a.cospeech")
+    code = (
+        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
+        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
+        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

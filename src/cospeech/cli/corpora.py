@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from .options import Debug
 from .progress import show_progress
 
 __all__ = ["register"]
@@ -65,7 +66,6 @@ Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed. Another see
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
 Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
-Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
 def register(app: typer.Typer) -> None:

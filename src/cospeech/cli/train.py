@@ -11,6 +11,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError
+from .options import Debug
 from .progress import show_progress
 
 __all__ = ["register"]
@@ -43,7 +44,6 @@ Run = Annotated[
 ]
 Bundle = Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write: NAME.cospeech.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
-Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
 @contextmanager

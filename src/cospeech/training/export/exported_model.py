@@ -14,6 +14,7 @@ from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
+from ...models.nn.words import SubwordTable
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
 from ...runtime.bundles.signature import Signature
@@ -57,16 +58,17 @@ def _check_inputs(model: Any, name: str) -> Array:
         if model.teacher is None:
             raise InputError(f"the run of {name!r} has no teacher", "train it with [needs] teacher = …")
         whole = model.teacher
-    if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
+    if whole.encoder_for(whole.config) is not None:
         raise InputError(
             f"the run of {name!r} needs the speech encoder {whole.config.speech_encoder}, which bundles cannot hold",
             "bundles play without PyTorch; train it without one",
         )
-    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
+    chains = [net.config for net in (model, whole) if isinstance(net, ChainOfGeneration)]
+    if not all(config.attention and config.style_injection for config in chains):
         raise InputError(f"the run of {name!r} lacks attention or style, and cannot become a bundle", "train the whole network")
-    table = getattr(whole, "word", None) or whole.embedding
-    if not hasattr(table, "table"):
+    words = whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding
+    if not isinstance(words, SubwordTable):
         raise InputError(f"the run of {name!r} uses ready-made word vectors", "leave out data.words, and train again")
-    rows: Tensor = table.table.weight.detach().clone()
+    rows: Tensor = words.table.weight.detach().clone()
     rows[0] = 0
     return rows.numpy()

@@ -2,6 +2,7 @@
 
 python benchmarks/speed.py              # `cospeech bench`, with the machine named
 python benchmarks/speed.py --hours 3    # and a recording of so many hours: does memory grow?
+python benchmarks/speed.py --film 11    # the processor time of `generate` to .mp4 for so many seconds of speech, alone
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -63,12 +66,31 @@ def memory_over(hours: float) -> list[tuple[float, float]]:
     return seen
 
 
+def film_times(seconds: float) -> tuple[float, float]:
+    """Seconds of processor and of waiting that `cospeech generate` takes for an ``.mp4`` of the example's first seconds."""
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    with tempfile.TemporaryDirectory() as folder:
+        audio = Path(folder) / "talk.wav"
+        soundfile.write(audio, samples[: int(seconds * rate)], rate)
+        before, began = os.times(), time.perf_counter()
+        command = [sys.executable, "-m", "cospeech", "generate", str(audio), "-o", str(audio.with_suffix(".mp4"))]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        after, ended = os.times(), time.perf_counter()
+    used = after.children_user + after.children_system - before.children_user - before.children_system
+    return used, ended - began
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--seconds", type=float, default=60.0)
     options.add_argument("--hours", type=float, default=0.0)
+    options.add_argument("--film", type=float, default=0.0)
     chosen = options.parse_args()
     print(f"{machine()}, {time.strftime('%Y-%m-%d')}\n")
+    if chosen.film:
+        used, took = film_times(chosen.film)
+        print(f"{chosen.film:g} s of speech to .mp4: {used:.1f} s of processor time, {took:.1f} s of waiting")
+        return
     print("| what | value | |\n|---|---:|---|")
     for row in measure(chosen.seconds):
         print(f"| {row['what']} | {row['value']:.3g} {row['unit']} | {row['note']} |")

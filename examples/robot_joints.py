@@ -1,4 +1,4 @@
-"""Compute the elbow and head angles of a robot, 50 per second, clamped to the robot's limits of position and speed."""
+"""Stream joint commands to a robot, 50 per second, within its limits of position, speed and acceleration."""
 
 import sys
 
@@ -6,23 +6,19 @@ import numpy as np
 
 import cospeech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.motion.rotations import quat_to_euler
+from cospeech.motion.robot import RobotStream, find_robot
 
 FPS = 50
-LIMITS = {"leftElbow": (-1.5, 0.0), "headPan": (-1.0, 1.0), "headTilt": (-0.4, 0.3)}  # radians: of your robot
-FASTEST = 4.0  # radians per second: of your motors
-
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
-motion = cospeech.load("rules").generate(speech, fps=FPS, intensity=0.7, parts=("body",))
-joint = motion.skeleton.index
+session = cospeech.load("rules").session(fps=FPS, intensity=0.8, parts=("body", "hands"))
+robot = RobotStream(find_robot("nao"), fps=FPS)
 
-elbow = quat_to_euler(motion.rotations[:, joint["leftLowerArm"]], "YXZ")
-head = quat_to_euler(motion.rotations[:, joint["head"]], "YXZ")
-wanted = {"leftElbow": elbow[:, 0], "headPan": head[:, 0], "headTilt": head[:, 1]}
+sent = []
+for chunk in speech.chunks(seconds=0.1):  # as a microphone or a text-to-speech would give it
+    for motion in session.push(chunk):
+        sent.append(robot.push(motion))  # (T, J) radians: send them to your controller
+sent += [robot.push(motion) for motion in session.finish()]
 
-for name, angles in wanted.items():
-    command = np.clip(angles, *LIMITS[name])
-    for k in range(1, len(command)):  # never faster than the motor
-        step = np.clip(command[k] - command[k - 1], -FASTEST / FPS, FASTEST / FPS)
-        command[k] = command[k - 1] + step
-    print(f"{name:9s} {np.degrees(command.min()):6.1f} … {np.degrees(command.max()):5.1f} degrees, {len(command)} commands")
+commands = np.degrees(np.concatenate(sent))
+for name, angles in zip(robot.names, commands.T, strict=True):
+    print(f"{name:15s} {angles.min():7.1f} … {angles.max():6.1f} degrees, {len(angles)} commands")

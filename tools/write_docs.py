@@ -24,6 +24,7 @@ COMMANDS = (
     "stream",
     "convert",
     "render",
+    "robot",
     "list",
     "demo",
     "bench",

@@ -58,6 +58,7 @@ _MOVED = {
     "poses.controls": "motion.poses.controls",
     "prepare": "corpora.prepare",
     "recipe": "training.recipe",
+    "robot": "motion.robot",
     "rotations": "motion.rotations",
     "runtime.gesturer": "runtime.model",
     "skeletons": "motion.skeletons",

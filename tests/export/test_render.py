@@ -20,6 +20,7 @@ from cospeech.export.render.frames import BACKDROP, FrameStream
 from cospeech.export.render.framing import FramedPose, Framing, PoseStage, box_of
 from cospeech.export.render.keyframes import Keyframes
 from cospeech.export.render.light import develop, from_srgb
+from cospeech.export.render.points import find_points
 from cospeech.export.render.scene import Scene
 from cospeech.export.render.worker import FrameRenderer, Helper, Look, pack
 from cospeech.motion.motion import Motion
@@ -30,7 +31,8 @@ WIDTH, HEIGHT = 120, 90
 
 
 def see(points, triangles, width=WIDTH, height=HEIGHT):
-    return raster.see(np.array(points, np.float32), np.array(triangles, np.int32), width, height)
+    drawn = raster.Raster(np.array(points, np.float32), np.array(triangles, np.intp).reshape(-1, 3).T, width, height)
+    return drawn.see(np.arange(width * height, dtype=np.int32))
 
 
 def coverage(seen, width=WIDTH, height=HEIGHT):
@@ -99,12 +101,34 @@ def test_many_layers_settle_on_the_nearest():
 def test_depth_is_that_of_the_plane():
     camera = Camera(np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.5, WIDTH, HEIGHT)
     corners = np.array([(-1.0, -0.8, -2.0), (1.5, -0.5, -4.0), (0.0, 1.2, -3.0)])
-    seen = raster.see(camera.project(corners), np.array([(0, 1, 2)], np.int32), WIDTH, HEIGHT)
+    seen = see(camera.project(corners), [(0, 1, 2)])
     x, y = raster.sample_positions(seen.sample, WIDTH)
     ray = np.stack([(x - WIDTH / 2) / camera.focal, (HEIGHT / 2 - y) / camera.focal, -np.ones(len(x))])
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     depth = (normal @ corners[0]) / (normal @ ray)
     assert np.allclose(1 / seen.inverse, depth, rtol=2e-5)
+
+
+def test_all_outlines_and_borders_are_looked_at_by_samples():
+    rng = np.random.default_rng(5)
+    corners = rng.uniform([0, 0, 0.2], [WIDTH, HEIGHT, 0.9], (8, 1, 3)) + rng.uniform(-1, 1, (8, 3, 3)) * (25, 25, 0.0)
+    triangles, part = np.arange(24).reshape(8, 3).T, np.arange(8)
+    drawn = raster.Raster(corners.reshape(-1, 3).astype(np.float32), triangles, WIDTH, HEIGHT)
+    every = drawn.see(np.arange(WIDTH * HEIGHT))
+    shown = np.full(WIDTH * HEIGHT * 4, -1)
+    shown[every.sample] = every.triangle
+    shown = shown.reshape(-1, 4)
+    found = find_points(drawn, part, np.zeros(8, bool))
+    mixed = np.zeros(len(shown), bool)
+    mixed[found.mixed] = True
+    assert np.array_equal(np.flatnonzero(mixed), found.mixed)
+    assert np.array_equal(found.covered, (shown[mixed] >= 0).sum(1))
+    assert np.array_equal(found.triangle[len(found.whole) :], shown[mixed][shown[mixed] >= 0])
+    some = (shown >= 0).any(1)
+    left_out = some & ~mixed
+    left_out[found.whole] = False  # thinner than a pixel, between four middles
+    wrong = (shown[found.whole] != found.triangle[: len(found.whole), None]).any(1)
+    assert left_out.sum() + wrong.sum() < 0.005 * some.sum()
 
 
 def test_empty_and_outside():
@@ -118,7 +142,8 @@ def test_which_side_is_the_front():
     camera = Camera(np.array([0, 0, 5.0]), np.array([0.0, 0.0, -1.0]), 0.5, WIDTH, HEIGHT)
     corners = np.array([(-1.0, -1, 0), (1, -1, 0), (0, 1, 0), (0, 0, 6.0)])
     triangles = np.array([(0, 1, 2), (0, 2, 1), (0, 1, 3)])
-    assert raster.front_facing(camera.project(corners), triangles).tolist() == [True, False, False]
+    drawn = [raster.Raster(camera.project(corners), triangles.T, WIDTH, HEIGHT, side) for side in (1, -1)]
+    assert [set(front_or_back.see_middles().triangle.tolist()) for front_or_back in drawn] == [{0}, {1}]
 
 
 def test_projection_by_hand():

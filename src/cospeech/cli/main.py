@@ -23,6 +23,7 @@ from ..models import DEFAULT, PARTS
 from . import convert as cli_convert
 from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
+from . import robot as cli_robot
 from . import stream as cli_stream
 from . import train as cli_train
 from .options import (  # fmt: skip
@@ -231,6 +232,7 @@ def _show_outputs(results: list[Report]) -> None:
 cli_convert.register(app)
 cli_corpora.register(app)
 cli_evaluate.register(app)
+cli_robot.register(app)
 cli_stream.register(app)
 cli_train.register(app)
 

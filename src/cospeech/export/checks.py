@@ -11,7 +11,7 @@ from ..motion.skeleton import Skeleton
 from .registry import FORMATS, format_of, suffixes
 from .target_skeleton import find_target
 
-__all__ = ["File", "check_avatar", "check_files", "check_skeleton"]
+__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_skeleton"]
 
 File = str | PathLike[str]
 
@@ -42,8 +42,13 @@ def check_files(audio: File, outputs: list[Path], inputs: list[File], report: Fi
         raise InputError("no file to write", f"name one with a suffix of {' '.join(FORMATS)}")
     for path in outputs:
         format_of(path)
-    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in (audio, *inputs)}
-    for path in [*outputs, *([Path(report)] if report else [])]:
+    check_apart([*outputs, *([Path(report)] if report else [])], [audio, *inputs])
+
+
+def check_apart(outputs: list[Path], inputs: list[File]) -> None:
+    """No output would overwrite what is read, or another output."""
+    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in inputs}
+    for path in outputs:
         real = os.path.realpath(path)
         if real in seen:
             raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Camera:
     width: int
     height: int
 
-    @property
+    @cached_property
     def axes(self) -> Array:
         """(3, 3) rows: right, up and forward of the picture, in the world."""
         return _axes(self.forward)

@@ -103,4 +103,6 @@ _CURVE = _curve()
 
 def develop(light: Floats) -> NDArray[np.uint8]:
     """Linear light of any shape → 8-bit sRGB with a soft shoulder, so that highlights do not burn out."""
-    return _CURVE.take(np.clip(light * np.float32(_STEPS / _RANGE), 0, _STEPS - 1).astype(np.intp))
+    step = light * np.float32(_STEPS / _RANGE)
+    np.maximum(step, 0, out=step)
+    return _CURVE.take(np.minimum(step, _STEPS - 1, out=step).astype(np.intp))

@@ -1,7 +1,7 @@
 """A character in front of a backdrop: pose in, picture out.
 
-What is seen is found at four samples per pixel (`raster`). Pixels that show one smooth piece of surface are shaded once, in
-their middle; pixels at an outline or at a border of two parts are shaded at every sample and averaged in linear light.
+`points` finds which points are seen. Pixels that show one smooth piece of surface are shaded once, in their middle. Pixels at
+an outline, at a border of two parts or on a glossy part are shaded at four samples and averaged in linear light.
 """
 
 from __future__ import annotations
@@ -16,26 +16,19 @@ from ...motion.rotations import Array
 from ..mannequin import Character, skin_with_normals
 from . import light, raster
 from .camera import Camera
-from .shadow import floor_shadow, measure_light, openness
+from .points import ShownPoints, find_points
+from .shadow import FloorShadow, floor_shadow, measure_light, openness
 from .texture import SurfaceTable
 
 __all__ = ["Scene"]
 
 _PENUMBRA = 0.05  # metres: blur of the key's shadows; ours, as of a large soft box, and no finer than the mesh
+_SLIVER = 1e-2  # pixels²; ours: below half this area a triangle has one colour
 _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
-_DEEP = 0.012  # metres of depth within one pixel above which it shows an outline; ours: half a finger
 
 
 # What `light.shade` wants to know, at every vertex.
 _Shine = tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats]
-
-
-class _Points(NamedTuple):
-    """Points to shade: place in the picture, pixels; triangle."""
-
-    x: raster.Floats
-    y: raster.Floats
-    triangle: raster.Ints
 
 
 class _Posed(NamedTuple):
@@ -65,15 +58,15 @@ class Scene:
     def __init__(self, character: Character, width: int, height: int, background: tuple[int, int, int]) -> None:
         self.character = character
         parts = character.parts
-        self._triangles = _triangles(character)
-        self._corners = self._triangles.T.astype(np.intp)  # what numpy indexes with fastest
+        self._corners = _corners(character)
         self._part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p.triangles) for p in parts])
         colours = [np.broadcast_to(np.asarray(p.colour, np.float32), p.vertices.shape) for p in parts]
         self._colour = np.concatenate(colours).T.copy()  # (3, V)
         self._roughness = np.concatenate([np.full(len(p.vertices), p.roughness, np.float32) for p in parts])
         self._glossy = np.array([p.roughness < _GLOSSY for p in parts])[self._part]
         self._surfaces = SurfaceTable(character)
-        self._casting = self._triangles[_casting(character)]
+        self._exact = self._glossy | self._surfaces.textured
+        self._casting = self._corners[:, _casting(character)]
         self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
         self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
@@ -89,100 +82,90 @@ class Scene:
         """
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
-        axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
-        screen = camera.project(vertices)
-        levels = self._surfaces.levels(screen, self._corners)
-        front = np.flatnonzero(raster.front_facing(screen, self._triangles)).astype(np.int32)
-        keeps = self._holes(screen, levels, front, camera.width) if self._surfaces.open.any() else None
-        seen = raster.see(screen, self._triangles[front], camera.width, camera.height, keeps)
-        seen = seen._replace(triangle=front.take(seen.triangle))
-        picture, backdrop = self._blank.copy(), self._backdrop
+        screen, picture = camera.project(vertices), self._blank.copy()
         shadow = floor_shadow(camera, vertices)
         if shadow is not None:
-            (rows, columns), left = shadow
-            backdrop = backdrop.copy()
-            backdrop[:, rows, columns] *= left
-            picture[rows, columns] = light.develop(backdrop[:, rows, columns]).transpose(1, 2, 0)
-        if len(seen.sample):
-            shown, asked = np.zeros(len(self._triangles), bool), np.zeros(len(vertices), bool)
-            shown[seen.triangle] = True
-            asked[self._triangles[shown]] = True
-            key = (light.KEY @ axes).astype(np.float32)
-            lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
-            sight = (axes @ (camera.position - vertices).T).astype(np.float32)
-            sight /= np.sqrt(_dot(sight, sight))
-            shine = (axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit)
-            pixel, colour = self._resolve(camera, seen, _Posed(screen, shine, levels), backdrop)
-            picture.reshape(-1, 3)[pixel] = light.develop(colour).T
+            rows, columns = shadow.rows, shadow.columns
+            picture[rows, columns] = light.develop(self._backdrop[:, rows, columns] * shadow.left).transpose(1, 2, 0)
+        window = _window(screen, camera.width, camera.height)
+        if window is None:
+            return picture
+        rows, columns = window
+        screen[:, :2] -= columns.start, rows.start
+        size = columns.stop - columns.start, rows.stop - rows.start
+        levels = self._surfaces.levels(screen, self._corners)
+        holes = self._surfaces.open if self._surfaces.open.any() else None
+        keeps = None if holes is None else self._holes(screen, levels, size[0])
+        drawn = raster.Raster(screen, self._corners, *size, side=1)
+        points = find_points(drawn, self._part, self._glossy, holes, keeps)
+        colour = self._shade(points, _Posed(screen, self._shine(camera, vertices, normals, points.triangle), levels))
+        behind = self._behind(points.mixed // size[0] + rows.start, points.mixed % size[0] + columns.start, shadow)
+        wholes = len(points.whole)
+        part = picture[rows, columns].reshape(-1, 3)
+        mixed = _average(colour[:, wholes:], points.covered, behind)
+        for pixel, values in ((points.whole, colour[:, :wholes]), (points.mixed, mixed)):
+            for channel, value in zip(part.T, values, strict=True):  # several times faster than all at once
+                channel[pixel] = light.develop(value)
+        picture[rows, columns] = part.reshape(*size[::-1], 3)
         return picture
 
-    def _resolve(
-        self, camera: Camera, seen: raster.VisibleSamples, posed: _Posed, backdrop: Array
-    ) -> tuple[raster.Ints, raster.Floats]:
-        """Pixels that show the character, and their linear colours (3, P)."""
-        width = camera.width
-        of_sample = seen.sample >> 2
-        first = np.flatnonzero(np.r_[True, of_sample[1:] != of_sample[:-1]])
-        count = np.diff(np.r_[first, len(of_sample)])
-        pixel = of_sample[first]
-        smooth = count == raster.SAMPLES
-        whole = np.repeat(smooth, count)
-        inverse = seen.inverse[whole].reshape(-1, raster.SAMPLES).T
-        part = self._part.take(seen.triangle[whole]).reshape(-1, raster.SAMPLES).T
-        near, far = _over(np.maximum, inverse), _over(np.minimum, inverse)
-        smooth[smooth] = (near - far < _DEEP * near * far) & (_over(np.maximum, part) == _over(np.minimum, part))
-        rough = np.repeat(~smooth, count)
-        middle_y = pixel[smooth] // np.int32(width)
-        middle_x = (pixel[smooth] - middle_y * np.int32(width)).astype(np.float32) + np.float32(0.5)
-        middle_y = middle_y.astype(np.float32) + np.float32(0.5)
-        edge_x, edge_y = raster.sample_positions(seen.sample[rough], width)
-        points = _Points(
-            np.concatenate([middle_x, edge_x]),
-            np.concatenate([middle_y, edge_y]),
-            np.concatenate([seen.triangle[first[smooth]], seen.triangle[rough]]),
-        )
-        colour = self._shade(points, posed)
-        middles = len(middle_x)
-        out = np.empty((3, len(pixel)), np.float32)
-        out[:, smooth] = colour[:, :middles]
-        if middles < len(points.x):
-            counts = count[~smooth]
-            starts = np.cumsum(counts) - counts
-            behind = backdrop.reshape(3, -1)[:, pixel[~smooth]]
-            total = np.add.reduceat(np.minimum(colour[:, middles:], 1), starts, axis=1)
-            out[:, ~smooth] = (total + behind * (raster.SAMPLES - counts)) * np.float32(1 / raster.SAMPLES)
-        return pixel, out
+    def _behind(self, row: raster.Indices, column: raster.Indices, shadow: FloorShadow | None) -> raster.Floats:
+        """(3, N) linear colours of the backdrop at pixels."""
+        colour: raster.Floats = self._backdrop[:, row, column]
+        return colour if shadow is None else colour * shadow.share(row, column)
 
-    def _holes(self, screen: Array, levels: raster.Ints, front: raster.Ints, width: int) -> raster.Keeps:
-        """What tells which samples of surfaces with holes are seen; triangles are those of ``front``."""
+    def _shine(self, camera: Camera, vertices: Array, normals: Array, triangle: raster.Indices) -> _Shine:
+        """What `light.shade` wants to know at the vertices, if these triangles are seen."""
+        axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
+        shown, asked = np.zeros(len(self._part), bool), np.zeros(len(vertices), bool)
+        shown[triangle] = True
+        asked[self._corners[:, shown]] = True
+        key = (light.KEY @ axes).astype(np.float32)
+        lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
+        sight = (axes @ (camera.position - vertices).T).astype(np.float32)
+        sight /= np.sqrt(_dot(sight, sight))
+        return axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit
 
-        def keeps(sample: raster.Ints, triangle: raster.Ints) -> NDArray[np.bool_]:
+    def _holes(self, screen: Array, levels: raster.Ints, width: int) -> raster.Keeps:
+        """What tells which samples of surfaces with holes are seen."""
+
+        def keeps(sample: raster.Indices, triangle: raster.Indices) -> NDArray[np.bool_]:
             kept = np.ones(len(sample), bool)
-            asked = np.flatnonzero(self._surfaces.open.take(front).take(triangle))
-            whole, places = front.take(triangle[asked]), sample[asked]
-            corner = self._corners.take(whole, axis=1)
+            asked = np.flatnonzero(self._surfaces.open.take(triangle))
+            own, places = triangle[asked], sample[asked]
+            corner = self._corners.take(own, axis=1)
             weight = _weights(screen, corner, *raster.sample_positions(places, width))
-            looked = self._surfaces.look(whole, corner, weight, levels)
-            kept[asked] = self._surfaces.shows_surface(whole, places, looked.opacity)
+            looked = self._surfaces.look(own, corner, weight, levels)
+            kept[asked] = self._surfaces.shows_surface(own, places, looked.opacity)
             return kept
 
         return keeps
 
-    def _shade(self, points: _Points, posed: _Posed) -> raster.Floats:
-        """Linear colours (3, N) of surface points: of glossy parts point by point, of others from vertex to vertex."""
-        shine = posed.shine
-        corner = self._corners.take(points.triangle, axis=1)  # (3, N)
-        weight = _weights(posed.screen, corner, points.x, points.y)
-        colour = _mix(light.shade(*shine), corner, weight)
-        has_texture = self._surfaces.textured
-        textured = np.flatnonzero(has_texture.take(points.triangle) if has_texture.any() else has_texture[:0])
+    def _shade(self, points: ShownPoints, posed: _Posed) -> raster.Floats:
+        """Linear colours (3, N) of surface points: from vertex to vertex, but exactly on surfaces with texture or gloss."""
+        shaded, triangle = light.shade(*posed.shine), points.triangle
+        colour = _slant(shaded, posed.screen, self._corners, points)
+        which = np.flatnonzero(self._exact.take(triangle)) if self._exact.any() else ()
+        if len(which):
+            triangle = triangle.take(which)
+            weight = _weights(posed.screen, self._corners.take(triangle, axis=1), points.x.take(which), points.y.take(which))
+            colour[:, which] = self._shade_exactly(shaded, triangle, weight, posed)
+        return colour
+
+    def _shade_exactly(
+        self, shaded: raster.Floats, triangle: raster.Indices, weight: raster.Floats, posed: _Posed
+    ) -> raster.Floats:
+        """Colours (3, N) of points with textures or gloss, from those of the vertices."""
+        shine, corner = posed.shine, self._corners.take(triangle, axis=1)  # (3, N)
+        colour = _mix(shaded, corner, weight)
+        textured = np.flatnonzero(self._surfaces.textured.take(triangle))
         texture = np.ones((3, 0), np.float32)
         if len(textured):
             own = corner[:, textured], weight[:, textured]
-            texture = self._surfaces.look(points.triangle[textured], *own, posed.levels).colour
+            texture = self._surfaces.look(triangle[textured], *own, posed.levels).colour
             normal, _, albedo, _, open_sky, lit = shine
             colour[:, textured] += _mix(light.scatter(normal, open_sky, lit) * albedo, *own) * (texture - 1)
-        glossy = np.flatnonzero(self._glossy.take(points.triangle))
+        glossy = np.flatnonzero(self._glossy.take(triangle))
         if len(glossy):
             corner, weight = corner[:, glossy], weight[:, glossy]
             normal, sight, albedo, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
@@ -194,10 +177,25 @@ class Scene:
         return colour
 
 
-def _triangles(character: Character) -> raster.Ints:
-    """Triangles of all parts, as indices into their vertices one part after the other."""
+def _window(screen: raster.Floats, width: int, height: int) -> tuple[slice, slice] | None:
+    """Rows and columns of the part of the picture that the points (V, 3) may lie in; None where there is none."""
+    x, y, inverse = np.ascontiguousarray(screen.T)
+    before = inverse > 0
+    if not before.any():
+        return None
+    if not before.all():
+        x, y = x[before], y[before]
+    most = width, height
+    low, high = np.floor(np.clip((x.min(), y.min()), 0, most)), np.ceil(np.clip((x.max(), y.max()), 0, most))
+    (left, top), (right, bottom) = low.astype(int).tolist(), high.astype(int).tolist()
+    return (slice(top, bottom), slice(left, right)) if right > left and bottom > top else None
+
+
+def _corners(character: Character) -> raster.Indices:
+    """(3, F) vertices of all triangles, one part after the other."""
     starts = np.cumsum([0] + [len(p.vertices) for p in character.parts[:-1]])
-    return np.concatenate([p.triangles + s for p, s in zip(character.parts, starts, strict=True)]).astype(np.int32)
+    rows = [p.triangles + start for p, start in zip(character.parts, starts, strict=True)]
+    return np.concatenate(rows).T.astype(np.intp)
 
 
 def _casting(character: Character) -> NDArray[np.bool_]:
@@ -210,7 +208,7 @@ def _casting(character: Character) -> NDArray[np.bool_]:
 def _openness(character: Character) -> raster.Floats:
     """`shadow.openness` of the character in its T-pose; kept, because it takes a third of a second."""
     vertices, normals = (np.concatenate([getattr(p, what) for p in character.parts]) for what in ("vertices", "normals"))
-    return openness(vertices, normals, _triangles(character)[_casting(character)])
+    return openness(vertices, normals, _corners(character)[:, _casting(character)])
 
 
 def _weights(screen: Array, corner: NDArray[np.integer], x: raster.Floats, y: raster.Floats) -> raster.Floats:
@@ -236,9 +234,33 @@ def _mix(values: raster.Floats, corner: NDArray[np.integer], weight: raster.Floa
     return mixed
 
 
-def _over(function: np.ufunc, rows: Array) -> Array:
-    """Maximum or minimum of the four rows; faster than reducing along an axis."""
-    return function(function(rows[0], rows[1]), function(rows[2], rows[3]))
+def _slant(values: raster.Floats, screen: raster.Floats, corner: raster.Indices, points: ShownPoints) -> raster.Floats:
+    """Values (C, V) of vertices at points, (C, N): linear in the picture over each triangle with corners (3, F), never below 0.
+
+    On triangles of some pixels this looks as with weights in perspective, and is several times as fast.
+    """
+    (x0, x1, x2), (y0, y1, y2) = np.ascontiguousarray(screen[:, :2].T).take(corner, axis=1)
+    x1, x2, y1, y2 = x1 - x0, x2 - x0, y1 - y0, y2 - y0
+    area = x1 * y2 - x2 * y1
+    flat = np.abs(area) < _SLIVER
+    per_area = np.where(flat, 0, 1 / np.where(flat, 1, area))
+    out = np.empty((len(values), len(points.x)), np.float32)
+    for row, value in zip(out, values, strict=True):
+        v0, v1, v2 = value.take(corner)
+        v1, v2 = v1 - v0, v2 - v0
+        across, down = (v1 * y2 - v2 * y1) * per_area, (v2 * x1 - v1 * x2) * per_area
+        np.multiply(across.take(points.triangle), points.x, out=row)
+        row += down.take(points.triangle) * points.y
+        row += (v0 - x0 * across - y0 * down).take(points.triangle)
+        np.maximum(row, 0, out=row)
+    return out
+
+
+def _average(colour: raster.Floats, count: raster.Ints, behind: raster.Floats) -> raster.Floats:
+    """Colours (3, P) of pixels of whose samples the first ``count`` (P,) show ``colour`` (3, N), and the others ``behind``."""
+    total = np.add.reduceat(np.minimum(colour, 1), np.cumsum(count) - count, axis=1)
+    average: raster.Floats = (total + behind * (raster.SAMPLES - count)) * np.float32(1 / raster.SAMPLES)
+    return average
 
 
 def _dot(a: raster.Floats, b: raster.Floats) -> raster.Floats:

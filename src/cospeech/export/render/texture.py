@@ -88,7 +88,8 @@ class SurfaceTable:
                     break
                 picture = picture.resize((max(1, picture.width // 2), max(1, picture.height // 2)), Image.Resampling.BOX)
             self._levels.append((first, len(starts) - first))
-        self._texels = np.concatenate([*texels, np.zeros((1, 4), np.uint8)])
+        # four bytes in one number, which is looked up once
+        self._texels = np.concatenate([*texels, np.zeros((1, 4), np.uint8)]).view("<u4").ravel().astype(np.uint32)
         self._start, self._size = np.array(starts, np.int64), np.array(sizes, np.int32).reshape(-1, 2)
         self._fold = np.array([[_FOLDS[axis] for axis in texture.wrap] for texture in textures]).reshape(-1, 2)
 
@@ -134,17 +135,19 @@ class SurfaceTable:
 
     def _sample(self, u: Floats, v: Floats, level: Ints, folds: Ints) -> tuple[Floats, Floats]:
         """Between the four nearest pixels of a level: (3, N) and (N,)."""
-        width, height = self._size[level].T
+        width, height = self._size.T.take(level, axis=1)
         left, right, across = _neighbours(u, width, folds[0])
         upper, lower, down = _neighbours(v, height, folds[1])
-        start = self._start[level]
+        start = self._start.take(level)
         rgb, alpha = np.zeros((3, len(u)), np.float32), np.zeros(len(u), np.float32)
         for row, share in ((upper, 1 - down), (lower, down)):
+            first = start + row * width.astype(np.int64)
             for column, part in ((left, 1 - across), (right, across)):
-                texel = self._texels.take(start + row * width.astype(np.int64) + column, axis=0)
+                texel = self._texels.take(first + column)
                 mixed = share * part
-                rgb += _LINEAR.take(texel[:, :3].T) * mixed
-                alpha += texel[:, 3] * (mixed * np.float32(1 / 255))
+                for shift, channel in zip((0, 8, 16), rgb, strict=True):
+                    channel += _LINEAR.take(texel >> np.uint32(shift) & np.uint32(255)) * mixed
+                alpha += (texel >> np.uint32(24)).astype(np.float32) * (mixed * np.float32(1 / 255))
         return rgb, alpha
 
     def shows_surface(self, triangle: Ints, sample: Ints, opacity: Floats) -> NDArray[np.bool_]:
@@ -160,9 +163,11 @@ def _areas(x: Floats, y: Floats) -> Floats:
 
 def _neighbours(at: Floats, size: Ints, fold: Ints) -> tuple[Ints, Ints, Floats]:
     """The two pixels on either side of texture coordinates (N,), and the share of the second."""
-    mirrored = 1 - np.abs(np.mod(at, 2) - 1)
-    folded = np.where(fold == 0, np.mod(at, 1), np.where(fold == 1, mirrored, np.clip(at, 0, 1)))
-    place = np.nan_to_num(folded.astype(np.float32)) * size - np.float32(0.5)
+    folded = at - np.floor(at)
+    mirrored, clamped = np.flatnonzero(fold == 1), np.flatnonzero(fold == 2)
+    folded[mirrored] = 1 - np.abs(np.mod(at[mirrored], 2) - 1)
+    folded[clamped] = np.clip(at[clamped], 0, 1)
+    place = np.nan_to_num(folded) * size.astype(np.float32) - np.float32(0.5)
     low = np.floor(place).astype(np.int32)
     share = (place - low).astype(np.float32)
     high = low + 1

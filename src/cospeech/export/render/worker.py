@@ -19,7 +19,7 @@ from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
 from ...motion.skeletons.arkit import ARKIT
 from ..mannequin.character import Character
-from .camera import View
+from .camera import Camera, View
 from .framing import FramedPose
 
 __all__ = ["ROW", "FrameRenderer", "Helper", "Look", "find_character", "pack"]
@@ -83,6 +83,8 @@ class FrameRenderer:
 
         self._look = look
         self._scene = Scene(character or find_character(look.avatar), look.width, look.height, look.background)
+        self._camera: Camera | None = None
+        self._box = np.empty(0)
 
     def draw(self, rows: Array) -> Pictures:
         """Rows (N, …) of `pack` → (N, H, W, 3) 8-bit sRGB."""
@@ -90,8 +92,9 @@ class FrameRenderer:
         pictures = np.empty((len(rows), look.height, look.width, 3), np.uint8)
         for picture, row in zip(pictures, rows, strict=True):
             rotations, positions, face, box = np.split(row, _ENDS[:-1])
-            camera = look.view.camera(box[:3], box[3:], look.width, look.height)
-            picture[:] = self._scene.draw(camera, rotations.reshape(-1, 4), positions.reshape(-1, 3), face)
+            if self._camera is None or not np.array_equal(box, self._box):  # mostly it stands still
+                self._camera, self._box = look.view.camera(box[:3], box[3:], look.width, look.height), box
+            picture[:] = self._scene.draw(self._camera, rotations.reshape(-1, 4), positions.reshape(-1, 3), face)
         return pictures
 
 

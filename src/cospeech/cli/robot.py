@@ -1,0 +1,72 @@
+"""``cospeech robot``: a motion file as commands for the joints of a robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument
+
+from ..errors import InputError
+from .options import Debug, Motion, Quiet, number, option
+
+__all__ = ["register"]
+
+Trajectory = Annotated[
+    Path,
+    Argument(metavar="FILE", help="File to write: .csv (a column for each joint), .json (the shape of ROS' JointTrajectory)."),
+]
+Robot = Annotated[str, option("--robot", metavar="NAME", help="nao, pepper, reachy, or the URDF of yours: my_robot.urdf.")]
+Channels = Annotated[
+    Path | None,
+    option(
+        "--map", metavar="FILE", help='TOML file with a table [joints]: joint of the URDF = "left_elbow", or "-left_elbow+0.5".'
+    ),
+]
+Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Commands per second, 1 … 240.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(robot)
+
+
+def robot(
+    source: Motion,
+    target: Trajectory,
+    robot: Robot = "nao",
+    channels: Channels = None,
+    fps: Rate = 50.0,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Turn a motion file into joint commands, within the robot's limits of position, speed and acceleration.
+
+    \b
+    cospeech robot talk.bvh talk.csv --robot pepper
+    cospeech robot talk.bvh talk.json --robot nao --fps 100
+    """
+    from ..export import load
+    from ..export.checks import check_apart
+    from ..files import parse_toml, read_regular
+    from ..motion.robot import find_robot, read_urdf, robot_trajectory, save_trajectory
+    from ..rules.options import FPS_RANGE, check_range
+
+    check_range("fps", fps, FPS_RANGE)
+    is_urdf = robot.lower().endswith(".urdf")
+    check_apart([target], [source, *([Path(robot)] if is_urdf else []), *([channels] if channels else [])])
+    if channels is not None and not is_urdf:
+        raise InputError(f"--map changes nothing for {robot!r}", "it is for a URDF")
+    table = None
+    if channels is not None:
+        table = parse_toml(read_regular(channels, "a map", 1 << 20), channels.name, "[joints]").get("joints")
+        if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
+            raise InputError(
+                f"{channels.name!r} has no table [joints] of texts", 'write [joints] and arm_1 = "left_shoulder_pitch"'
+            )
+    joints = read_urdf(robot, table) if is_urdf else find_robot(robot)
+    commands = robot_trajectory(load(source).resample(fps), joints)
+    save_trajectory(target, commands, joints, fps=fps)
+    if not quiet:
+        typer.echo(f"{target}  {len(commands)} commands for {len(joints)} joints at {fps:g} per second")

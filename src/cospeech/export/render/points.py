@@ -1,0 +1,132 @@
+"""Which points of a character a picture shows: one for each pixel inside a smooth piece of surface, up to four at edges.
+
+The middles of all pixels are looked at first (`Raster.see_middles`). A sample of a pixel lies between four middles. Where these
+show one smooth piece of surface, or nothing, so does the sample; where they do not, the four samples of the pixel are looked
+at (`Raster.see`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .raster import SAMPLES, Floats, Indices, Ints, Keeps, Raster, VisiblePixels, VisibleSamples, sample_positions
+
+__all__ = ["ShownPoints", "find_points"]
+
+Bools = NDArray[np.bool_]
+
+_DEEP = 0.012  # metres of depth between neighbours above which they show an outline; ours: half a finger
+_MILLIMETRES = np.float32(1000)  # units of depth in which neighbours are compared
+_FARTHEST = np.int32(0xFFFF)  # depth in such units beyond which all is far
+
+
+class ShownPoints(NamedTuple):
+    """ShownPoints to shade.
+
+    Attributes:
+        whole: (A,) pixels that show one smooth piece of surface.
+        mixed: (B,) pixels at an outline or at a border of two parts.
+        covered: (B,) 1 … 4, how many of their samples show the character.
+        x: (N,) place in the picture, pixels: in ``whole``, then at the samples of ``mixed``.
+        y: (N,)
+        triangle: (N,) that is seen there.
+    """
+
+    whole: Indices
+    mixed: Indices
+    covered: Indices
+    x: Floats
+    y: Floats
+    triangle: Indices
+
+
+def find_points(drawn: Raster, part: Ints, fine: Bools, holes: Bools | None = None, keeps: Keeps | None = None) -> ShownPoints:
+    """Find what a picture shows.
+
+    Args:
+        drawn: F triangles.
+        part: (F,) to which surface each belongs.
+        fine: (F,) which triangles have details that are smaller than a pixel: these are mixed everywhere.
+        holes: (F,) which triangles may have holes; None where none has.
+        keeps: as `Raster.see` takes it.
+    """
+    width = drawn.width
+    middles = drawn.see_middles(None if holes is None else ~holes)
+    veils = None if holes is None else drawn.see_middles(holes)
+    edges = _edges(middles, part, fine, veils, (drawn.height, width))
+    seen = drawn.see(edges, keeps)
+    smooth, first, count = _group(seen, part, fine)
+    pixel = seen.sample.take(first) >> 2
+    # a middle is what a smooth pixel shows, unless a surface with holes hides it; then one of its samples is
+    show = np.ones(width * drawn.height, bool)
+    show[edges] = False
+    show[pixel[smooth]] = True
+    if holes is not None:
+        veiled = smooth & holes.take(seen.triangle.take(first))
+        show[pixel[veiled]] = False
+    kept = np.flatnonzero(show.take(middles.pixel))
+    whole, triangle = middles.pixel.take(kept), middles.triangle.take(kept)
+    x, y = middles.x.take(kept), middles.y.take(kept)
+    rough = np.repeat(~smooth, count)
+    picked = np.flatnonzero(rough)
+    if holes is not None:
+        lone = first[veiled]
+        whole, picked = np.concatenate([whole, pixel[veiled]]), np.concatenate([lone, picked])
+    at_x, at_y = sample_positions(seen.sample.take(picked), width)
+    return ShownPoints(
+        whole, pixel[~smooth], count[~smooth], np.concatenate([x, at_x]), np.concatenate([y, at_y]),
+        np.concatenate([triangle, seen.triangle.take(picked)]),
+    )  # fmt: skip
+
+
+def _edges(middles: VisiblePixels, part: Ints, fine: Bools, veils: VisiblePixels | None, shape: tuple[int, int]) -> Indices:
+    """Pixels, ascending, some of whose samples lie between middles that do not show one smooth piece of closed surface."""
+    shown, edge = np.zeros(shape, np.int32), np.zeros(shape, bool)
+    shown.ravel()[middles.pixel] = _label(middles, part.take(middles.triangle) + 2)
+    edge.ravel()[middles.pixel[fine.take(middles.triangle)]] = True
+    if veils is not None:
+        behind, before = shown.take(veils.pixel), _label(veils, 0)
+        nearer = np.flatnonzero((behind == 0) | (before <= (behind & _FARTHEST)))
+        pixel = veils.pixel.take(nearer)
+        shown.ravel()[pixel] = _FARTHEST + 1 + before.take(nearer)
+        edge.ravel()[pixel] = True
+    beside, below = _differ(shown[:, 1:], shown[:, :-1]), _differ(shown[1:], shown[:-1])
+    between = beside[1:] | beside[:-1]  # among four middles
+    between |= below[:, 1:]
+    between |= below[:, :-1]
+    for down in (slice(None, -1), slice(1, None)):
+        for across in (slice(None, -1), slice(1, None)):
+            edge[down, across] |= between
+    return np.flatnonzero(edge)
+
+
+def _label(pixels: VisiblePixels, surface: Ints | int) -> Ints:
+    """Surface and depth of what is seen: ``surface · 65,536 + millimetres``."""
+    depth = np.minimum(_MILLIMETRES / pixels.inverse, _FARTHEST).astype(np.int32)
+    depth += surface * (_FARTHEST + 1)
+    return depth
+
+
+def _differ(shown: Ints, beside: Ints) -> Bools:
+    """Which neighbours show two surfaces or two depths."""
+    deep = int(_DEEP * _MILLIMETRES)
+    off = shown - beside
+    off += deep
+    return off.view(np.uint32) > 2 * deep  # one comparison for both signs, and for surfaces, which are farther apart
+
+
+def _group(seen: VisibleSamples, part: Ints, fine: Bools) -> tuple[Bools, Indices, Indices]:
+    """By pixel: whether all four samples show one smooth piece of surface; the first of its samples; how many it has."""
+    pixel = seen.sample >> 2
+    first = np.flatnonzero(np.diff(pixel, prepend=-1))
+    count = np.diff(first, append=len(pixel))
+    smooth = (count == SAMPLES) & ~fine.take(seen.triangle.take(first))
+    four = first[smooth]
+    inverse, parts = ([values.take(four + k) for k in range(SAMPLES)] for values in (seen.inverse, part.take(seen.triangle)))
+    near, far = (side(side(inverse[0], inverse[1]), side(inverse[2], inverse[3])) for side in (np.maximum, np.minimum))
+    same = (parts[0] == parts[1]) & (parts[0] == parts[2]) & (parts[0] == parts[3])
+    smooth[smooth] = (near - far < _DEEP * near * far) & same
+    return smooth, first, count

@@ -1,0 +1,20 @@
+"""Motion for robots: joint angles of arms, head and trunk, within the limits of position, speed and acceleration of a robot.
+
+>>> from cospeech.motion.motion import Motion
+>>> from cospeech.motion.skeleton import humanoid
+>>> import numpy as np
+>>> still = Motion(50, np.tile([0.0, 0, 0, 1], (2, len(humanoid()), 1)), np.zeros((2, 3)))
+>>> commands = RobotStream(ROBOTS["nao"], fps=50).push(still)
+>>> commands.shape
+(2, 14)
+"""
+
+from .angles import CHANNELS, BodyAngles
+from .limiter import JointLimiter
+from .robots import ROBOTS, RobotJoint, find_robot, read_urdf
+from .trajectory import RobotStream, robot_trajectory, save_trajectory
+
+__all__ = [
+    "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "find_robot", "read_urdf",
+    "robot_trajectory", "save_trajectory",
+]  # fmt: skip

@@ -1,0 +1,54 @@
+"""Commands that a robot's joints can follow: within limits of position, speed and acceleration, frame by frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import InputError
+from ..rotations import Array
+
+__all__ = ["JointLimiter"]
+
+
+class JointLimiter:
+    """Follows what is wanted as fast as the limits allow, and brakes in time not to overshoot.
+
+    Args:
+        lower, upper: (J,) radians.
+        velocity: (J,) radians per second.
+        acceleration: (J,) radians per second².
+        fps: commands per second.
+
+    Raises:
+        InputError: a lower limit above its upper one, or a speed or an acceleration that is not above 0.
+    """
+
+    def __init__(self, lower: Array, upper: Array, velocity: Array, acceleration: Array, *, fps: float) -> None:
+        self._lower, self._upper, self._most, self._push = (np.array(x, float) for x in (lower, upper, velocity, acceleration))
+        if not (self._lower <= self._upper).all() or not (self._most > 0).all() or not (self._push > 0).all() or fps <= 0:
+            raise InputError("limits of joints that nothing can keep", "lower ≤ upper, velocity > 0, acceleration > 0, fps > 0")
+        self._step = 1.0 / fps
+        self._at: Array | None = None
+        self._speed = np.zeros_like(self._lower)
+
+    def push(self, wanted: Array) -> Array:
+        """(T, J) → (T, J); the first command of all is what is wanted first, within the limits of position."""
+        commands = np.empty_like(wanted, float)
+        for k, goal in enumerate(np.clip(wanted, self._lower, self._upper)):
+            self._at = goal.copy() if self._at is None else self._go(self._at, goal)
+            commands[k] = self._at
+        return commands
+
+    def _go(self, at: Array, goal: Array) -> Array:
+        way, dt = goal - at, self._step
+        # The speed from which it can still brake, one step at a time: v²/2a + v·dt = |way|.
+        brake = self._push * dt
+        fastest = np.minimum(np.sqrt(brake * brake + 2 * self._push * np.abs(way)) - brake, np.abs(way) / dt)
+        aim = np.sign(way) * np.minimum(fastest, self._most)
+        change = self._push * dt
+        self._speed = np.clip(aim, self._speed - change, self._speed + change)
+        self._speed = np.clip(self._speed, -self._most, self._most)
+        moved = at + self._speed * dt
+        held = np.clip(moved, self._lower, self._upper)
+        self._speed = np.where(held == moved, self._speed, 0.0)
+        return held

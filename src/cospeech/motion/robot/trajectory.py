@@ -1,0 +1,89 @@
+"""Commands of a whole robot: streamed, at once, and as files for controllers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ...files import atomic
+from ..motion import Motion
+from ..rotations import Array
+from .angles import BodyAngles
+from .limiter import JointLimiter
+from .robots import RobotJoint
+
+__all__ = ["RobotStream", "robot_trajectory", "save_trajectory"]
+
+_SUFFIXES = (".csv", ".json")
+
+
+class RobotStream:
+    """Motion that comes in pieces → commands of a robot; all pieces together have those of the whole.
+
+    Args:
+        joints: of the robot, `find_robot` or `read_urdf`.
+        fps: of the motion and of the commands.
+    """
+
+    def __init__(self, joints: Sequence[RobotJoint], *, fps: float) -> None:
+        if not joints:
+            raise InputError("a robot without joints", "find_robot('nao'), or read_urdf('my_robot.urdf')")
+        self.joints, self.fps, self._angles = tuple(joints), fps, BodyAngles()
+        limits = [[getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity", "acceleration")]
+        self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the joints, in the order of the columns."""
+        return tuple(joint.name for joint in self.joints)
+
+    def push(self, motion: Motion) -> Array:
+        """(T, J) commands of the next frames, radians.
+
+        Raises:
+            InputError: the motion has another rate.
+        """
+        if motion.fps != self.fps:
+            raise InputError(f"motion of {motion.fps:g} frames per second for a robot of {self.fps:g}", "motion.resample(fps)")
+        angles = self._angles.push(motion)
+        return self._limiter.push(np.stack([joint.sign * angles[joint.channel] + joint.offset for joint in self.joints], 1))
+
+
+def robot_trajectory(motion: Motion, joints: Sequence[RobotJoint]) -> Array:
+    """(T, J) commands of a whole motion, radians."""
+    return RobotStream(joints, fps=motion.fps).push(motion)
+
+
+def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence[RobotJoint], *, fps: float) -> None:
+    """Write commands: ``.csv`` with a column for each joint, or ``.json`` in the shape of ROS' JointTrajectory.
+
+    Args:
+        path: the suffix picks the format.
+        commands: (T, J) radians.
+        joints: J of them.
+        fps: commands per second.
+
+    Raises:
+        InputError: another suffix, or a file that cannot be written.
+    """
+    suffix, names = Path(path).suffix.lower(), [joint.name for joint in joints]
+    if suffix not in _SUFFIXES:
+        raise InputError(f"a trajectory as {suffix or 'a file without suffix'}", f"known: {' '.join(_SUFFIXES)}")
+    speeds = np.gradient(commands, 1 / fps, axis=0) if len(commands) > 1 else np.zeros_like(commands)
+    with atomic(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        if suffix == ".csv":
+            file.write(",".join(["time", *names]) + "\n")
+            for k, row in enumerate(commands):
+                file.write(",".join([f"{k / fps:.6f}", *(f"{value:.6f}" for value in row)]) + "\n")
+            return
+        points = []
+        for k, (row, speed) in enumerate(zip(commands.round(6).tolist(), speeds.round(6).tolist(), strict=True)):
+            nanoseconds = round(k / fps * 1e9)
+            when = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+            points.append({"positions": row, "velocities": speed, "time_from_start": when})
+        json.dump({"joint_names": names, "points": points}, file)

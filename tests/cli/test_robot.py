@@ -1,0 +1,55 @@
+"""`cospeech robot`: trajectories of known robots and of a URDF, and what cannot be made."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from cospeech.export import save
+from tests.support.motions import gesturing
+
+URDF = """<robot name="r">
+  <joint name="arm" type="revolute"><limit lower="-1" upper="1" velocity="2"/></joint>
+  <joint name="pan" type="revolute"><limit lower="-0.5" upper="0.5" velocity="2"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save(gesturing(30), "talk.bvh")
+    (tmp_path / "mine.urdf").write_text(URDF)
+    (tmp_path / "map.toml").write_text('[joints]\narm = "-left_shoulder_roll+0.1"\npan = "head_yaw"\n')
+    (tmp_path / "bad.toml").write_text("[joints]\narm = 3\n")
+    return tmp_path
+
+
+def test_a_known_robot_and_a_urdf(cli, place):
+    code, out, _ = cli("robot", "talk.bvh", "talk.csv", "--robot", "pepper", "--fps", 100)
+    assert code == 0
+    assert "100 commands for 14 joints" in out
+    assert len((place / "talk.csv").read_text().splitlines()) == 101
+    assert cli("robot", "talk.bvh", "talk.json", "--robot", "mine.urdf", "--map", "map.toml", "-q")[:2] == (0, "")
+    message = json.loads((place / "talk.json").read_text())
+    assert message["joint_names"] == ["arm", "pan"]
+    assert all(abs(point["positions"][0]) <= 1 for point in message["points"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["talk.csv", "--robot", "noa"], "no robot is called 'noa'"),
+        (["talk.txt"], "a trajectory as .txt"),
+        (["talk.csv", "--robot", "mine.urdf"], "is recognised"),
+        (["talk.csv", "--robot", "mine.urdf", "--map", "bad.toml"], "no table [joints]"),
+        (["talk.csv", "--robot", "nao", "--map", "map.toml"], "--map changes nothing"),
+        (["talk.csv", "--robot", "nowhere.urdf"], "nowhere.urdf"),
+        (["talk.csv", "--fps", "0"], "fps 0"),
+    ],
+)
+def test_what_cannot_be_made_leaves_nothing(cli, place, arguments, what):
+    code, out, err = cli("robot", "talk.bvh", *arguments)
+    assert (code, out) == (2, "")
+    assert what in err
+    assert not (place / arguments[0]).exists()

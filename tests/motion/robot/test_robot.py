@@ -1,0 +1,254 @@
+"""Robots: arms point where the person's do, by forward kinematics of the robots; limits hold; pieces equal the whole."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cospeech.errors import InputError
+from cospeech.motion.motion import Motion
+from cospeech.motion.robot import (
+    CHANNELS,
+    ROBOTS,
+    BodyAngles,
+    JointLimiter,
+    RobotStream,
+    find_robot,
+    read_urdf,
+    robot_trajectory,
+    save_trajectory,
+)
+from cospeech.motion.rotations import quat_identity, rotvec_to_quat
+from cospeech.motion.skeleton import humanoid
+
+FPS = 50.0
+JOINT = humanoid().index
+
+
+def still(frames: int) -> Motion:
+    return Motion(FPS, quat_identity(frames, len(humanoid())), np.zeros((frames, 3)), None, humanoid())
+
+
+def random_arms(frames: int, seed: int, size: float = 1.2) -> Motion:
+    """Arms anywhere, elbows bent about their hinges, twisted forearms; smooth over time."""
+    motion, random = still(frames), np.random.default_rng(seed)
+    t = np.arange(frames)[:, None] / FPS
+    for side in ("left", "right"):
+        for name, scale in (("UpperArm", size), ("Shoulder", 0.15), ("Hand", 0.4)):
+            phase, rate = random.uniform(0, 6.28, 3), random.uniform(0.5, 2, 3)
+            turn = scale * np.sin(rate * t + phase)
+            motion.rotations[:, JOINT[side + name]] = rotvec_to_quat(turn)
+        bend = 0.9 + 0.8 * np.sin(t[:, 0] + random.uniform(0, 6))
+        hinge = np.array([0.0, -1.0 if side == "left" else 1.0, 0.0])
+        motion.rotations[:, JOINT[side + "LowerArm"]] = rotvec_to_quat(bend[:, None] * hinge)
+    return motion
+
+
+def turn(axis: str, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    if axis == "x":
+        return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    if axis == "y":
+        return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def nao_arm(c: dict[str, float], side: str) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of upper arm and forearm: NAO's arms lie along x, and turn about y, z, x, z."""
+    letter = side[0].upper()
+    upper = turn("y", c[f"{letter}ShoulderPitch"]) @ turn("z", c[f"{letter}ShoulderRoll"])
+    fore = upper @ turn("x", c[f"{letter}ElbowYaw"]) @ turn("z", c[f"{letter}ElbowRoll"])
+    return upper[:, 0], fore[:, 0]
+
+
+def reachy_arm(c: dict[str, float], side: str) -> tuple[np.ndarray, np.ndarray]:
+    """Reachy's arms hang along −z, and turn about y, x, z, y."""
+    letter = side[0]
+    upper = turn("y", c[f"{letter}_shoulder_pitch"]) @ turn("x", c[f"{letter}_shoulder_roll"])
+    fore = upper @ turn("z", c[f"{letter}_arm_yaw"]) @ turn("y", c[f"{letter}_elbow_pitch"])
+    return -upper[:, 2], -fore[:, 2]
+
+
+def directions(motion: Motion, side: str) -> tuple[np.ndarray, np.ndarray]:
+    """Of the person's upper arm and forearm, in ROS' axes, relative to the chest (which does not move here)."""
+    at = motion.positions()
+    shoulder, elbow, wrist = (at[:, JOINT[side + name]] for name in ("UpperArm", "LowerArm", "Hand"))
+    ros = [v[:, [2, 0, 1]] / np.linalg.norm(v, axis=1, keepdims=True) for v in (elbow - shoulder, wrist - elbow)]
+    return ros[0], ros[1]
+
+
+@pytest.mark.parametrize(("robot", "arm"), [("nao", nao_arm), ("reachy", reachy_arm)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robots_arms_point_where_the_persons_do(robot, arm, seed):
+    motion = random_arms(150, seed, size=0.9)
+    angles = BodyAngles().push(motion)
+    away = []
+    for side in ("left", "right"):
+        upper, fore = directions(motion, side)
+        commands = {j.name: j.sign * angles[j.channel] + j.offset for j in find_robot(robot)}
+        free = np.cos(angles[f"{side}_shoulder_roll"]) > 0.36
+        for k in np.flatnonzero(free):
+            made = arm({name: values[k] for name, values in commands.items()}, side)
+            away.append(max(np.linalg.norm(made[0] - upper[k]), np.linalg.norm(made[1] - fore[k])))
+    assert np.median(away) < 1e-5  # before pitch has caught up after the side, the arm may be off
+    assert np.mean(np.array(away) < 0.05) > 0.85
+
+
+def test_poses_that_a_robot_builder_knows():
+    motion = still(3)
+    for side, sign in (("left", 1), ("right", -1)):
+        arm = JOINT[side + "UpperArm"]
+        motion.rotations[0, arm] = rotvec_to_quat(np.array([0.0, -sign * np.pi / 2, 0.0]))  # forward
+        motion.rotations[1, arm] = rotvec_to_quat(np.array([0.0, 0.0, -sign * np.pi / 2]))  # hanging
+    angles = BodyAngles().push(motion)
+    for side in ("left", "right"):
+        assert angles[f"{side}_shoulder_pitch"][:2] == pytest.approx([0, np.pi / 2], abs=1e-6)
+        assert angles[f"{side}_shoulder_roll"][:2] == pytest.approx([0, 0], abs=1e-6)
+        assert angles[f"{side}_elbow"] == pytest.approx(np.zeros(3), abs=1e-6)
+        assert angles[f"{side}_hand"] == pytest.approx(np.ones(3))
+    assert angles["left_shoulder_roll"][2] == pytest.approx(np.pi / 2)  # the T-pose
+    assert angles["right_shoulder_roll"][2] == pytest.approx(-np.pi / 2)
+
+
+def test_nod_and_turn_have_the_signs_of_ros():
+    motion = still(2)
+    motion.rotations[0, JOINT["head"]] = rotvec_to_quat(np.array([0.3, 0.0, 0.0]))  # looks down
+    motion.rotations[1, JOINT["head"]] = rotvec_to_quat(np.array([0.0, 0.4, 0.0]))  # looks to the left
+    motion.rotations[1, JOINT["chest"]] = rotvec_to_quat(np.array([0.2, 0.0, 0.0]))  # leans forward
+    angles = BodyAngles().push(motion)
+    assert angles["head_pitch"][0] == pytest.approx(0.3)
+    assert angles["head_yaw"][1] == pytest.approx(0.4)
+    assert angles["torso_pitch"] == pytest.approx([0, 0.2])
+
+
+def test_an_arm_that_passes_the_side_spins_no_joint():
+    """Through the line where pitch and yaw are one: the arm goes from the front, straight out to the side, to the back."""
+    motion = still(120)
+    u = np.linspace(-0.9, 0.9, 120)
+    for side, sign in (("left", 1), ("right", -1)):
+        lift = rotvec_to_quat(np.stack([0 * u, sign * u, np.full(120, sign * 0.02)], 1))
+        motion.rotations[:, JOINT[side + "UpperArm"]] = lift
+    angles = BodyAngles().push(motion)
+    for channel in CHANNELS[:12]:
+        assert np.abs(np.diff(angles[channel])).max() < np.radians(14), channel
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("sizes", [[1] * 60, [7, 13, 40], [60]])
+def test_pieces_give_the_commands_of_the_whole(robot, sizes):
+    motion = random_arms(60, 3)
+    whole, stream, first, parts = robot_trajectory(motion, ROBOTS[robot]), RobotStream(ROBOTS[robot], fps=FPS), 0, []
+    for size in sizes:
+        parts.append(stream.push(motion[first : first + size]))
+        first += size
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(ROBOTS)), st.sampled_from([20.0, 50.0, 125.0]), st.floats(0.1, 3.0))
+def test_limits_of_position_speed_and_acceleration_hold_whatever_is_wanted(seed, robot, fps, scale):
+    joints, random = ROBOTS[robot], np.random.default_rng(seed)
+    lower, upper, velocity, push = (
+        np.array([getattr(j, n) for j in joints]) for n in ("lower", "upper", "velocity", "acceleration")
+    )
+    wanted = np.repeat(random.normal(0, scale, (12, len(joints))), random.integers(1, 9), axis=0)
+    commands = JointLimiter(lower, upper, velocity, push, fps=fps).push(wanted)
+    assert ((commands >= lower) & (commands <= upper)).all()
+    speed = np.diff(commands, axis=0) * fps
+    assert (np.abs(speed) <= velocity * (1 + 1e-9)).all()
+    inside = (commands[1:-1] > lower) & (commands[1:-1] < upper) & (commands[2:] > lower) & (commands[2:] < upper)
+    assert (
+        np.abs(np.diff(speed, axis=0))[inside] <= (np.broadcast_to(push / fps, inside.shape)[inside]) * (1 + 1e-6) + 1e-9
+    ).all()
+
+
+def test_a_goal_is_reached_without_overshoot():
+    limiter = JointLimiter(np.array([-2.0]), np.array([2.0]), np.array([3.0]), np.array([24.0]), fps=FPS)
+    made = limiter.push(np.concatenate([[[0.0]], np.full((100, 1), 1.0)]))[:, 0]
+    assert made.max() <= 1 + 1e-6
+    assert made[-1] == pytest.approx(1, abs=1e-3)
+    assert np.argmax(made > 0.95) < 30  # 0.6 s: as fast as the limits allow, nearly
+
+
+@pytest.mark.parametrize("change", [{"lower": [2.0]}, {"velocity": [0.0]}, {"acceleration": [-1.0]}])
+def test_limits_that_nothing_can_keep(change):
+    usual = {"lower": [-1.0], "upper": [1.0], "velocity": [1.0], "acceleration": [1.0]} | change
+    with pytest.raises(InputError, match="limits of joints"):
+        JointLimiter(*(np.array(usual[name]) for name in ("lower", "upper", "velocity", "acceleration")), fps=50)
+
+
+URDF = """<robot name="r">
+  <joint name="LShoulderPitch" type="revolute"><limit lower="-1" upper="1" velocity="2"/></joint>
+  <joint name="arm" type="continuous"><limit velocity="1.5"/></joint>
+  <joint name="base" type="fixed"/>
+  <joint name="broken" type="revolute"/>
+</robot>"""
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(URDF)
+    return path
+
+
+def test_joints_of_a_urdf(urdf):
+    (known,) = read_urdf(urdf)
+    assert (known.name, known.channel, known.lower, known.upper, known.velocity) == (
+        "LShoulderPitch",
+        "left_shoulder_pitch",
+        -1,
+        1,
+        2,
+    )
+    (arm,) = read_urdf(urdf, {"arm": "-left_elbow+0.5"})
+    assert (arm.channel, arm.sign, arm.offset, arm.velocity) == ("left_elbow", -1, 0.5, 1.5)
+    assert arm.upper == pytest.approx(2 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("channels", "what"),
+    [
+        ({"leg": "left_elbow"}, "has no turning joint 'leg'"),
+        ({"arm": "left_knee"}, "takes 'left_knee'"),
+        ({"arm": "left_elbow+x"}, "no numbers"),
+        ({"broken": "left_elbow"}, "has no limits"),
+        ({}, "is recognised"),
+    ],
+)
+def test_what_a_urdf_cannot_give(urdf, channels, what):
+    with pytest.raises(InputError, match=what):
+        read_urdf(urdf, channels)
+
+
+@pytest.mark.parametrize("text", ["", "<robot>", "<!DOCTYPE x [<!ENTITY a 'b'>]><robot>&a;</robot>", "<robot/>", "\0"])
+def test_files_that_are_no_urdf(tmp_path, text):
+    (tmp_path / "bad.urdf").write_text(text)
+    with pytest.raises(InputError):
+        read_urdf(tmp_path / "bad.urdf")
+
+
+def test_files_of_commands(tmp_path):
+    joints, motion = find_robot("nao"), random_arms(20, 1)
+    commands = robot_trajectory(motion, joints)
+    save_trajectory(tmp_path / "talk.csv", commands, joints, fps=FPS)
+    save_trajectory(tmp_path / "talk.json", commands, joints, fps=FPS)
+    header, *rows = (tmp_path / "talk.csv").read_text().splitlines()
+    assert header.split(",") == ["time", *(joint.name for joint in joints)]
+    read = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    np.testing.assert_allclose(read[:, 0], np.arange(20) / FPS)
+    np.testing.assert_allclose(read[:, 1:], commands, atol=1e-6)
+    message = json.loads((tmp_path / "talk.json").read_text())
+    assert message["joint_names"] == header.split(",")[1:]
+    np.testing.assert_allclose([p["positions"] for p in message["points"]], commands, atol=1e-6)
+    at = [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] / 1e9 for p in message["points"]]
+    np.testing.assert_allclose(at, np.arange(20) / FPS)
+    with pytest.raises(InputError, match=r"known: \.csv \.json"):
+        save_trajectory(tmp_path / "talk.txt", commands, joints, fps=FPS)
+    with pytest.raises(InputError, match="no robot is called 'noa'"):
+        find_robot("noa")
+    with pytest.raises(InputError, match="for a robot of 25"):
+        RobotStream(joints, fps=25).push(motion)

@@ -33,16 +33,16 @@ from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.joints import hand_columns
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.options import GenerationOptions
+from cospeech.runtime.bundles.spec import VOICE
+from cospeech.runtime.bundles.statistics import Statistics
 from cospeech.runtime.conditioning import NOTHING
 from cospeech.runtime.decoders import start_decoder
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
-from cospeech.runtime.spec import VOICE
 from cospeech.runtime.speech_frontend import SpeechTextFrontend
-from cospeech.runtime.statistics import Statistics
-from cospeech.runtime.style import Styles
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.style import Styles
 from cospeech.runtime.system import System
 from cospeech.training.checkpoint import network
 from cospeech.training.export.onnx_export import export_graphs

@@ -29,9 +29,9 @@ from cospeech.audio.features.reduce import reduce_audio
 from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.models import load
-from cospeech.runtime.flow_engine import FlowEngine, StudentT
-from cospeech.runtime.flow_graph import build_graphs
-from cospeech.runtime.flow_weights import CODE, FlowSizes, pack_weights
+from cospeech.runtime.flow.engine import FlowEngine, StudentT
+from cospeech.runtime.flow.graph import build_graphs
+from cospeech.runtime.flow.weights import CODE, FlowSizes, pack_weights
 
 PAPER = FlowSizes(
     pose=27, audio=29, steps=16, hidden=800, layers=2, history=12, speech_frames=13, nu=50, feature=32, blocks=5, channels=256

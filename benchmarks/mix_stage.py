@@ -27,11 +27,11 @@ from flow import medians, processor, verdict
 
 from cospeech.models.mix_stage import MixStage, MixStageConfig
 from cospeech.models.nn.objective import Batch, StepRandom
+from cospeech.runtime.bundles.statistics import Statistics
 from cospeech.runtime.network import Network
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live
-from cospeech.runtime.statistics import Statistics
-from cospeech.runtime.style_space import style_space
-from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.track import StyleTrack
 from cospeech.runtime.system import System
 from cospeech.training.export.onnx_export import Exported, export_graphs
 

@@ -5,10 +5,10 @@
     python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 2.5
     python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER
 
-Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based gesturer
+Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based model
 performs the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by the recipe
 (stopped, it goes on), the bundle. Then the bundle plays the store's test split, and the card says how that scored beside the
-ground truth, the rule-based gesturer and the control rows. Corpus and store are the same for both. The face is trained on real
+ground truth, the rule-based model and the control rows. Corpus and store are the same for both. The face is trained on real
 recordings (docs/corpora/faces.md), and its card says what tools/measure_face.py finds.
 """
 
@@ -45,9 +45,9 @@ METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed"
 FLOW = """# stylised-flow: the weights that ship
 
 A small stylised flow (Ye et al. 2022, see docs/models/stylised_flow.md) for our humanoid: body and hands from speech. The
-face is the rule-based gesturer's.
+face is the rule-based model's.
 
-**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
+**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based model in the styles of {speakers} speakers and
 eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not
 people. Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
 Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
@@ -82,9 +82,9 @@ MIX = """# mix-stage: the weights that ship
 
 A small Mix-StAGE (Ahuja et al. 2020, see docs/models/mix_stage.md) for our humanoid: body and hands from speech, in the style
 of eight speakers, between them, or in the mixture of them that an example is nearest to. The face is the rule-based
-gesturer's.
+model's.
 
-**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
+**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based model in the styles of {speakers} speakers and
 eight emotions, in BEAT's layout; nothing was recorded from people but the voices. The network has learnt our rules, not
 people. Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples (Apache-2.0),
 Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
@@ -121,7 +121,7 @@ mood is heard in the voice, then come a face, with it the body, with both the ha
 file, and one for streams, which looks {look:.2f} s ahead. The face that is shown is the learnt mouth's (speech-to-face, of
 real recordings: see its card), with brows, blinks, gaze and expressions by rule; the chain's own face drives its body.
 
-**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based gesturer in the styles of {speakers} speakers and
+**Data: synthetic.** {hours:.2f} h of training motion made by the rule-based model in the styles of {speakers} speakers and
 eight emotions, in BEAT's layout, to voices that act the emotions by rule; no body was recorded. The network has learnt our
 rules, not people. Speech: LibriVox (public domain), LJ Speech (public domain), JFK (public domain), SpeechBrain samples
 (Apache-2.0), FACEGOOD (MIT), GRID (CC BY 4.0: M. Cooke, J. Barker, S. Cunningham, X. Shao 2006), and synthesised voices
@@ -214,13 +214,13 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Offline:
-    """A gesturer that hears all of a speech before it moves."""
+    """A model that is given the whole speech before it moves."""
 
-    gesturer: Any
+    model: Any
 
     def generate(self, speech: Speech, **options: Any) -> Motion:
         """See `cospeech.models.Model`."""
-        motion: Motion = self.gesturer.generate(speech, look_ahead=float("inf"), **options)
+        motion: Motion = self.model.generate(speech, look_ahead=float("inf"), **options)
         return motion
 
 

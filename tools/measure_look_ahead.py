@@ -17,8 +17,8 @@ from cospeech.audio.speech import Speech
 from cospeech.cli.demo import EXAMPLE
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder, live, whole
 from cospeech.runtime.speech_frontend import SpeechFrontend
-from cospeech.runtime.style_space import style_space
-from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.track import StyleTrack
 from cospeech.runtime.system import System, open_bundle
 from cospeech.runtime.window_layout import WindowLayout
 

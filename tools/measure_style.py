@@ -1,4 +1,4 @@
-"""Compares the ways of style transfer (`cospeech.runtime.style`) on a bundle, and writes the table of docs/styles.md.
+"""Compares ways of style transfer (`cospeech.runtime.flow.latent_sources`) on a bundle, and writes the table of docs/styles.md.
 
     python tools/measure_style.py BUNDLE.cospeech --store STORE --raw CORPUS [--write]
 
@@ -29,11 +29,12 @@ from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
-from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
+from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
 from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
-from cospeech.runtime.style import StyleMixture, Styles
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.embedding import StyleMixture
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.style import Styles
 from cospeech.runtime.system import System, open_bundle
 
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"

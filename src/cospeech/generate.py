@@ -34,7 +34,7 @@ from .motion.motion import Motion
 from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .runtime.report import Report
-from .runtime.style import example_files
+from .runtime.styles.style import example_files
 
 __all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path"]
 
@@ -79,7 +79,7 @@ def generate_files(
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
         emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``: the arousal of the voice; or one that changes over
             time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
-        speaker: a speaker by name; for the rule-based gesturer speakers are its styles.
+        speaker: a speaker by name; for the rule-based model speakers are its styles.
         transcript: words of the speech, with times or without.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
         seed: of the first take; the next take has the next seed.
@@ -112,14 +112,14 @@ def generate_files(
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     read = (transcript, avatar, track, face, continue_from, *rig_files(skeleton), *example_files(options.style))
     check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
-    gesturer = _check_parts(loaded or load_model(model), model, options, files)
+    loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
         keywords = _writer_keywords(files, audio, avatar, special or {}, source.words)
         counts = set[int]()
-        for group, performance in _passes(gesturer, options):
+        for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             moving = _with_progress(_play_takes(performance, source), progress, group.start, takes, source.expected_seconds)
             counts |= _write_all(moving, staged, target, options.fps, keywords)
@@ -130,7 +130,7 @@ def generate_files(
             model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
-            style=_style_text(options.style) or gesturer.default_style, style_mixture=performance.style_mixture,
+            style=_style_text(options.style) or loaded.default_style, style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names])  # fmt: skip
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
@@ -138,7 +138,7 @@ def generate_files(
 
 
 def check_request(
-    gesturer: Model,
+    loaded: Model,
     *,
     style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto",
@@ -148,7 +148,7 @@ def check_request(
     """Whether a model can do what `generate_files` will ask it for.
 
     Args:
-        gesturer: the model.
+        loaded: the model.
         style, emotion, speaker: as there.
         options: the others that are fields of `cospeech.rules.options.GenerationOptions`.
 
@@ -157,21 +157,21 @@ def check_request(
     """
     _check_rivals(style, speaker, None, False)
     asked = GenerationOptions(style=style or speaker, emotion=_read_emotion(emotion)[0], **options)
-    next(_passes(gesturer, replace(asked, takes=1)))
+    next(_passes(loaded, replace(asked, takes=1)))
 
 
-def _check_parts(gesturer: Model, model: str, options: GenerationOptions, files: Sequence[Path]) -> Model:
+def _check_parts(loaded: Model, model: str, options: GenerationOptions, files: Sequence[Path]) -> Model:
     """The model, which moves something in every file.
 
     Raises:
         InputError: it does not.
     """
-    made = [part for part in options.parts if part in gesturer.makes]
+    made = [part for part in options.parts if part in loaded.makes]
     if not made:
-        raise InputError(f"{model} makes no {' and no '.join(options.parts)}", f"it makes {' and '.join(gesturer.makes)}")
+        raise InputError(f"{model} makes no {' and no '.join(options.parts)}", f"it makes {' and '.join(loaded.makes)}")
     for path in files:
         check_parts(path, made, f"{model} makes")
-    return gesturer
+    return loaded
 
 
 def take_path(path: File, take: int, takes: int) -> Path:
@@ -227,12 +227,12 @@ def _chunk(
     return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
 
 
-def _passes(gesturer: Model, options: GenerationOptions) -> Iterator[tuple[range, GenerationSession]]:
+def _passes(loaded: Model, options: GenerationOptions) -> Iterator[tuple[range, GenerationSession]]:
     """Which takes are played together, from 0 on, and the session that plays them."""
-    for first in range(0, options.takes, gesturer.takes_at_once):
-        group = range(first, min(first + gesturer.takes_at_once, options.takes))
-        own = replace(options, seed=options.seed + first, takes=len(group), **gesturer.for_files)
-        yield group, gesturer.session(own)
+    for first in range(0, options.takes, loaded.takes_at_once):
+        group = range(first, min(first + loaded.takes_at_once, options.takes))
+        own = replace(options, seed=options.seed + first, takes=len(group), **loaded.for_files)
+        yield group, loaded.session(own)
 
 
 def _play_takes(performance: GenerationSession, source: SpeechSource) -> Iterator[list[Motion]]:

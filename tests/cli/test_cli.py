@@ -17,7 +17,7 @@ from cospeech.cli.demo import EXAMPLE
 from cospeech.export import FORMATS
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleBasedModel
-from cospeech.runtime.bundle import write_bundle
+from cospeech.runtime.bundles.bundle import write_bundle
 
 SECONDS, RATE = 1.51, 16_000
 

@@ -57,7 +57,7 @@ def test_a_crash_costs_one_file(file):
 def test_a_hang_is_ended(file, monkeypatch):
     with Hdf5LmdbReader("hdf5") as reader:
         reader.hdf5(file)
-        monkeypatch.setattr(module, "VAULT_TIMEOUT", 0.3)
+        monkeypatch.setattr(module, "HDF5_LMDB_TIMEOUT", 0.3)
         assert reader._worker is not None
         os.kill(reader._worker.process.pid, signal.SIGSTOP)
         with pytest.raises(InputError, match=r"the reader hangs on 'some\.h5'"):

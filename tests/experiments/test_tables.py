@@ -21,8 +21,8 @@ from cospeech.errors import InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
-from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
+from cospeech.experiments.tables.paper_tables import Claim
 from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
@@ -329,10 +329,10 @@ def test_what_tables_cannot_play_is_not_trained(table_runs, change):
 
 def test_a_changed_recipe_is_another_run(table_runs):
     other = replace(table_runs, overrides=("model.hidden=9",))
-    assert other.place("flow_ted", 0) != table_runs.place("flow_ted", 0)
-    assert table_runs.place("flow_ted", 1) != table_runs.place("flow_ted", 0)
-    assert other.place(f"{FEATURES}_ted", 0) == table_runs.place(f"{FEATURES}_ted", 0)
-    assert replace(table_runs, threads=2).place("flow_ted", 0) == table_runs.place("flow_ted", 0)
+    assert other.folder_of("flow_ted", 0) != table_runs.folder_of("flow_ted", 0)
+    assert table_runs.folder_of("flow_ted", 1) != table_runs.folder_of("flow_ted", 0)
+    assert other.folder_of(f"{FEATURES}_ted", 0) == table_runs.folder_of(f"{FEATURES}_ted", 0)
+    assert replace(table_runs, threads=2).folder_of("flow_ted", 0) == table_runs.folder_of("flow_ted", 0)
 
 
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
@@ -340,7 +340,7 @@ def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
 
     whole = table_runs.run("flow_ted_baseline", 5)
     other = replace(table_runs, runs=tmp_path)
-    folder = other.place("flow_ted_baseline", 5)
+    folder = other.folder_of("flow_ted_baseline", 5)
     cut_off(other, "flow_ted_baseline", 5)
     assert (folder / "last.safetensors").exists()
     assert other.run("flow_ted_baseline", 5) == folder

@@ -86,7 +86,7 @@ def table_runs(store, recipes, tmp_path_factory) -> Runs:
 
 
 @pytest.fixture(scope="session")
-def place(store) -> CogWindows:
+def data(store) -> CogWindows:
     return CogWindows(store)
 
 
@@ -165,28 +165,28 @@ def test_one_network_serves_all_conditions_of_figure_1():
 # windows ------------------------------------------------------------------------------------------------------------------
 
 
-def test_clips_that_lack_something_or_are_short_are_left_out(place):
-    assert [entry.name for entry in place.entries] == ["ann-test", "bob-test"]
-    np.testing.assert_array_equal(place.frames, [GIVEN + 30 * ((frames - GIVEN) // 30) for frames in (130, 170)])
-    assert len(place) == 4 + 5
+def test_clips_that_lack_something_or_are_short_are_left_out(data):
+    assert [entry.name for entry in data.entries] == ["ann-test", "bob-test"]
+    np.testing.assert_array_equal(data.frames, [GIVEN + 30 * ((frames - GIVEN) // 30) for frames in (130, 170)])
+    assert len(data) == 4 + 5
 
 
-def test_windows_put_together_are_the_clip(place):
+def test_windows_put_together_are_the_clip(data):
     for array in ("pose", "face"):
-        rows = place.store.arrays[array]
-        windows = np.stack([rows[k : k + FRAMES] for k in place.starts])
-        for entry, joined, frames in zip(place.entries, place.join_windows(windows, array), place.frames, strict=True):
+        rows = data.store.arrays[array]
+        windows = np.stack([rows[k : k + FRAMES] for k in data.starts])
+        for entry, joined, frames in zip(data.entries, data.join_windows(windows, array), data.frames, strict=True):
             np.testing.assert_array_equal(joined, rows[entry.offset : entry.offset + frames])
         spoilt = windows.copy()
         spoilt[:, :GIVEN] = np.nan  # what was given to a window is never taken from it
-        for a, b in zip(place.join_windows(spoilt, array), place.join_windows(windows, array), strict=True):
+        for a, b in zip(data.join_windows(spoilt, array), data.join_windows(windows, array), strict=True):
             np.testing.assert_array_equal(a, b)
 
 
-def test_recordings_are_perfect(place):
-    poses = [place.store.clip(e)["pose"][:n] for e, n in zip(place.entries, place.frames, strict=True)]
-    faces = [place.store.clip(e)["face"][:n] for e, n in zip(place.entries, place.frames, strict=True)]
-    for made, true in zip(place.samples(poses, faces), place.truth, strict=True):
+def test_recordings_are_perfect(data):
+    poses = [data.store.clip(e)["pose"][:n] for e, n in zip(data.entries, data.frames, strict=True)]
+    faces = [data.store.clip(e)["face"][:n] for e, n in zip(data.entries, data.frames, strict=True)]
+    for made, true in zip(data.samples(poses, faces), data.truth, strict=True):
         np.testing.assert_allclose(made.rotations, true.rotations, atol=1e-6)
         np.testing.assert_allclose(made.face, true.face)
         assert (made.condition, made.seed_frames) == (true.condition, GIVEN)
@@ -212,11 +212,11 @@ def players(table_runs) -> dict:
     return {name: table_runs.player(f"{name}_beat") for name in ("chain_of_generation", "camn")}
 
 
-def test_what_is_lacking_is_not_looked_at(players, place, monkeypatch):
+def test_what_is_lacking_is_not_looked_at(players, data, monkeypatch):
     for name, player in players.items():
-        whole = generate_clips(player, place, ())[0]
+        whole = generate_clips(player, data, ())[0]
         for lacking, array in (("face", "face"), ("text", "text"), ("emotion", "emotion"), ("speaker", "speaker")):
-            without = generate_clips(player, place, (lacking,))[0]
+            without = generate_clips(player, data, (lacking,))[0]
             assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, without, strict=True)), (name, lacking)
             arrays = CogWindows.arrays
 
@@ -227,31 +227,31 @@ def test_what_is_lacking_is_not_looked_at(players, place, monkeypatch):
 
             with monkeypatch.context() as patch:
                 patch.setattr(CogWindows, "arrays", other)
-                again = generate_clips(player, place, (lacking,))[0]
-                changed = generate_clips(player, place, ())[0]
+                again = generate_clips(player, data, (lacking,))[0]
+                changed = generate_clips(player, data, ())[0]
             for a, b in zip(without, again, strict=True):
                 np.testing.assert_array_equal(a, b)
             assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, changed, strict=True)), (name, lacking)
 
 
-def test_what_a_row_of_table_2_leaves_out_plays_no_part(table_runs, place):
+def test_what_a_row_of_table_2_leaves_out_plays_no_part(table_runs, data):
     for k, row in enumerate(COG["cog-2"].parts[0].rows):
         player = table_runs.player(row.recipe, 0, row.overrides)
         parts = {name.split(".")[1] for name, _ in player.net.named_parameters() if name.startswith("cascade.")}
         assert ("body_attention" in parts) is ("hand_attention" in parts) is (k >= 2)
         assert ("body_style" in parts) is ("hand_style" in parts) is (k >= 3)
-        told, heard = (generate_clips(player, place, lacks)[0] for lacks in (("face",), LABELS))
+        told, heard = (generate_clips(player, data, lacks)[0] for lacks in (("face",), LABELS))
         assert all(np.array_equal(a, b) for a, b in zip(told, heard, strict=True)) is (k < 3)  # who, and how
-        seen, made = (generate_clips(player, place, lacks)[0] for lacks in (row.lacks, LABELS))
+        seen, made = (generate_clips(player, data, lacks)[0] for lacks in (row.lacks, LABELS))
         assert all(np.array_equal(a, b) for a, b in zip(seen, made, strict=True)) is (k > 0)
 
 
-def test_a_chain_makes_faces_and_others_do_not(players, place):
-    _, faces = generate_clips(players["chain_of_generation"], place, LABELS)
-    assert [len(face) for face in faces] == [*place.frames]
+def test_a_chain_makes_faces_and_others_do_not(players, data):
+    _, faces = generate_clips(players["chain_of_generation"], data, LABELS)
+    assert [len(face) for face in faces] == [*data.frames]
     assert all(face.min() >= 0 and face.max() <= 1 for face in faces)
-    assert generate_clips(players["chain_of_generation"], place, ())[1] is None  # the recorded one, which it was given
-    assert generate_clips(players["camn"], place, ())[1] is None
+    assert generate_clips(players["chain_of_generation"], data, ())[1] is None  # the recorded one, which it was given
+    assert generate_clips(players["camn"], data, ())[1] is None
 
 
 def test_costs_are_differences_to_all_inputs():

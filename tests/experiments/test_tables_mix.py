@@ -16,14 +16,14 @@ from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables import making as making
-from cospeech.experiments.tables import mix as design
+from cospeech.experiments.tables import mix as paper_table
 from cospeech.experiments.tables.controls import order_apart
-from cospeech.experiments.tables.designs import Claim
 from cospeech.experiments.tables.making import part_of
 from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attribute, SpeakerSet
 from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, StyleTransfer
 from cospeech.experiments.tables.mix_scores import mean_cells, score_cells, score_target_style
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
+from cospeech.experiments.tables.paper_tables import Claim
 from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
 from cospeech.experiments.tables.runs import CLASSIFIER, SMALL, PlayableRun, of_speakers
 from cospeech.metrics.controls import CONTROLS
@@ -110,12 +110,12 @@ def table_runs(store, recipes, tmp_path_factory) -> Runs:
 def small_cast(monkeypatch):
     """The tables on three speakers, behind the paper's and ours."""
     makers = (
-        design._make_table_1,
-        design._make_table_2,
-        design._make_table_3,
-        design._make_table_4,
-        design._make_table_5,
-        design._make_table_6,
+        paper_table._make_table_1,
+        paper_table._make_table_2,
+        paper_table._make_table_3,
+        paper_table._make_table_4,
+        paper_table._make_table_5,
+        paper_table._make_table_6,
     )
     more = {n: replace(MIX[n], parts=(*MIX[n].parts, make(CAST))) for n, make in zip(TABLE_NAMES, makers, strict=True)}
     monkeypatch.setattr(making, "TABLES", TABLES | more)
@@ -180,14 +180,14 @@ def test_runs_are_shared_between_tables():
 @pytest.mark.parametrize(("speaker_set", "first"), [(THEIRS, 0), (OURS, 1)])
 @pytest.mark.parametrize("name", MIX)
 def test_the_speakers_of_a_store_choose_the_table(name, speaker_set, first):
-    place = SimpleNamespace(corpus="pats", speakers=("someone", *speaker_set.everybody))
-    assert part_of(name, place)[1] is MIX[name].parts[first]
+    data = SimpleNamespace(corpus="pats", speakers=("someone", *speaker_set.everybody))
+    assert part_of(name, data)[1] is MIX[name].parts[first]
 
 
 def test_a_store_of_other_speakers_is_told_who_is_missing():
-    place = SimpleNamespace(corpus="pats", speakers=tuple(name for name in OURS.everybody if name != "hugo"))
+    data = SimpleNamespace(corpus="pats", speakers=tuple(name for name in OURS.everybody if name != "hugo"))
     with pytest.raises(InputError, match="hugo"):
-        part_of("mix-1", place)
+        part_of("mix-1", data)
     with pytest.raises(InputError, match="'ted'"):
         part_of("mix-1", SimpleNamespace(corpus="ted", speakers=()))
 
@@ -205,22 +205,22 @@ def test_smaller_sets_are_within_larger_ones():
 
 
 def test_windows_lie_one_after_another_in_test_clips(store):
-    place = MixWindows(store)
-    assert len(place) == 3 * (2 + 1)
-    for k in range(len(place)):
-        entry = place.store.clips[place.clips[k]]
+    data = MixWindows(store)
+    assert len(data) == 3 * (2 + 1)
+    for k in range(len(data)):
+        entry = data.store.clips[data.clips[k]]
         assert entry.split == "test"
-        assert (place.starts[k] - entry.offset) % FRAMES == 0
-        assert entry.offset <= place.starts[k] <= entry.offset + entry.frames - FRAMES
-    assert [place.speaker(k) for k in place.of(["bob"])] == ["bob"] * 3
+        assert (data.starts[k] - entry.offset) % FRAMES == 0
+        assert entry.offset <= data.starts[k] <= entry.offset + entry.frames - FRAMES
+    assert [data.speaker(k) for k in data.of(["bob"])] == ["bob"] * 3
     with pytest.raises(InputError, match="zed"):
-        place.of(["bob", "zed"])
+        data.of(["bob", "zed"])
 
 
 def test_samples_are_in_the_pixels_of_the_centres(store):
-    place = MixWindows(store)
-    which = place.of(["ann"])
-    for sample, vectors in zip(place.samples(place.rows("pose", which), which), place.rows("pose", which), strict=True):
+    data = MixWindows(store)
+    which = data.of(["ann"])
+    for sample, vectors in zip(data.samples(data.rows("pose", which), which), data.rows("pose", which), strict=True):
         assert sample.points.shape == (FRAMES, 52, 2)
         np.testing.assert_allclose(np.linalg.norm(sample.points[:, 1], axis=1), 167, atol=1e-3)
         np.testing.assert_allclose(KEYPOINTS2D.encode(Points(FPS, sample.points, "pats")), vectors, atol=1e-3)
@@ -349,12 +349,12 @@ def test_styles_are_moved_to_the_speech_of_all_others(store, table_runs):
     table, part = part_of("mix-2", Store(store))
     bench = StyleTransfer(table, part, table_runs, None)
     made = bench.transfer(echo(store), NAMES)
-    place = bench.place
-    pairs = {(place.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
+    data = bench.data
+    pairs = {(data.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
     assert pairs == {(a, b) for a in NAMES for b in NAMES if a != b}
-    assert len(made.which) == len(place) * 2
+    assert len(made.which) == len(data) * 2
     np.testing.assert_array_equal(made.poses[:, 0, :3], [np.eye(3)[NAMES.index(style)] for style in made.styles])
-    np.testing.assert_allclose(made.poses[..., 10], place.rows("audio", made.which)[..., 0], rtol=1e-6)
+    np.testing.assert_allclose(made.poses[..., 10], data.rows("audio", made.which)[..., 0], rtol=1e-6)
 
 
 def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, table_runs):
@@ -412,10 +412,10 @@ def test_attributes_are_measured_of_recordings_and_of_what_is_made(table_runs):
     table = make_table("mix-3", table_runs, seeds=(0,), tell=lambda text: None)
     assert [*table["controls"]] == [f"recordings of {name}" for name in NAMES]
     bench = Measured(*part_of("mix-3", table_runs.store), table_runs, None)
-    which = bench.place.of(["bob"])
+    which = bench.data.of(["bob"])
     from cospeech.corpora.attributes import attributes_of
 
-    points = [KEYPOINTS2D.decode(w.astype(float), FPS).values for w in bench.place.rows("pose", which)]
+    points = [KEYPOINTS2D.decode(w.astype(float), FPS).values for w in bench.data.rows("pose", which)]
     expected = attributes_of(points, JOINTS, FPS)
     cells = table["controls"]["recordings of bob"]
     assert (cells["rate"]["mean"], cells["amplitude"]["mean"]) == pytest.approx((expected.rate, expected.amplitude))
@@ -426,7 +426,7 @@ def test_the_number_of_sub_generators_makes_another_run(table_runs):
     plain, four = (table_runs.recipe("cmix_gan_pats", 0, (*more, *of_speakers(["ann"]))) for more in ((), ("model.modes=4",)))
     assert (plain.config["modes"], four.config["modes"]) == (8, 4)
     assert plain.data.speakers == ("ann",)
-    places = {table_runs.place("cmix_gan_pats", 0, of_speakers([name])) for name in NAMES}
+    places = {table_runs.folder_of("cmix_gan_pats", 0, of_speakers([name])) for name in NAMES}
     assert len(places) == 3
     assert plain.data.audio == "log-mel-400"  # which reduces nothing
 

@@ -89,7 +89,7 @@ def test_mirror_symmetry(character):
     flip = np.array([-1, 1, 1], np.float32)
     for left, right in PAIRS[:1] + PAIRS[2:]:
         np.testing.assert_allclose(character[left].vertices * flip, character[right].vertices, atol=1e-5)
-    for name in ("face", "brows", "ears", "sweater", "trousers", "upperTeeth"):
+    for name in ("face", "brows", "ears", "shirt", "trousers", "upperTeeth"):
         v = character[name].vertices
         gaps = [np.min(np.linalg.norm(v - p, axis=1)) for p in (v * flip)[::7]]
         assert max(gaps) < 1.5e-3, name
@@ -247,29 +247,29 @@ def distance_to_segment(p, a, b):
 def test_hanging_arms_keep_their_shape(character, down):
     turns = {"leftUpperArm": ((0, 0, 1), -down), "rightUpperArm": ((0, 0, 1), down), "leftLowerArm": ((0, 1, 0), -20)}
     parts, positions = posed(character, **turns)
-    sweater, index = character["sweater"], character.skeleton.index
-    arm = np.where(np.isin(sweater.joints, [index["leftUpperArm"], index["leftLowerArm"]]), sweater.weights, 0).sum(1) > 0.85
+    shirt, index = character["shirt"], character.skeleton.index
+    arm = np.where(np.isin(shirt.joints, [index["leftUpperArm"], index["leftLowerArm"]]), shirt.weights, 0).sum(1) > 0.85
     shoulder, elbow, hand = (positions[index["left" + n]] for n in ("UpperArm", "LowerArm", "Hand"))
-    v = parts["sweater"][arm]
+    v = parts["shirt"][arm]
     distance = np.minimum(distance_to_segment(v, shoulder, elbow), distance_to_segment(v, elbow, hand))
     assert distance.max() < 0.075
     assert np.percentile(distance, 2) > 0.026
-    top = parts["sweater"][np.linalg.norm(parts["sweater"] - shoulder, axis=1) < 0.08]
+    top = parts["shirt"][np.linalg.norm(parts["shirt"] - shoulder, axis=1) < 0.08]
     assert top[:, 1].max() > shoulder[1] + 0.02  # the shoulder does not cave in
 
 
 def test_elbow_and_forearm_hold(character):
-    sweater = character["sweater"]
-    flat = volume(*cut(character, posed(character)[0]["sweater"]))
-    bent = posed(character, leftLowerArm=((0, 1, 0), -100), rightLowerArm=((0, 1, 0), 100))[0]["sweater"]
-    twisted = posed(character, leftHand=((1, 0, 0), 80), rightHand=((1, 0, 0), -80))[0]["sweater"]
-    assert len(sweater.vertices) == len(bent)
+    shirt = character["shirt"]
+    flat = volume(*cut(character, posed(character)[0]["shirt"]))
+    bent = posed(character, leftLowerArm=((0, 1, 0), -100), rightLowerArm=((0, 1, 0), 100))[0]["shirt"]
+    twisted = posed(character, leftHand=((1, 0, 0), 80), rightHand=((1, 0, 0), -80))[0]["shirt"]
+    assert len(shirt.vertices) == len(bent)
     for shape in (bent, twisted):
         assert 0.9 < volume(*cut(character, shape)) / flat < 1.1
 
 
 def cut(character, vertices):
-    return vertices, character["sweater"].triangles
+    return vertices, character["shirt"].triangles
 
 
 def test_fist_keeps_its_volume_and_reaches_the_palm(character):

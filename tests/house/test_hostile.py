@@ -41,8 +41,8 @@ from cospeech.limits import most_joint_frames
 from cospeech.motion.bone_mapping import load_map, recognise
 from cospeech.motion.skeleton import Skeleton
 from cospeech.rules.lexicon import form_for
-from cospeech.runtime.bundle import MANIFEST, Bundle, pack_arrays, read_bundle
-from cospeech.runtime.graph_check import check_onnx
+from cospeech.runtime.bundles.bundle import MANIFEST, Bundle, pack_arrays, read_bundle
+from cospeech.runtime.bundles.graph_check import check_onnx
 from cospeech.runtime.model import TrainedModel
 from cospeech.training.checkpoint import read_facts, read_tensors
 from cospeech.training.recipe import load_recipe

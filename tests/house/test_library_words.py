@@ -11,7 +11,7 @@ import pytest
 import cospeech
 from cospeech import InputError, Speech
 from cospeech.models import BUNDLE, SHIPPED
-from cospeech.runtime.bundle import MANIFEST, Bundle, read_bundle, write_bundle
+from cospeech.runtime.bundles.bundle import MANIFEST, Bundle, read_bundle, write_bundle
 
 BUNDLES = sorted(SHIPPED.glob(f"*{BUNDLE}"))
 LIBRARIES = re.compile(

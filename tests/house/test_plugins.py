@@ -19,7 +19,7 @@ from cospeech.errors import CospeechWarning
 from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
 from cospeech.models import ENTRIES
-from cospeech.runtime.bundle import read_bundle
+from cospeech.runtime.bundles.bundle import read_bundle
 
 pytestmark = pytest.mark.slow
 

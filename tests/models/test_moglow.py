@@ -21,9 +21,9 @@ from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.controls import CONTROLS, control_row, read_controls, style_controls  # noqa: E402
-from cospeech.runtime.flow_engine import FlowEngine  # noqa: E402
-from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
-from cospeech.runtime.flow_weights import FlowSizes, pack_weights  # noqa: E402
+from cospeech.runtime.flow.engine import FlowEngine  # noqa: E402
+from cospeech.runtime.flow.graph import build_graphs  # noqa: E402
+from cospeech.runtime.flow.weights import FlowSizes, pack_weights  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402

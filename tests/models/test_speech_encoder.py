@@ -242,7 +242,7 @@ def test_a_run_plays_and_cannot_be_bundled(base, store, tmp_path):
     count = rows.shape[1]
     arrays = {"wav2vec": rows, "pose": torch.zeros(1, count, 141), "text": torch.zeros(1, count, 12, dtype=torch.long)}
     assert model.eval().play(arrays)["pose"].shape == (1, count, 141)
-    with pytest.raises(InputError, match="hears with wav2vec"):
+    with pytest.raises(InputError, match="needs the speech encoder wav2vec"):
         bundle_run(tmp_path / "run", tmp_path / "a.cospeech")
 
 

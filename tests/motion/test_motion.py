@@ -47,6 +47,8 @@ def test_time():
     motion = gesturing(45)
     assert motion.duration == 1.5
     assert len(motion) == 45
+    assert repr(motion) == "Motion(45 frames at 30 fps, 55 joints, with a face)"
+    assert repr(motion.skeleton) == "Skeleton('humanoid', 55 joints)"
     assert np.allclose(motion[15:].times, np.arange(15, 45) / 30)
     assert motion[10:20][3:].start == pytest.approx(13 / 30)
     assert motion[-5:].start == pytest.approx(40 / 30)

@@ -385,6 +385,8 @@ class TestPerformance:
                 RuleBasedModel().generate(wrong)
             with pytest.raises(InputError, match=r"Speech\.load"):
                 list(RuleBasedModel().stream([wrong]))
+        with pytest.raises(InputError, match=r"stream\(\[speech\]\)"):
+            list(RuleBasedModel().stream(babble_speech()))
 
     def test_one_session_is_one_speech_at_one_rate(self):
         session = RuleBasedModel().session()

@@ -18,11 +18,11 @@ pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)
 
 from cospeech.audio.features.words import subwords
 from cospeech.errors import InputError
-from cospeech.runtime import convert_bundle
-from cospeech.runtime.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_bundle, write_bundle
-from cospeech.runtime.graph_check import check_onnx
+from cospeech.runtime.bundles import convert_bundle
+from cospeech.runtime.bundles.bundle import FORMAT, MANIFEST, Bundle, pack_arrays, read_bundle, write_bundle
+from cospeech.runtime.bundles.graph_check import check_onnx
+from cospeech.runtime.bundles.spec import VOICE, BundleSpec, half, read_spec
 from cospeech.runtime.network import LIMIT
-from cospeech.runtime.spec import VOICE, BundleSpec, half, read_spec
 from cospeech.runtime.system import System, open_bundle, open_system, write_flow, write_networks
 from tests.support.runtime_bundles import (
     NAMES,
@@ -281,7 +281,7 @@ def older(kind: str) -> tuple[dict, dict[str, bytes]]:
 def test_a_bundle_of_format_1_says_how_to_convert_it_and_plays_the_same_after(kind, tmp_path, monkeypatch):
     old = older(kind)
     with monkeypatch.context() as patch:
-        patch.setattr("cospeech.runtime.bundle.FORMAT", 1)
+        patch.setattr("cospeech.runtime.bundles.bundle.FORMAT", 1)
         write_bundle(tmp_path / "old.cospeech", *old)
     with pytest.raises(InputError, match=r"format 1.*`cospeech bundle old\.cospeech -o new\.cospeech` converts it") as told:
         open_bundle(tmp_path / "old.cospeech")
@@ -303,7 +303,7 @@ def test_what_cannot_be_converted(kind, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="format 2"):
         convert_bundle.convert_bundle(tmp_path / "new.cospeech", tmp_path / "again.cospeech")
     manifest, members = older(kind)
-    monkeypatch.setattr("cospeech.runtime.bundle.FORMAT", 1)
+    monkeypatch.setattr("cospeech.runtime.bundles.bundle.FORMAT", 1)
     for change in ({"kind": "vae"}, {"sizes": {}}, {"sizes": 3}, {"sizes": manifest["sizes"] | {"pose": 9}}):
         write_bundle(tmp_path / "old.cospeech", manifest | change, members)
         with pytest.raises(InputError) as told:

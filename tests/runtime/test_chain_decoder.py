@@ -12,15 +12,15 @@ import pytest
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
+from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder
 from cospeech.runtime.crossfade import FADE
 from cospeech.runtime.mode_noise import SmoothGumbel
 from cospeech.runtime.network_decoder import NetworkDecoder
 from cospeech.runtime.sliding_window_decoder import OverlapAddDecoder, sections
 from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
-from cospeech.runtime.spec import VOICE
-from cospeech.runtime.style_space import style_space
-from cospeech.runtime.style_track import SpokenStyleTrack
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.track import SpokenStyleTrack
 from cospeech.runtime.system import System, open_bundle
 from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, WINDOW, write_small_chain
 

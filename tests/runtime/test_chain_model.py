@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
@@ -23,11 +21,10 @@ from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.audio.speech import Speech, Word
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
-from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
-from cospeech.runtime.latent_sources import CodeSource
+from cospeech.runtime.bundles.spec import VOICE
+from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.spec import VOICE
 from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
 
 BODY = ("body", "hands")
@@ -55,16 +52,6 @@ def cut_with_words(speech: Speech, edges) -> list[Speech]:
         Speech(speech.samples[a:b], speech.rate, tuple(w for w in speech.words if a <= w.start * speech.rate < b))
         for a, b in pairwise(bounds)
     ]
-
-
-@pytest.mark.parametrize("fps", [15.0, 30.0, 24000 / 1001, 7.3])
-def test_frames_and_clothes(fps):
-    speech = talk()
-    motion = gesturer().generate(speech, fps=fps, seed=1)
-    assert len(motion) == speech.frames(fps)
-    assert (motion.fps, motion.skeleton) == (fps, humanoid())
-    assert motion.face.shape == (len(motion), 52)
-    assert motion.rotations.std(0).max() > 0.01  # it moves
 
 
 @pytest.mark.parametrize("style", ["ada", VOICE])
@@ -105,16 +92,6 @@ def test_words_that_come_with_pieces_are_read():
     assert not moved[: int((1.0 - (LOOK_AHEAD + 3) / 15) * 30)].any()  # what it hears ahead, and smoothing
     assert moved[32:75].mean() > 0.9
     assert same(gesturer(words=0).generate(speech, parts=BODY), gesturer(words=0).generate(talk(), parts=BODY))
-
-
-def test_seeds_and_takes():
-    speech = talk(2.0)
-    first = gesturer().generate(speech, seed=5)
-    assert same(first, gesturer().generate(speech, seed=5))
-    takes = gesturer().generate_takes(speech, takes=4, seed=4)
-    assert same(takes[1], first)
-    assert away(takes[2], takes[3]) > 1e-4
-    assert same(*gesturer().generate_takes(speech, takes=2, temperature=0.0, parts=BODY))
 
 
 def test_emotions_are_heard_given_or_follow_a_track():
@@ -207,37 +184,9 @@ def test_short_speech(samples, look_ahead):
     assert np.isfinite(motion.rotations).all()
 
 
-def test_odd_speech():
-    for look_ahead in (None, inf):
-        assert np.isfinite(
-            gesturer().generate(Speech(np.full(16_000, 90.0, np.float32)), look_ahead=look_ahead).rotations
-        ).all()
-    with pytest.raises(InputError, match="no speech"):
-        list(gesturer().session().finish())
-    session = gesturer().session()
-    list(session.push(talk(0.5)))
-    with pytest.raises(InputError, match="Hz"):
-        list(session.push(talk(0.5, rate=8000)))
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"style": "calm"}, {"style": 7}, {"style": "ada:x"}, {"style": "ada:-1,ben:3"}, {"style": "ada:nan"}, {"style": ""},
-        {"style": "hand_height:0.5"}, {"emotion": "hungry"}, {"seed": -1}, {"seed": 1.5}, {"intensity": np.nan},
-        {"temperature": 3}, {"fps": 0}, {"parts": ("feet",)}, {"parts": ()}, {"takes": 0}, {"takes": 65},
-        {"look_ahead": -1.0}, {"look_ahead": np.nan}, {"look_ahead": "long"}, {"look_ahead": True}, {"look_ahead": [1]},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_wrong_options(options):
-    with pytest.raises(InputError, match=r"^[^\n]*$"):
-        gesturer().session(**options)
-
-
 def test_what_a_chain_cannot_do_is_told():
     clip = RuleBasedModel().generate(talk(3.0), parts=BODY)
-    with pytest.raises(InputError, match="cannot see a style"):
+    with pytest.raises(InputError, match="cannot take a style"):
         gesturer().session(style=clip)
     with pytest.raises(InputError, match="transfer"):
         TrainedModel(gesturer().system, CodeSource)
@@ -282,13 +231,3 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
         motion.save(f"{name}.npz")
     assert away(made, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(made, Motion.load("ahead.npz"))
     assert (gesturer().for_files, RuleBasedModel().for_files) == ({"look_ahead": inf, "stance": True}, {})
-
-
-def test_no_torch_and_no_onnx(tmp_path):
-    path = write_small_chain(tmp_path / "a.cospeech")
-    code = (
-        "import sys, numpy as np; from cospeech.runtime.model import TrainedModel; from cospeech.audio.speech import Speech;"
-        f"TrainedModel.open({str(path)!r}).generate(Speech(np.zeros(9000, np.float32)), style='ada:0.5,ben:0.5');"
-        "assert not {'torch', 'onnx', 'scipy'} & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.runtime.flow_engine import FlowEngine, StudentT
-from cospeech.runtime.flow_graph import build_graphs
-from cospeech.runtime.flow_weights import FlowSizes, pack_weights, unpack
+from cospeech.runtime.flow.engine import FlowEngine, StudentT
+from cospeech.runtime.flow.graph import build_graphs
+from cospeech.runtime.flow.weights import FlowSizes, pack_weights, unpack
 from cospeech.runtime.network import run_session
 
 torch = pytest.importorskip("torch")
@@ -219,7 +219,7 @@ def test_an_error_of_onnxruntime_is_told_in_our_words_whatever_it_says(said):
         def run(self, outputs, inputs):
             raise RuntimeError(said)
 
-    with pytest.raises(InputError, match=r"^a graph fails while it runs \(is the bundle damaged\?\)$") as caught:
+    with pytest.raises(InputError, match=r"^onnxruntime cannot run a graph \(is the bundle damaged\?\)$") as caught:
         run_session(Failing(), {})
     assert str(caught.value.__cause__) == said
 

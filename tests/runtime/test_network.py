@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
 from cospeech.errors import InputError
+from cospeech.runtime.bundles.signature import STYLE_FRAMES, Signature
 from cospeech.runtime.network import LIMIT, Network
-from cospeech.runtime.signature import STYLE_FRAMES, Signature
 from tests.support.runtime_bundles import (
     MODES,
     MULTIPLE,

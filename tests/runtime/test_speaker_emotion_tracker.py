@@ -7,7 +7,7 @@ import pytest
 
 from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.rules.mood import SPAN
-from cospeech.runtime.signature import Signature
+from cospeech.runtime.bundles.signature import Signature
 from cospeech.runtime.speaker_emotion_tracker import BLOCK, DOUBT, VOICE, SpeakerEmotionTracker
 
 AUDIO, SPEAKERS, REACH, FPS = 4, 3, 2, 10.0

@@ -20,7 +20,7 @@ from cospeech.motion.rotations import quat_angle
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.rules import session as rule_session
-from cospeech.runtime.seam import Seam
+from cospeech.runtime.conditioning import Seam
 from tests.support.runtime_bundles import same
 
 pytestmark = pytest.mark.slow

@@ -22,10 +22,10 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
-from cospeech.runtime.latent_sources import CodeSource, NormalSource, SegmentSource
+from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.style import Styles, example_files
-from cospeech.runtime.style_space import FlowSpace
+from cospeech.runtime.styles.space import FlowSpace
+from cospeech.runtime.styles.style import Styles, example_files
 from cospeech.runtime.system import System, open_bundle
 from tests.support.runtime_bundles import write_small
 
@@ -292,7 +292,7 @@ def test_bad_examples(tmp_path):
             known.blend(str(wrong))
         assert word in str(told.value)
     for wrong in ("ada:nan", "ada:-1,ben:3", "ada:1e300,ben:1e300", "ada:inf"):
-        with pytest.raises(InputError, match="style weights"):
+        with pytest.raises(InputError, match="weights of style"):
             known.blend(wrong)
     for odd in (7, {}, {7: 1.0}, {"ada": "x"}, {"ada": True}, {"ada": np.nan}, ["ada"], b"ada"):
         with pytest.raises(InputError):

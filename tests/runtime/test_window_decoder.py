@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 from cospeech.runtime.crossfade import FADE, Crossfade
 from cospeech.runtime.mode_noise import SmoothGumbel
 from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
-from cospeech.runtime.style_space import style_space
+from cospeech.runtime.styles.space import style_space
 from cospeech.runtime.window_layout import WindowLayout
 from tests.support.fake_windows import NAMES, decoder, fake_sizes, fake_system
 

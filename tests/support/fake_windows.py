@@ -8,11 +8,11 @@ import numpy as np
 
 from cospeech.audio.features.reduce import audio_width
 from cospeech.motion.poses import find_pose
-from cospeech.runtime.signature import STYLE_FRAMES, Signature
+from cospeech.runtime.bundles.signature import STYLE_FRAMES, Signature
+from cospeech.runtime.bundles.statistics import Statistics
 from cospeech.runtime.sliding_window_decoder import SlidingWindowDecoder
-from cospeech.runtime.statistics import Statistics
-from cospeech.runtime.style_space import style_space
-from cospeech.runtime.style_track import StyleTrack
+from cospeech.runtime.styles.space import style_space
+from cospeech.runtime.styles.track import StyleTrack
 from cospeech.runtime.system import System
 
 NAMES = ("ada", "ben", "cleo")

@@ -21,13 +21,13 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
 from cospeech.motion.poses.controls import QUANTILES
-from cospeech.runtime.bundle import MANIFEST
-from cospeech.runtime.flow_weights import CODE, FlowSizes
-from cospeech.runtime.graph_builder import GraphBuilder
+from cospeech.runtime.bundles.bundle import MANIFEST
+from cospeech.runtime.bundles.graph_builder import GraphBuilder
+from cospeech.runtime.bundles.signature import STYLE_FRAMES, Signature
+from cospeech.runtime.bundles.spec import VOICE, BundleSpec, half
+from cospeech.runtime.bundles.statistics import Statistics
+from cospeech.runtime.flow.weights import CODE, FlowSizes
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.signature import STYLE_FRAMES, Signature
-from cospeech.runtime.spec import VOICE, BundleSpec, half
-from cospeech.runtime.statistics import Statistics
 from cospeech.runtime.system import write_flow, write_networks
 
 NAMES = ("ada", "ben")

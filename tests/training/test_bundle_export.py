@@ -23,7 +23,7 @@ from cospeech.models import SHIPPED  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
-from cospeech.runtime.bundle import read_bundle  # noqa: E402
+from cospeech.runtime.bundles.bundle import read_bundle  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.batch_loader import SPREAD_FLOOR, BatchLoader, clip_moments, standard_audio, standard_pose  # noqa: E402
@@ -134,7 +134,7 @@ def test_a_bundle_has_size_and_place_of_the_style_that_is_played(bundle):
 
 
 def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
-    """A short training makes a network that noise_gain from mean 0 and deviation 1: the bundle knows by how much."""
+    """A short training makes a network that strays from mean 0 and deviation 1: the bundle knows by how much."""
     player = TrainedModel.open(bundle)
     s = player.system.statistics
     assert (np.abs(s.free_mean) > 0.05).any()
@@ -176,6 +176,15 @@ def card(path):
         return archive.read("card.md").decode()
 
 
+def check_progress(told, *words):
+    """Every step of the work is told, and each that has an end reaches it."""
+    assert tuple(dict.fromkeys(word for *_, word in told)) == words
+    for word in words[1:]:
+        rows = [(done, total) for done, total, what in told if what == word]
+        assert rows == [(done, rows[0][1]) for done in range(1, len(rows) + 1)]
+        assert len(rows) == rows[0][1]
+
+
 def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path):
     early = tmp_path / "early"
     shutil.copytree(run, early)
@@ -183,7 +192,9 @@ def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path
     with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
         bundle_run(early, tmp_path / "early.cospeech")
     assert "The last parameters, not the best" in card(tmp_path / "early.cospeech")
-    bundle_run(run, tmp_path / "last.cospeech", which="last")
+    told = []
+    bundle_run(run, tmp_path / "last.cospeech", which="last", progress=lambda *row: told.append(row))
+    check_progress(told, "exporting the networks", "measuring how it moves by itself")
     assert "not the best" not in card(tmp_path / "last.cospeech")
     with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
         cospeech.load(str(early))
@@ -233,11 +244,12 @@ def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed
 
 
 def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
-    sizes = []
-    for small in (True, False):
+    sizes, told = [], []
+    for small, progress in ((True, lambda *row: told.append(row)), (False, None)):
         path = tmp_path / f"{small}.cospeech"
-        bundle_run(windowed(MIX), path, small=small)
+        bundle_run(windowed(MIX), path, small=small, progress=progress)
         sizes.append(path.stat().st_size)
+    check_progress(told, "exporting the networks", "measuring how it moves", "rounding the weights")
     assert sizes[0] < 0.8 * sizes[1]
     said = read_bundle(tmp_path / "True.cospeech").manifest["rounding"]
     assert 0 < said < 0.01

@@ -19,8 +19,8 @@ from cospeech.errors import InputError  # noqa: E402
 from cospeech.motion.motion import Motion  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.rules import RuleBasedModel  # noqa: E402
+from cospeech.runtime.bundles.spec import VOICE  # noqa: E402
 from cospeech.runtime.model import TrainedModel  # noqa: E402
-from cospeech.runtime.spec import VOICE  # noqa: E402
 from cospeech.training.checkpoint import load_run, read_tensors  # noqa: E402
 from cospeech.training.export.bundles import EXAMPLES, bundle_run  # noqa: E402
 from cospeech.training.recipe import read_recipe  # noqa: E402
@@ -164,6 +164,6 @@ def test_a_run_on_words_of_others_is_no_bundle(store, tmp_path):
 @pytest.mark.parametrize("part", ["attention", "style_injection"])
 def test_a_row_of_a_table_is_no_system(store, tmp_path, part):
     run = trained(store, tmp_path / "run", "chain-of-generation-extended", config={part: False})
-    with pytest.raises(InputError, match="without attention or style"):
+    with pytest.raises(InputError, match="lacks attention or style"):
         bundle_run(run, tmp_path / "x.cospeech", which="last")
     assert not (tmp_path / "x.cospeech").exists()

@@ -12,9 +12,10 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
-from cospeech.runtime.flow_graph import build_graphs  # noqa: E402
-from cospeech.runtime.flow_weights import pack_weights  # noqa: E402
-from cospeech.runtime.graph_check import OPERATORS  # noqa: E402
+from cospeech.models.nn.export import ExportGraph  # noqa: E402
+from cospeech.runtime.bundles.graph_check import OPERATORS  # noqa: E402
+from cospeech.runtime.flow.graph import build_graphs  # noqa: E402
+from cospeech.runtime.flow.weights import pack_weights  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.onnx_export import Exported, export_graphs, measure_reach  # noqa: E402
 from tests.support.runtime_bundles import random_arrays, small_sizes  # noqa: E402
@@ -59,6 +60,33 @@ def test_a_graph_makes_what_its_network_makes(name, audio):
         wanted = run_network(net, *inputs)
         assert wanted.std() > 0.05
         assert off(played(engine, *inputs), wanted) <= 1e-5 * max(1, np.abs(wanted).max())
+
+
+class Cell(torch.nn.Module):
+    """A network by frames as docs/add_a_model.md allows: speech that all takes share beside a style that each has."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cell = torch.nn.GRUCell(7, 5)
+
+    def forward(self, rows, style, memory):
+        heard = torch.cat([rows.expand(style.shape[0], -1), style], -1)
+        memory = self.cell(heard, memory)
+        return memory, memory
+
+
+def test_a_frame_of_speech_and_a_style_lie_side_by_side():
+    torch.manual_seed(0)
+    net = Cell()
+    graph = ExportGraph(net, {"rows": (1, 4), "style": ("N", 3)}, {"poses": ("N", 5)}, states={"memory": 5})
+    engine = engine_of(export_graphs({"live": graph}), "live")
+    rows, style, state = torch.randn(6, 1, 4), torch.randn(2, 3), engine.begin(2)
+    memory = torch.zeros(2, 5)
+    for row in rows:
+        memory = net(row, style, memory)[0].detach()
+        found = engine.run(rows=row.numpy(), style=style.numpy(), **state)
+        state = {name: found[f"next.{name}"] for name in state}
+        assert off(found["poses"], memory.numpy()) < 1e-5
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -19,8 +19,8 @@ from cospeech.corpora.store import Store  # noqa: E402
 from cospeech.motion.points import Points  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.poses.lift import lift  # noqa: E402
-from cospeech.runtime.bundle import read_bundle  # noqa: E402
-from cospeech.runtime.spec import read_spec  # noqa: E402
+from cospeech.runtime.bundles.bundle import read_bundle  # noqa: E402
+from cospeech.runtime.bundles.spec import read_spec  # noqa: E402
 from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.export.bundles import bundle_run  # noqa: E402
 from cospeech.training.recipe import SHIPPED, load_recipe, read_recipe  # noqa: E402

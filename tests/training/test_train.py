@@ -23,7 +23,7 @@ from cospeech.training.feature_networks import load_features  # noqa: E402
 from cospeech.training.recipe import Optimiser, read_recipe  # noqa: E402
 from cospeech.training.schedule import SCHEDULES  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
-from cospeech.training.windows import Windows, windows_at  # noqa: E402
+from cospeech.training.windows import Windows  # noqa: E402
 from tests.support import tiny_models  # noqa: E402
 from tests.support.leftovers import abandoned  # noqa: E402
 from tests.support.tiny_store import POSE, make_store  # noqa: E402
@@ -442,10 +442,10 @@ def test_without_a_validation_split(tmp_path):
 
 def test_windows_are_a_function_of_seed_and_step(store):
     opened = Store(store)
-    first, second = (windows_at(opened, 10, 64, 3, 7) for _ in range(2))
+    first, second = (Windows(opened, 10).at(64, 3, 7) for _ in range(2))
     np.testing.assert_array_equal(first["pose"], second["pose"])
-    assert not np.array_equal(first["start"], windows_at(opened, 10, 64, 3, 8)["start"])
-    assert not np.array_equal(first["start"], windows_at(opened, 10, 64, 4, 7)["start"])
+    assert not np.array_equal(first["start"], Windows(opened, 10).at(64, 3, 8)["start"])
+    assert not np.array_equal(first["start"], Windows(opened, 10).at(64, 4, 7)["start"])
     for row, start in enumerate(first["start"]):
         clip = opened.clips[first["clip"][row]]
         assert clip.split == "train"

@@ -1,4 +1,4 @@
-"""Hands: a palm tube whose end splits into four fingers and whose side grows a thumb, eight points around each finger.
+"""Forearms and hands: a tube whose end splits into four fingers and whose side grows a thumb, eight points around each finger.
 
 Modelled in the T-pose (palm down), in the frame of the left wrist: x towards the finger tips, y to the back of the hand,
 z towards the thumb. The right hand is its mirror image.
@@ -12,6 +12,7 @@ from cospeech.export.mannequin.character import Part
 from cospeech.motion.rotations import Array
 from cospeech.motion.skeleton import humanoid
 
+from .garment_weights import hand_share
 from .net import Net, frame, smoothstep
 from .sculpture import SKIN, make_part, mirror_part, srgb, weights_of
 from .solids import Solid, capsule, cut, ellipsoid, land, settle, union
@@ -27,6 +28,7 @@ RADII = {  # metres at knuckle, middle joint, last joint, tip; ours, after adult
     "Little": (0.0092, 0.0080, 0.0071, 0.0061),
     "Thumb": (0.0170, 0.0126, 0.0105, 0.0076),
 }
+MELT = 0.010  # metres over which the weights of joints and webs flow into one another; ours
 AROUND = np.radians([45, 0, -45, -90, -135, 180, 135, 90])  # of a finger's points, from its back towards the thumb
 WEB = np.array([0.0190, 0.0200, 0.0185, 0.0140])  # metres from each knuckle to where the fingers part; ours
 
@@ -55,6 +57,7 @@ def _digit(finger: str) -> Solid:
 
 def _palm() -> Solid:
     wrist = capsule((-0.06, 0, 0), (0.008, -0.001, 0.0), 0.0255, 0.0265, (1, 0.80, 1))
+    forearm = capsule((-0.18, 0, 0.002), (-0.05, 0, 0), 0.0350, 0.0255, (1, 0.92, 1))
     rays = []
     for finger in FINGERS:
         knuckle = _chain(finger)[0]
@@ -65,7 +68,15 @@ def _palm() -> Solid:
     pads = capsule((0.080, -0.008, 0.024), (0.074, -0.010, -0.030), 0.0085, 0.0085)
     rays += [ellipsoid(_chain(f)[0] + [0.001, 0.0042, 0], np.full(3, RADII[f][0] * 0.98)) for f in FINGERS]  # knuckles
     hollow = ellipsoid((0.054, -0.0345, 0.000), (0.026, 0.014, 0.016))
-    return cut(0.012, union(0.016, wrist, *rays, thenar, heel, pads), hollow)
+    return cut(0.012, union(0.016, wrist, forearm, *rays, thenar, heel, pads), hollow)
+
+
+FOREARM = (  # distance from the wrist, half height, half width, metres: bare below the rolled sleeve; ours
+    (-0.152, 0.0305, 0.0330),
+    (-0.128, 0.0290, 0.0320),
+    (-0.105, 0.0265, 0.0302),
+    (-0.082, 0.0238, 0.0284),
+)
 
 
 def _around_wrist(x: float, radii: tuple[float, float]) -> Array:
@@ -153,11 +164,12 @@ def _make_left_hand() -> Part:
     last, webs = _last_row()
     start = _around_wrist(-0.062, (0.0215, 0.0270))
     at = (0.0, 0.18, 0.35, 0.47, 0.575, 0.675, 0.775, 0.87, 0.945, 1.0)
-    rows = [net.add(start + t * (last - start)) for t in at]
+    rows = [net.add(_around_wrist(x, (high, wide))) for x, high, wide in FOREARM]
+    rows += [net.add(start + t * (last - start)) for t in at]
     net.tube(rows)
     web = net.add(webs)
     loop = _thumb_hole(net, rows)
-    soft = [i for row in rows[1:] for i in row] + web
+    soft = [i for row in rows[len(FOREARM) + 1 :] for i in row] + web
     edge = {0: rows[-1][19], 4: rows[-1][9], 1: web[0], 2: web[1], 3: web[2]}
     fingers: dict[str, list[int]] = {}
     for k, finger in enumerate(FINGERS):
@@ -183,7 +195,7 @@ def _make_left_hand() -> Part:
 
 def _thumb_hole(net: Net, rows: list[list[int]]) -> list[int]:
     """Open 2 × 2 cells on the thumb's edge; returns the loop of 8 points in a finger ring's order."""
-    r = 3
+    r = len(FOREARM) + 3
     cols = (0, 19, 18)  # back, edge, palm
     middle = rows[r + 1][19]
     net.faces = [f for f in net.faces if middle not in f]
@@ -197,7 +209,7 @@ def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
     """How far a point lies beyond each of a finger's three joints, 0 … 1."""
     chain = _chain(finger)
     beyond = []
-    for k, reach in ((0, 0.012), (1, 0.0068), (2, 0.0060)):
+    for k, reach in ((0, 0.016), (1, 0.0095), (2, 0.0085)):
         before = chain[k] - chain[k - 1] if k else chain[1] - chain[0]
         after = chain[k + 1] - chain[k]
         bisector = before / np.linalg.norm(before) + after / np.linalg.norm(after)
@@ -209,7 +221,7 @@ def _finger_weights(p: Array, finger: str) -> tuple[Array, Array, Array]:
 def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], fingers: dict[str, list[int]]) -> Part:
     """Weights, normals and colours of the left hand."""
     p = net.points
-    wrist = 0.36 + 0.64 * smoothstep(-0.034, 0.014, p[:, 0])  # under the cuff the skin goes with the sleeve
+    wrist = hand_share(p[:, 0])
     weights = weights_of(len(p), leftHand=wrist, leftLowerArm=1 - wrist)
     index = humanoid().index
     z = np.array([_chain(f)[0][2] for f in FINGERS])
@@ -240,10 +252,7 @@ def _finish(net: Net, whole: Solid, rows: list[list[int]], web: list[int], finge
         weights[:, index["leftThumb" + name]] += value
     weights = np.maximum(weights, 0)
     weights /= weights.sum(1, keepdims=True)
-    soft = np.zeros(len(p), bool)
-    soft[[i for row in rows for i in row] + web + fingers["Thumb"][:16]] = True
-    soft[[*rows[0], *rows[1]]] = False
-    weights = net.diffuse(weights, 6, soft)
+    weights = net.spread(weights, MELT, p[:, 0] > -0.05)
     normals = net.shade(whole, 0.35)
     colour = _tint(p, fingers, normals)
     net.points = p + humanoid().tpose[index["leftHand"]]

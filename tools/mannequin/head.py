@@ -222,23 +222,28 @@ def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array
     cloud = land(solid, MIDDLE + 0.25 * d, -d)
     kept_line: list[Array] = []
     kept = list(_nostril(solid))
-    chosen = [*taken, *kept]
+    chosen = np.full((len(taken) + len(kept) + 2 * len(elevation) + len(cloud), 3), np.inf)
+    count = len(taken) + len(kept)
+    chosen[:count] = [*taken, *kept]
 
-    def fits(p: Array, reach: float) -> bool:
-        return min(np.sum((np.asarray(chosen) - p) ** 2, 1)) > reach**2
+    def choose(p: Array, reach: float) -> bool:
+        """Take a point if no point chosen before is within ``reach``."""
+        nonlocal count
+        off = chosen[:count] - p
+        if np.einsum("na,na->n", off, off).min() <= reach**2:
+            return False
+        chosen[count] = p
+        count += 1
+        return True
 
-    for p in (*line[0], *line[1]):
-        if p[1] < BOTTOM + 0.012 or _inside(p, bounds):
-            continue
-        if fits(p, 0.9 * _spacing(p[None])[0]):
-            chosen.append(p)
+    ridge = np.concatenate(line)
+    for p in ridge[(ridge[:, 1] >= BOTTOM + 0.012) & ~_inside(ridge, bounds)]:
+        if choose(p, 0.9 * _spacing(p[None])[0]):
             kept_line.append(p)
-    for p in cloud:
-        r = _spacing(p[None])[0]
-        if p[1] < BOTTOM + 0.6 * r or p[0] < 0.62 * r or _inside(p, bounds):
-            continue
-        if fits(p, r):
-            chosen.append(p)
+    reach = _spacing(cloud)
+    good = (cloud[:, 1] >= BOTTOM + 0.6 * reach) & (cloud[:, 0] >= 0.62 * reach) & ~_inside(cloud, bounds)
+    for p, r in zip(cloud[good], reach[good], strict=True):
+        if choose(p, r):
             kept.append(p)
     return np.array(kept_line), np.array(kept)
 
@@ -252,17 +257,16 @@ def _nostril(solid: Solid) -> Array:
     return land(solid, MIDDLE + 0.25 * d, -d)
 
 
-def _inside(p: Array, bounds: list[Array]) -> bool:
-    """Whether a front point lies inside one of the closed outlines of the frontal plane."""
-    if p[2] < 0.03:
-        return False
+def _inside(p: Array, bounds: list[Array]) -> Array:
+    """(N,) which front points (N, 3) lie inside one of the closed outlines of the frontal plane."""
+    inside = np.zeros(len(p), bool)
+    x, y = p[:, :1], p[:, 1:2]
     for outline in bounds:
         a, b = outline, np.roll(outline, -1, axis=0)
-        cross = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
-        x = a[:, 0] + (p[1] - a[:, 1]) / np.where(cross, b[:, 1] - a[:, 1], 1) * (b[:, 0] - a[:, 0])
-        if np.count_nonzero(cross & (p[0] < x)) % 2:
-            return True
-    return False
+        cross = (a[:, 1] > y) != (b[:, 1] > y)
+        edge = a[:, 0] + (y - a[:, 1]) / np.where(cross, b[:, 1] - a[:, 1], 1) * (b[:, 0] - a[:, 0])
+        inside |= np.count_nonzero(cross & (x < edge), axis=1) % 2 == 1
+    return inside & (p[:, 2] >= 0.03)
 
 
 def head_net() -> Head:

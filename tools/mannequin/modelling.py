@@ -24,8 +24,8 @@ __all__ = ["sculpt"]
 def _neck_weights(p: Array) -> Array:
     """Head, neck and chest by height; the chin belongs to the head."""
     rise = p[:, 1] + 0.55 * np.maximum(p[:, 2] - 0.02, 0)
-    head = smoothstep(-0.040, 0.022, rise)
-    chest = smoothstep(-0.060, -0.108, p[:, 1])
+    head = smoothstep(-0.100, 0.030, rise)
+    chest = smoothstep(-0.030, -0.130, p[:, 1])
     return weights_of(len(p), head=head, neck=(1 - head) * (1 - chest), upperChest=(1 - head) * chest)
 
 

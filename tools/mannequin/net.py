@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.linalg import splu
 
 from cospeech.motion.rotations import Array
 
@@ -55,6 +56,12 @@ class Net:
         first = len(self.points)
         self.points = np.concatenate([self.points, np.atleast_2d(points)])
         return list(range(first, len(self.points)))
+
+    def add_following(self, previous: Sequence[int], points: Array) -> list[int]:
+        """Append a ring, turned or reversed so that its points follow those of the ring ``previous`` with the least twist."""
+        turns = [np.roll(way, shift, axis=0) for way in (points, points[::-1]) for shift in range(len(points))]
+        costs = [np.sum((turned - self.points[list(previous)]) ** 2) for turned in turns]
+        return self.add(turns[int(np.argmin(np.round(costs, 9)))])
 
     def bridge(self, a: Sequence[int], b: Sequence[int], closed: bool = True) -> None:
         """Quads between two rows of equal length; seen from outside ``b`` lies above ``a`` and both run to the right."""
@@ -114,13 +121,35 @@ class Net:
             moved = self.points + pull * (average @ self.points - self.points)
             self.points[free] = moved[free]
 
-    def diffuse(self, weights: Array, rounds: int, free: Array | None = None) -> Array:
-        """Smooth per-point weights (V, J) over the net; rows where ``free`` is false stay."""
-        average = self.neighbours()
+    def spread(self, weights: Array, reach: float, free: Array, rounds: int = 3) -> Array:
+        """Let weights (V, J) flow into one another as heat does, over about ``reach`` metres of the surface.
+
+        It does not matter how dense the net is. The rows where ``free`` is false stay. Implicit steps of the heat equation
+        with the cotangent Laplacian (Desbrun et al. 1999).
+        """
+        stiff, mass = self._heat()
+        step = diags(mass) + reach**2 / (2 * rounds) * stiff
+        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
+        solve = splu(step[inner][:, inner].tocsc())
+        weights = weights.copy()
         for _ in range(rounds):
-            spread = 0.5 * weights + 0.5 * (average @ weights)
-            weights = spread if free is None else np.where(free[:, None], spread, weights)
-        return weights
+            right = mass[inner, None] * weights[inner] - step[inner][:, outer] @ weights[outer]
+            weights[inner] = solve.solve(right)
+        return np.maximum(weights, 0)
+
+    def _heat(self) -> tuple[csr_matrix, Array]:
+        """The net's stiffness matrix (V, V), cotangents below 0 left out, and the area (V,) around each point."""
+        triangles, count = self.triangles(), len(self.points)
+        stiff, mass = csr_matrix((count, count)), np.full(count, 1e-9)
+        for k in range(3):
+            a, b, c = (triangles[:, (k + j) % 3] for j in range(3))
+            u, v = self.points[b] - self.points[a], self.points[c] - self.points[a]
+            twice = np.linalg.norm(np.cross(u, v), axis=1) + 1e-12
+            half = np.clip(np.einsum("fi,fi->f", u, v) / twice, 0.02, 20) / 2
+            part = coo_matrix((half, (b, c)), shape=(count, count)).tocsr()
+            stiff = stiff - part - part.T
+            np.add.at(mass, a, twice / 6)
+        return (stiff - diags(np.asarray(stiff.sum(1)).ravel())).tocsr(), mass
 
     def shade(self, solid: Solid, blend: float = 0.5) -> Array:
         """Normals: of the solid mixed with those of the faces."""

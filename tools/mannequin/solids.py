@@ -14,9 +14,15 @@ from scipy.interpolate import PchipInterpolator
 
 from cospeech.motion.rotations import Array
 
+_MET = 1e-8  # metres from the surface at which a flight ends; ours
+
 __all__ = ["Solid", "capsule", "column", "cut", "ellipsoid", "gradient", "land", "settle", "union"]
 
 Solid = Callable[[Array], Array]
+
+
+def _norm(v: Array) -> Array:
+    return np.sqrt(np.einsum("na,na->n", v, v))
 
 
 def capsule(a: ArrayLike, b: ArrayLike, ra: float, rb: float, flat: ArrayLike = (1, 1, 1)) -> Solid:
@@ -28,7 +34,7 @@ def capsule(a: ArrayLike, b: ArrayLike, ra: float, rb: float, flat: ArrayLike = 
     def distance(p: Array) -> Array:
         local = (p - start) * scale
         t = np.clip(local @ axis / length, 0, 1)
-        return np.linalg.norm(local - t[:, None] * axis, axis=1) - (ra + (rb - ra) * t)
+        return _norm(local - t[:, None] * axis) - (ra + (rb - ra) * t)
 
     return distance
 
@@ -38,8 +44,8 @@ def ellipsoid(centre: ArrayLike, radii: ArrayLike) -> Solid:
     middle, size = np.asarray(centre, float), np.asarray(radii, float)
 
     def distance(p: Array) -> Array:
-        k0 = np.linalg.norm((p - middle) / size, axis=1)
-        k1 = np.linalg.norm((p - middle) / size**2, axis=1)
+        k0 = _norm((p - middle) / size)
+        k1 = _norm((p - middle) / size**2)
         return k0 * (k0 - 1) / np.maximum(k1, 1e-9)
 
     return distance
@@ -107,7 +113,11 @@ def settle(solid: Solid, p: Array, rounds: int = 8) -> Array:
 
 def land(solid: Solid, start: Array, direction: Array, rounds: int = 60) -> Array:
     """Fly from outside at ``start`` along the unit ``direction`` until the surface is met (sphere tracing)."""
-    t = np.zeros(len(start))
+    t, flying = np.zeros(len(start)), np.arange(len(start))
     for _ in range(rounds):
-        t += 0.8 * solid(start + t[:, None] * direction)
+        step = 0.8 * solid(start[flying] + t[flying, None] * direction[flying])
+        t[flying] += step
+        flying = flying[np.abs(step) > _MET]
+        if not len(flying):
+            break
     return start + t[:, None] * direction

@@ -77,7 +77,7 @@ def body_volume(character: Character) -> BodyVolume:
     positions, world = character.skeleton.forward(local, character.skeleton.offsets[0])
     posed = dict(zip((p.name for p in character.parts), skin(character, world, positions), strict=True))
     meshes = []
-    for name in ("sweater", "trousers", "face"):
+    for name in ("shirt", "trousers", "face"):
         part = character[name]
         arm = np.where(np.isin(part.joints, arms), part.weights, 0).sum(1)
         meshes.append((posed[name], part.triangles[(arm[part.triangles] < _ARM).all(1)]))

@@ -1,4 +1,4 @@
-"""What the gesturer has heard: prosody on a 100 Hz grid, normalised to the speaker's own running level, and its events."""
+"""Prosody of the speech so far on a 100 Hz grid, normalised to the speaker's own running level, and its events."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ def _styles() -> list[Row]:
     """Those of the rule-based model, then the speakers of the models whose weights ship."""
     from ..models import BUNDLE, SHIPPED
     from ..rules.styles import STYLES
-    from ..runtime.bundle import read_bundle
-    from ..runtime.spec import VOICE
+    from ..runtime.bundles.bundle import read_bundle
+    from ..runtime.bundles.spec import VOICE
 
     rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
     for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
+from .options import Debug
+from .progress import show_progress
+
 __all__ = ["register"]
 
-Tell = Callable[[float, float | None], None]
-Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
 Corpus = Annotated[str, Argument(metavar="CORPUS", help="A name that `cospeech list corpora` prints.")]
 Raw = Annotated[Path, Argument(metavar="RAW", help="Folder of the corpus, as its authors publish it.")]
 Store = Annotated[Path, Argument(metavar="STORE", help="Folder of the new store.")]
@@ -67,21 +66,15 @@ Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed. Another see
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
 Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
-Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
-def register(app: typer.Typer, progress: Progress) -> None:
-    """Add both commands.
-
-    Args:
-        app: of the command line.
-        progress: from a title and whether to be quiet to a context with a function that is told what is done.
-    """
-    _add_prepare(app, progress)
-    _add_synthesise(app, progress)
+def register(app: typer.Typer) -> None:
+    """Add both commands to the program."""
+    _add_prepare(app)
+    _add_synthesise(app)
 
 
-def _add_prepare(app: typer.Typer, progress: Progress) -> None:
+def _add_prepare(app: typer.Typer) -> None:
     @app.command()
     def prepare(
         corpus: Corpus,
@@ -118,7 +111,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
             hint = f"it is called --derive-speaker now: --derive-speaker {twin[0]}"  # old name
             raise InputError("there is no option --twin", hint)  # old name
 
-        with progress("preparing", quiet) as tell:
+        with show_progress("preparing", quiet) as tell:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
                 derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec,
@@ -135,7 +128,7 @@ def _add_prepare(app: typer.Typer, progress: Progress) -> None:
                 typer.echo(f"  and {len(whole) - 5} more: {store / 'report.json'}")
 
 
-def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
+def _add_synthesise(app: typer.Typer) -> None:
     @app.command()
     def synthesise(
         raw: New,
@@ -158,7 +151,7 @@ def _add_synthesise(app: typer.Typer, progress: Progress) -> None:
         """
         from ..corpora.synthetic import synthesise as make
 
-        with progress("synthesising", quiet) as tell:
+        with show_progress("synthesising", quiet) as tell:
             report = make(
                 raw, layout, speech=speech, hours=hours, speakers=speakers, seed=seed, tts=tts, act=act, progress=tell
             )

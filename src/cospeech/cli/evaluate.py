@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from ..errors import InputError
 from ..files import atomic
+from .options import Debug
 
 __all__ = ["register"]
 
@@ -63,7 +64,6 @@ About = Annotated[
     str, Option("--about", metavar="TEXT", help="With --table: words for the head that describe the store, such as synthetic.")
 ]
 Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="With --table: draw its figure into this PNG.")]
-Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
 def _parse_source(systems: list[str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -54,6 +54,7 @@ from .options import (  # fmt: skip
     number,
     option,
 )
+from .progress import show_progress
 
 if TYPE_CHECKING:
     from ..runtime.report import Report, Reports
@@ -121,7 +122,7 @@ def generate(
     """
     from .batch import generate_speeches
 
-    with _progress("generating", quiet) as progress:
+    with show_progress("generating", quiet) as progress:
         results = generate_speeches(
             audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
@@ -175,7 +176,7 @@ def demo(folder: Folder = Path("demo"), quiet: Quiet = False, debug: Debug = Fal
     """
     from .demo import make_demo
 
-    with _progress("making the demo", quiet) as progress:
+    with show_progress("making the demo", quiet) as progress:
         result = make_demo(folder, progress=progress)
     if not quiet:
         _show_outputs([result])
@@ -228,37 +229,12 @@ def _show_outputs(results: list[Report]) -> None:
         told.add(suffix)
 
 
-@contextmanager
-def _progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
-    """A bar on stderr from the second second on; None where nobody would see it."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from time import monotonic
-
-    from rich.console import Console
-    from rich.progress import Progress
-
-    bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
-    task = bar.add_task(title, total=None)
-
-    def tell(done: float, total: float | None, word: str = "") -> None:
-        if not bar.live.is_started and monotonic() - began > 1:
-            bar.start()
-        bar.update(task, completed=done, total=total, description=f"{title} {word}".rstrip())
-
-    try:
-        yield tell
-    finally:
-        bar.stop()
-
-
 cli_convert.register(app)
-cli_corpora.register(app, _progress)
+cli_corpora.register(app)
 cli_evaluate.register(app)
 cli_robot.register(app)
 cli_stream.register(app)
-cli_train.register(app, _progress)
+cli_train.register(app)
 
 
 def _usage_error(error: typer.TyperException) -> InputError:

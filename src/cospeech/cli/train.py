@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -11,11 +11,11 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError
+from .options import Debug
+from .progress import show_progress
 
 __all__ = ["register"]
 
-Tell = Callable[..., None]
-Progress = Callable[[str, bool], AbstractContextManager[Tell | None]]
 Recipe = Annotated[
     Path,
     Argument(
@@ -44,7 +44,6 @@ Run = Annotated[
 ]
 Bundle = Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write: NAME.cospeech.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
-Debug = Annotated[bool, Option("--debug", help="Show the traceback of an error.")]
 
 
 @contextmanager
@@ -58,13 +57,13 @@ def _training() -> Iterator[None]:
         raise InputError(f"training needs {error.name}, which is not installed", "pip install 'cospeech[train]'") from None
 
 
-def register(app: typer.Typer, progress: Progress) -> None:
-    """Add both commands; the arguments as in `cospeech.cli.corpora.register`."""
-    _add_train(app, progress)
+def register(app: typer.Typer) -> None:
+    """Add both commands to the program."""
+    _add_train(app)
     _add_bundle(app)
 
 
-def _add_train(app: typer.Typer, progress: Progress) -> None:
+def _add_train(app: typer.Typer) -> None:
     @app.command()
     def train(
         recipe: Recipe,
@@ -92,7 +91,7 @@ def _add_train(app: typer.Typer, progress: Progress) -> None:
         data = _store(store, plan.data.store, plan.data.corpus)
         with _training():
             from ..training.train import train as run
-        with progress("training", quiet) as tell:
+        with show_progress("training", quiet) as tell:
             report = run(plan, data, folder, resume=resume, progress=tell, notice=lambda text: typer.echo(text, err=True))
         if quiet or report.rank:
             return
@@ -129,13 +128,13 @@ def _add_bundle(app: typer.Typer) -> None:
         cospeech bundle old.cospeech -o new.cospeech
         """
         if run.is_file():
-            from ..runtime.convert_bundle import convert_bundle
+            from ..runtime.bundles.convert_bundle import convert_bundle
 
             convert_bundle(run, output)
         else:
-            with _training():
+            with _training(), show_progress("bundling:", quiet) as tell:
                 from ..training.export.bundles import bundle_run
 
-                bundle_run(run, output)
+                bundle_run(run, output, progress=tell)
         if not quiet:
             typer.echo(f"{output}  {output.stat().st_size / 1e6:.1f} MB")

@@ -16,7 +16,7 @@ import numpy as np
 from ..audio.worker import TooLong, Worker, WorkerEnded, worker_command
 from ..errors import InputError
 from ..files import regular_file
-from ..limits import HDF5_BYTES, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES, VAULT_TIMEOUT
+from ..limits import HDF5_BYTES, HDF5_LMDB_TIMEOUT, HDF5_MEMORY, HDF5_OBJECTS, LONGEST_ENTRY_BYTES
 
 __all__ = ["Dataset", "Hdf5LmdbReader", "read_lmdb"]
 
@@ -107,14 +107,14 @@ class Hdf5LmdbReader:
     def _message(self, name: str) -> tuple[bytes, bytes]:
         assert self._worker is not None
         try:
-            kind, payload = self._worker.receive(LONGEST_ENTRY_BYTES, VAULT_TIMEOUT)
+            kind, payload = self._worker.receive(LONGEST_ENTRY_BYTES, HDF5_LMDB_TIMEOUT)
         except TooLong as error:
             self.close()
             raise InputError(f"{name!r} holds an entry of {error.size >> 20} MiB", "is it damaged?") from None
         except WorkerEnded as ended:
             self.close()
             if ended.late:
-                problem = f"the reader hangs on {name!r}: nothing for {VAULT_TIMEOUT:g} s"
+                problem = f"the reader hangs on {name!r}: nothing for {HDF5_LMDB_TIMEOUT:g} s"
                 raise InputError(problem, "it is damaged; copy it again") from None
             raise InputError(
                 f"the reader crashed on {name!r} ({ended})", "it is damaged; copy it again from its source"

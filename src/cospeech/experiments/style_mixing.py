@@ -103,19 +103,19 @@ class Mixing:
         return tuple([points_of(motion).values for motion in row] for row in self.motions)
 
 
-def _takes(gesturer: Model, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
+def _takes(model: Model, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
     """Performances with the seeds ``seed``, ``seed + 1``, …; in one pass where the system plays several at once."""
     options = {"style": style, "parts": ("body", "hands")}
-    if gesturer.takes_at_once == 1:
-        return [gesturer.generate(speech, seed=seed + k, **options) for k in range(takes)]
-    session = gesturer.session(seed=seed, takes=takes, **options)
+    if model.takes_at_once == 1:
+        return [model.generate(speech, seed=seed + k, **options) for k in range(takes)]
+    session = model.session(seed=seed, takes=takes, **options)
     pieces = [made for chunk in speech.chunks(PIECE) for made in session.push_takes(chunk)]
     pieces += session.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
 
 def measure_mixing(
-    gesturer: Model,
+    model: Model,
     speeches: Sequence[Speech],
     pair: tuple[str, str],
     *,
@@ -126,7 +126,7 @@ def measure_mixing(
     """Play and measure mixtures of two styles; every weight has the same speeches and seeds.
 
     Args:
-        gesturer: plays ``"a:0.75,b:0.25"`` as a style.
+        model: plays ``"a:0.75,b:0.25"`` as a style.
         speeches: to play to.
         pair: the styles.
         weights: of the second; from 0, rising, to 1.
@@ -143,7 +143,7 @@ def measure_mixing(
     motions = []
     for w in ways:
         style = f"{first}:{1 - w:g},{second}:{w:g}"
-        motions.append(tuple(made for speech in speeches for made in _takes(gesturer, speech, style, takes, seed)))
+        motions.append(tuple(made for speech in speeches for made in _takes(model, speech, style, takes, seed)))
     found = tuple(tuple(attributes_of(*body_of(motion), motion.fps) for motion in row) for row in motions)
     return Mixing(pair, tuple(ways), found, tuple(motions))
 

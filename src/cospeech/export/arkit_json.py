@@ -23,7 +23,7 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .reading import check_frames, read_bytes
 from .timing import frame_rate, frames_of, on_grid
-from .to_humanoid import standing
+from .to_humanoid import make_standing
 
 __all__ = ["NAMES", "Writer", "load"]
 
@@ -89,7 +89,7 @@ def load(path: str | PathLike[str]) -> Motion:
     weights = on_grid(times, weights, fps)
     face = np.zeros((len(weights), len(ARKIT)))
     face[:, list(known)] = np.clip(weights, 0, 1)
-    return standing(len(face), fps=fps, face=face)
+    return make_standing(len(face), fps=fps, face=face)
 
 
 def _rows(frames: list, width: int, columns: list[int], name: str) -> tuple[Array, Array]:

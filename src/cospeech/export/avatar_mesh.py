@@ -14,7 +14,7 @@ from ..motion.rotations import Array
 from .avatar_skeleton import TPose
 from .gltf import GltfFile
 from .mannequin.character import Part
-from .surface import Surface
+from .surface import Surface, normalise_normals
 from .textures import Material, MaterialReader
 
 __all__ = ["MeshBaker"]
@@ -115,7 +115,7 @@ class MeshBaker:
             places = places @ material.transform[:, :2].T + material.transform[:, 2]
             surface = Surface(material.texture, places.astype(np.float32), opacity, material.cutoff)
         return Part(
-            material.name, vertices.astype(np.float32), _unit(normals).astype(np.float32), triangles,
+            material.name, vertices.astype(np.float32), normalise_normals(normals), triangles,
             skinning.joints, skinning.weights, colour, material.roughness, morphs, surface,
         )  # fmt: skip
 
@@ -168,8 +168,3 @@ def _vertex_normals(points: Array, triangles: Array) -> Array:
     for k in range(3):
         np.add.at(total, triangles[:, k], face)
     return total
-
-
-def _unit(vectors: Array) -> Array:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), (0.0, 1.0, 0.0))

@@ -20,6 +20,7 @@ from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .avatar import Avatar, AvatarScene, load_avatar
 from .gltf_build import GltfBuilder
+from .surface import normalise_normals
 from .to_humanoid import as_humanoid
 from .tracks import GltfTrack, Recorder
 
@@ -141,7 +142,7 @@ def _primitive(builder: GltfBuilder, part: Part) -> dict[str, Any]:
     small = np.uint16 if len(part.vertices) < 65535 else np.uint32
     attributes = {
         "POSITION": builder.add(part.vertices.astype(np.float32), "VEC3", target=_ARRAY, bounds=True),
-        "NORMAL": builder.add(_unit(part.normals), "VEC3", target=_ARRAY),
+        "NORMAL": builder.add(normalise_normals(part.normals), "VEC3", target=_ARRAY),
         "JOINTS_0": builder.add(np.where(part.weights > 0, part.joints, 0).astype(np.uint8), "VEC4", target=_ARRAY),
         "WEIGHTS_0": builder.add(part.weights.astype(np.float32), "VEC4", target=_ARRAY),
     }
@@ -160,12 +161,6 @@ def _primitive(builder: GltfBuilder, part: Part) -> dict[str, Any]:
     if part.morphs:
         primitive["targets"] = _targets(builder, part.morphs, len(part.vertices))
     return primitive
-
-
-def _unit(normals: Array) -> Array:
-    """Normals of length 1, as the format demands to float32; where a surface has none, up."""
-    length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
-    return np.where(length > 1e-9, normals / np.maximum(length, 1e-9), (0.0, 1.0, 0.0)).astype(np.float32)
 
 
 def _targets(builder: GltfBuilder, morphs: Mapping[str, Array], vertices: int) -> list[dict[str, int]]:

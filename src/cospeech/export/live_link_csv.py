@@ -26,7 +26,7 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from . import Writer as BaseWriter
 from .reading import check_frames, open_file, size_of
 from .timing import frame_rate, frames_of, on_grid
-from .to_humanoid import as_humanoid, standing
+from .to_humanoid import as_humanoid, make_standing
 
 __all__ = ["COLUMNS", "Writer", "head_and_eyes", "load"]
 
@@ -186,7 +186,7 @@ def _motion(values: Array, columns: dict[str, int], fps: float) -> Motion:
     face = np.zeros((len(values), len(ARKIT)))
     for name, k in zip(_SHAPES, _COLUMN_OF, strict=True):
         face[:, k] = np.clip(column(name), 0, 1)
-    motion = standing(len(values), fps=fps, face=face)
+    motion = make_standing(len(values), fps=fps, face=face)
     skeleton: Skeleton = motion.skeleton
     turned = {
         part: euler_to_quat(np.stack([column(part + angle) for angle in ("Yaw", "Pitch", "Roll")], 1), "YXZ")

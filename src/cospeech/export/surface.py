@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Surface", "Texture"]
+__all__ = ["Surface", "Texture", "normalise_normals"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,3 +39,10 @@ class Surface:
     places: NDArray[np.float32]
     opacity: NDArray[np.float32]
     cutoff: float | None = 0.0
+
+
+def normalise_normals(normals: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Normals (V, 3) of length 1, as glTF demands to float32; where a surface has none, up."""
+    exact = normals.astype(np.float64)
+    length = np.linalg.norm(exact, axis=1, keepdims=True)
+    return np.where(length > 1e-12, exact / np.maximum(length, 1e-12), (0.0, 1.0, 0.0)).astype(np.float32)

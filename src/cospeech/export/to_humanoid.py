@@ -8,7 +8,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, axis_angle_to_quat, quat_identity
 from ..motion.skeleton import humanoid
 
-__all__ = ["ARMS_DOWN", "as_humanoid", "standing"]
+__all__ = ["ARMS_DOWN", "as_humanoid", "make_standing"]
 
 ARMS_DOWN = np.radians(72)  # ours: from the T-pose; hangs beside the body without touching it
 
@@ -24,7 +24,7 @@ def as_humanoid(motion: Motion) -> Motion:
     return motion.retarget("humanoid")
 
 
-def standing(frames: int, *, fps: float, face: Array | None = None) -> Motion:
+def make_standing(frames: int, *, fps: float, face: Array | None = None) -> Motion:
     """Our humanoid standing still with hanging arms: the body for files that hold only a face."""
     skeleton = humanoid()
     rotations = quat_identity(frames, len(skeleton))

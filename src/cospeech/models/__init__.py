@@ -43,7 +43,7 @@ SHIPPED = Path(__file__).parents[1] / "assets" / "bundles"
 
 
 class GenerationSession(Protocol):
-    """One take under way, or several: speech goes in, piece by piece; motion comes out."""
+    """A session: speech goes in, piece by piece, and the motion of one or several takes comes out."""
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -115,12 +115,12 @@ class Model(Protocol):
 
     @property
     def makes(self) -> tuple[str, ...]:
-        """Of `PARTS`, those that move."""
+        """The parts of `PARTS` that it moves."""
         ...
 
     @property
     def for_files(self) -> Mapping[str, Any]:
-        """Options of a session that make the best of a speech that is all there, as a file is: to hear it both ways, say."""
+        """Options of a session for a file, whose speech is known as a whole: a longer look-ahead, for example."""
         ...
 
     @property
@@ -138,11 +138,11 @@ class Model(Protocol):
         ...
 
     def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
-        """The same, in pieces, as the speech comes in."""
+        """Motion in pieces, for speech that comes in pieces."""
         ...
 
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> GenerationSession:
-        """The same, for those who push; options come whole, by keywords, or whole with some changed."""
+        """A session to push speech into; options come whole, by keywords, or whole with some changed."""
         ...
 
 
@@ -161,7 +161,7 @@ def find_bundle(name: str) -> Path | None:
 
 
 def load(name: str | PathLike[str] = DEFAULT) -> Model:
-    """A model that is ready to perform.
+    """Load a model.
 
     >>> type(load("rules")).__name__
     'RuleBasedModel'

@@ -217,7 +217,7 @@ class Camn(ManyInputs):
         return torch.cat([body, hands], 1).index_select(1, self.order).mT
 
     def recurrent_layers(self) -> tuple[BothWays, ...]:
-        """Of body and hands."""
+        """The recurrent layers of body and hands."""
         return self.body, self.hands
 
     # what is optimised -----------------------------------------------------------------------------------------------

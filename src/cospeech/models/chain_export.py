@@ -1,4 +1,4 @@
-"""What a Chain of Generation gives to be exported: ``make`` for whole windows, ``live`` for a frame at a time, ``classify``.
+"""What a Chain of Generation exports: ``make`` for whole windows, ``live`` for a frame at a time, ``classify``.
 
 make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), noise (N, T, Z), left out where Z is 0;
           and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and

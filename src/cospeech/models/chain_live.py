@@ -31,7 +31,7 @@ __all__ = ["ChainLive", "ChainLiveConfig"]
 
 @dataclass(frozen=True)
 class ChainLiveConfig(ChainExtendedConfig):
-    """As its teacher, and what makes it live; all of this is ours."""
+    """The settings of its teacher, and those of live play; all of this is ours."""
 
     seeds: int = 0
     """It begins with nothing."""
@@ -44,7 +44,7 @@ class ChainLiveConfig(ChainExtendedConfig):
 
 
 class ChainLive(ChainOfGenerationExtended):
-    """The causal one.
+    """The causal Chain of Generation.
 
     Args:
         config: sizes and weights.
@@ -70,7 +70,7 @@ class ChainLive(ChainOfGenerationExtended):
 
     @classmethod
     def layers(cls, config: ChainConfig) -> Layers:
-        """Layers that see nothing of what follows."""
+        """Causal layers."""
         assert isinstance(config, ChainLiveConfig)
         return Layers(
             conv=CausalConv,
@@ -80,7 +80,7 @@ class ChainLive(ChainOfGenerationExtended):
         )
 
     def train(self, mode: bool = True) -> ChainLive:
-        """As any module, but its teacher is played as it is."""
+        """Set the training mode; the teacher stays in evaluation mode."""
         super().train(mode)
         if self.teacher is not None:
             self.teacher.eval()

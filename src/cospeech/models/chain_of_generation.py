@@ -164,7 +164,7 @@ class ChainOfGeneration(Windowed):
 
     @classmethod
     def layers(cls, config: ChainConfig) -> Layers:
-        """What the cascade is built of: layers that see a clip both ways."""
+        """The layers of the cascade, which see a clip in both directions."""
         return Layers(
             conv=SameConv,
             attention=lambda channels: ChannelAttention(channels, config.reduction),
@@ -246,7 +246,7 @@ class ChainOfGeneration(Windowed):
     # what is optimised ----------------------------------------------------------------------------------------------
 
     def objectives(self) -> dict[str, Objective]:
-        """First the classifier; then, while it rests, all else."""
+        """First the classifier alone; then all other parts, with the classifier fixed."""
         first = self.config.classifier_steps
         others = [p for name, p in self.named_parameters() if not name.startswith("classifier.")]
         return {

@@ -168,7 +168,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         return self._cut(super().poses(rows, style, noise, seeds, face))
 
     def _cut(self, made: CascadeOutput) -> CascadeOutput:
-        """Of the frames that all of their speech was heard of."""
+        """Cut to the frames whose speech was heard completely."""
         return CascadeOutput(*(x[..., self.delay :] for x in made))
 
     # what is optimised ----------------------------------------------------------------------------------------------
@@ -188,7 +188,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         }
 
     def classifier_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Equation 10, of louder or softer speech."""
+        """Equation 10, on speech made louder or softer."""
         return self.classifier.losses(
             self.gain_augmentation(batch[self.speech_encoder.array], batch.chance), batch["speaker"], batch["emotion"]
         )
@@ -255,7 +255,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         return self.terms(batch, turn)
 
     def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
-        """Of what was made."""
+        """Loss terms of the generated motion."""
         c, frames, made = self.config, self.config.frames, turn.made
         pose, face = batch["pose"][:, :frames].mT, turn.played["face"][:, :frames].mT
         wanted = torch.where(turn.own, pose, made.pose)  # of no distance where nobody knows what would have been done

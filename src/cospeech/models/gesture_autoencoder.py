@@ -1,4 +1,4 @@
-"""Gesture autoencoders: networks that know what movement looks like, for a loss (ω) and for a metric (FGD).
+"""Gesture autoencoders: feature networks of movement, for a loss (ω) and for a metric (FGD).
 
 No inception network is trained on gestures, so that two convolutional autoencoders take its place; both minimise
 
@@ -165,7 +165,7 @@ class GestureAutoencoder(Trainable):
         return x
 
     def forward(self, x: Tensor) -> Tensor:
-        """ω, for those who are given the network for a loss: (B, T, D) → (B, T, width)."""
+        """ω, the features of the perceptual loss: (B, T, D) → (B, T, width)."""
         features: Tensor = self.omega(x)
         return features
 

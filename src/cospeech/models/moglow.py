@@ -222,7 +222,7 @@ class MoGlow(Trainable):
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
@@ -231,5 +231,5 @@ class MoGlow(Trainable):
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow_graph` wants them: controls are further numbers of a frame of speech."""
+        """Arrays by name, as `cospeech.runtime.flow.graph` wants them: controls are further numbers of a frame of speech."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

@@ -115,7 +115,7 @@ class _Speaker(nn.Module):
 
 
 class _Discriminator(nn.Module):
-    """(B, T, D) windows of the configuration's length → (B,) logits that one is of people."""
+    """(B, T, D) windows of the configuration's length → (B,) logits that a window was recorded."""
 
     def __init__(self, pose: int, frames: int, slope: float) -> None:
         super().__init__()
@@ -134,7 +134,7 @@ class _Discriminator(nn.Module):
 
 
 class _Made(NamedTuple):
-    """Poses, and of what z they are."""
+    """Poses, and the z that they were made of."""
 
     pose: Tensor
     """(B, T, D)."""
@@ -210,7 +210,7 @@ class MultiContext(ManyInputs):
         return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
 
     def recurrent_layers(self) -> tuple[BothWaysGru, ...]:
-        """The one."""
+        """Its one recurrent layer."""
         return (self.both_ways,)
 
     # what is optimised -----------------------------------------------------------------------------------------------

@@ -185,7 +185,7 @@ class _Discriminator(nn.Module):
 
 
 class _Domain(nn.Module):
-    """What makes one kind of signals and is made of them; (B, X, T) throughout."""
+    """The encoders and the decoder of one kind of signals; (B, X, T) throughout."""
 
     def __init__(self, width: int, config: MunitConfig) -> None:
         super().__init__()
@@ -207,7 +207,7 @@ class _Domain(nn.Module):
 
 
 class _Translated(NamedTuple):
-    """What was made for a domain, of the other's content and a style drawn at random."""
+    """Signals of a domain, made of the other domain's content and a random style."""
 
     made: Tensor
     content: Tensor

@@ -246,7 +246,7 @@ class StylisedFlow(Trainable):
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
@@ -257,5 +257,5 @@ class StylisedFlow(Trainable):
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow_graph` wants them."""
+        """Arrays by name, as `cospeech.runtime.flow.graph` wants them."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

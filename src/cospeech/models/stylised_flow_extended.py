@@ -162,7 +162,7 @@ class StylisedFlowExtended(StylisedFlow):
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow_weights.FlowSizes` has to know."""
+        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
         c = self.config
         own = {"residual": c.residual, "inertia": c.inertia, "style": c.style, "steps_seen": c.steps_seen}
         return super().runtime_sizes() | own | {"channels": c.encoder_channels if c.encoder or c.style else 0}

@@ -64,6 +64,10 @@ class Motion:
         if self.face is not None and self.face.shape != (*frames, len(ARKIT)):
             raise InputError(f"face of shape {self.face.shape}, expected {(*frames, len(ARKIT))}")
 
+    def __repr__(self) -> str:
+        face = "without a face" if self.face is None else "with a face"
+        return f"Motion({len(self)} frames at {self.fps:g} fps, {len(self.skeleton)} joints, {face})"
+
     def __len__(self) -> int:
         return len(self.rotations)
 

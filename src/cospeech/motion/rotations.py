@@ -33,6 +33,7 @@ __all__ = [
     "quat_twist",
     "rot6d_to_matrix",
     "rotvec_to_quat",
+    "vector_normalize",
 ]  # fmt: skip
 
 Array = NDArray[Any]
@@ -75,6 +76,11 @@ def quat_normalize(q: Array) -> Array:
     """Scale ``(..., 4)`` to unit length. A zero quaternion becomes the identity."""
     norm = np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]
     return np.where(norm > _SMALL, q / np.maximum(norm, _SMALL), np.array([0, 0, 0, 1], q.dtype))
+
+
+def vector_normalize(v: Array) -> Array:
+    """Scale ``(..., 3)`` to unit length. A zero vector stays zero."""
+    return v / np.maximum(np.sqrt(np.einsum("...i,...i->...", v, v))[..., None], _SMALL)
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -57,6 +57,9 @@ class Skeleton:
         for name, value in (("names", names), ("parents", parents), ("offsets", offsets), ("rest", rest)):
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        return f"Skeleton({self.kind!r}, {len(self)} joints)"
+
     def __len__(self) -> int:
         return len(self.names)
 

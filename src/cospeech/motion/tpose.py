@@ -21,6 +21,7 @@ from .rotations import (
     quat_conjugate,
     quat_multiply,
     quat_rotate,
+    vector_normalize,
 )
 from .skeleton import Skeleton
 
@@ -154,13 +155,13 @@ class _Maker:
         pair = next((p for p in ("UpperLeg", "UpperArm", "Shoulder") if {f"left{p}", f"right{p}"} <= set(self.names)), None)
         if pair is None:
             return np.array([0.0, 0, 0, 1])
-        left = _unit(self.at(f"left{pair}") - self.at(f"right{pair}"))
+        left = vector_normalize(self.at(f"left{pair}") - self.at(f"right{pair}"))
         hips, up = self.at("hips"), np.zeros(3)
         for name in (next((n for n in _UP if n in self.names), "hips"), "neck", "head"):
-            up += _unit(self.at(name) - hips) if name in self.names else 0
+            up += vector_normalize(self.at(name) - hips) if name in self.names else 0
         legs = [self.at(n) for n in ("leftFoot", "rightFoot", "leftLowerLeg", "rightLowerLeg") if n in self.names]
-        up += _unit(hips - np.mean(legs, 0)) if legs else 0
-        up = _unit(up - left * (left @ up))
+        up += vector_normalize(hips - np.mean(legs, 0)) if legs else 0
+        up = vector_normalize(up - left * (left @ up))
         if not left.any() or not up.any():
             return np.array([0.0, 0, 0, 1])
         snapped = _nearest_axis(left)
@@ -195,7 +196,7 @@ class _Maker:
         part, sign = _part(ours)
         if ours not in self.bones:
             return follow
-        local = quat_rotate(quat_conjugate(self.start[joint]), _unit(self.bones[ours]))
+        local = quat_rotate(quat_conjugate(self.start[joint]), vector_normalize(self.bones[ours]))
         alone = ours in self.rigid or part.endswith(_PHALANGES) or quat_angle(kept, follow) > np.radians(_APART)
         for candidate in (follow,) if alone else (kept, follow):
             limb = _LIMB if candidate is kept else 0.0  # what is turned anyway can be turned exactly
@@ -228,7 +229,7 @@ class _Maker:
             if foot in self.bones and foot not in self.kept and leg not in self.kept:
                 joint = self.skeleton.index[self.names[foot]]
                 follow = quat_multiply(world[self.skeleton.parents[joint]], self.skeleton.rest[joint])
-                local = quat_rotate(quat_conjugate(self.start[joint]), _unit(self.bones[foot]))
+                local = quat_rotate(quat_conjugate(self.start[joint]), vector_normalize(self.bones[foot]))
                 self._twist(leg, _Y, quat_rotate(follow, local), _Z, [f"{side}LowerLeg", foot])
 
     def _twist(self, ours: str, axis: Array, have: Array, want: Array, rigid: list[str]) -> None:
@@ -273,11 +274,6 @@ def _target(part: str, sign: float) -> Array | None:
     if part in ("Foot", "Toes"):
         return _FOOT_SLOPE / np.linalg.norm(_FOOT_SLOPE) if part == "Foot" else _Z
     return sign * _X
-
-
-def _unit(v: Array) -> Array:
-    norm = np.linalg.norm(v)
-    return v / norm if norm > 1e-12 else np.zeros(3)
 
 
 def _angle(a: Array, b: Array) -> float:

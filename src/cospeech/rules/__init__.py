@@ -64,7 +64,9 @@ class RuleBasedModel:
         options = GenerationOptions.of(options, keywords)
         for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
             if given is not None:
-                raise InputError(f"the rule-based model cannot be given {what}", "chains can, see docs/runtime.md")
+                raise InputError(
+                    f"the rule-based model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md"
+                )
         if options.look_ahead is not None:
             raise InputError("the rule-based model's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
         if options.takes > 1:

@@ -1,6 +1,6 @@
 """Words that call for a gesture of their own: a small English lexicon of deictic, iconic and metaphoric gestures.
 
-The sets are ours. A word's form comes with a semantic score (`Form.score`), so that a corpus made with the gesturer can
+The sets are ours. A word's form comes with a semantic score (`Form.score`), so that a corpus made with the rule-based model can
 carry the annotation that SRGR needs. Other languages go without: their gestures follow the sound alone.
 """
 

@@ -356,7 +356,13 @@ class _Pushed(Protocol):
 
 
 def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, two seconds are worked off at once."""
+    """The motion of a session to speech that comes in pieces of any size; of long ones, two seconds are worked off at once.
+
+    Raises:
+        InputError: one `Speech` in place of several, or something else than speech.
+    """
+    if isinstance(chunks, Speech):
+        raise InputError("stream takes a list of pieces of speech, not one Speech", "stream([speech]), or generate(speech)")
     for chunk in chunks:
         check_speech(chunk)
         for piece in in_short(chunk):

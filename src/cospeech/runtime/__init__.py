@@ -1,1 +1,1 @@
-"""What plays trained systems without torch: bundles, engines, gesturers."""
+"""Plays trained models without PyTorch: bundles, engines, decoders, sessions."""

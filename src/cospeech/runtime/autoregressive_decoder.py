@@ -9,9 +9,9 @@ import numpy as np
 
 from ..motion.rotations import Array
 from .crossfade import Crossfade
-from .flow_engine import FlowEngine
+from .flow.engine import FlowEngine
 from .pose_resampler import MOST_LAG
-from .style_embedding import StyleMixture
+from .styles.embedding import StyleMixture
 from .system import System
 
 __all__ = ["AutoregressiveDecoder", "Source", "SourceFactory"]

@@ -1,20 +1,31 @@
-"""What a performance may be given beside speech: a face, and motion that it goes on from."""
+"""What a session can be given beside speech: a face, and motion that it continues from."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
 
 from ..errors import InputError
+from ..motion.edit import OffsetFade
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .network import Network
-from .style_embedding import encode_motion
+from .styles.embedding import encode_motion
 from .system import System
 
-__all__ = ["NOTHING", "OFFLINE", "Conditioning", "ConditioningFace", "check_conditioning", "poses_before", "read_conditioning"]
+__all__ = [
+    "NOTHING",
+    "OFFLINE",
+    "Conditioning",
+    "ConditioningFace",
+    "Seam",
+    "check_conditioning",
+    "poses_before",
+    "read_conditioning",
+]
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
@@ -38,7 +49,9 @@ class ConditioningFace:
 
     def __init__(self, motion: Motion) -> None:
         if motion.face is None or not len(motion):
-            raise InputError("a face is given that has no weights", "name a file with ARKit weights: .json, .csv or .glb")
+            raise InputError(
+                "the motion for the option face has no face", "name a file with ARKit weights: .json, .csv or .glb"
+            )
         self._fps, self._duration = motion.fps, motion.duration
         self._weights = np.clip(motion.face, 0, 1).astype(np.float32)
 
@@ -55,7 +68,7 @@ class ConditioningFace:
 
 @dataclass(frozen=True)
 class Conditioning:
-    """What is given; None: nothing."""
+    """A face, and motion to continue from; None where not given."""
 
     face: ConditioningFace | None = None
     before: Motion | None = None
@@ -63,7 +76,7 @@ class Conditioning:
 
     @property
     def anything(self) -> bool:
-        """Whether there is some of it."""
+        """Whether a face or a motion is given."""
         return self.face is not None or self.before is not None
 
 
@@ -71,14 +84,14 @@ NOTHING = Conditioning()
 
 
 def read_conditioning(face: object, before: object) -> Conditioning:
-    """Motions, or files of them.
+    """Read the face and the motion to continue from.
 
     Raises:
-        InputError: neither, or what cannot be read.
+        InputError: neither a Motion nor a file, or a file that cannot be read.
     """
-    shown, past = _motion(face, "a face"), _motion(before, "motion to go on from")
+    shown, past = _motion(face, "a face"), _motion(before, "motion to continue from")
     if past is not None and not len(past):
-        raise InputError("motion to go on from has no frames", "name another")
+        raise InputError("the motion to continue from has no frames", "name another")
     return Conditioning(None if shown is None else ConditioningFace(shown), past)
 
 
@@ -86,22 +99,22 @@ def _motion(conditioning: object, what: str) -> Motion | None:
     if conditioning is None or isinstance(conditioning, Motion):
         return conditioning
     if not isinstance(conditioning, str | PathLike):
-        raise InputError(f"{what}: {str(conditioning)[:60]!r}", "a Motion, or a motion file")
+        raise InputError(f"{what} cannot be {str(conditioning)[:60]!r}", "a Motion, or a motion file")
     return Motion.load(conditioning)
 
 
 def check_conditioning(conditioning: Conditioning, network: Network) -> None:
-    """Whether a network can be given these.
+    """Refuse what a network does not take.
 
     Raises:
         InputError: it takes no such thing, or plays frame by frame.
     """
     able = network.signature.inputs
-    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to go on from", conditioning.before)):
+    for port, what, there in (("face", "a face", conditioning.face), ("seed", "motion to continue from", conditioning.before)):
         if there is not None and network.signature.window is None:
-            raise InputError("a face, or motion to go on from, while speech comes frame by frame", OFFLINE)
+            raise InputError(f"{what} cannot be given while speech comes frame by frame", OFFLINE)
         if there is not None and port not in able:
-            raise InputError(f"this system cannot be given {what}", _TRAIN)
+            raise InputError(f"this model does not take {what}", _TRAIN)
 
 
 def poses_before(system: System, motion: Motion, frames: int) -> Array:
@@ -119,3 +132,32 @@ def poses_before(system: System, motion: Motion, frames: int) -> Array:
     part = (place - low).astype(np.float32)[:, None]
     here, there = rows[low], rows[np.minimum(low + 1, len(tail) - 1)]
     return (here + part * (there - here)).astype(np.float32)  # type: ignore[no-any-return]
+
+
+class Seam:
+    """The gap between the last frame of a motion and the first frame that continues it, faded out within half a second.
+
+    The representation of a network lacks some angles: a thumb has fewer numbers than angles; feet and eyes have none. The seam
+    makes every joint continue from where it was.
+
+    Args:
+        before: the motion, of any skeleton that is recognised; one frame at least.
+        fps: of what goes on.
+        still: joints that are not generated, and stay as they are.
+        placed: whether the hips' place is generated.
+    """
+
+    def __init__(self, before: Motion, fps: float, *, still: Sequence[int] = (), placed: bool = True) -> None:
+        last = before[len(before) - 1 :].retarget("humanoid")
+        self._rotations, self._root = np.asarray(last.rotations[0], float), np.asarray(last.root[0], float)
+        self._fps, self._still, self._placed = fps, list(still), placed
+        self._gap: OffsetFade | None = None
+
+    def blend(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
+        """Rotations (n, J, 4) and places (n, 3) of the frames from ``first`` on, which is 0 at the first call."""
+        if self._gap is None:
+            self._gap = OffsetFade(self._rotations, self._root, rotations[0], root[0])
+            self._gap.turns[self._still] = 0.0
+            self._gap.way *= self._placed
+        left = np.clip(1 - (first + np.arange(len(rotations)) + 1) / (FADE * self._fps), 0, 1)  # all of it a frame before
+        return self._gap.apply(rotations, root, left)

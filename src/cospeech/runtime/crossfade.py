@@ -1,4 +1,4 @@
-"""What follows what, faded in: a style changed while speech comes in."""
+"""Values that change while speech comes in, each crossfaded with the one before: styles, for example."""
 
 from __future__ import annotations
 
@@ -69,6 +69,6 @@ class Crossfade(Generic[T]):
         return out
 
     def forget(self, before: float) -> None:
-        """Frames before this one are asked for no more."""
+        """Drop what only frames before this one need."""
         while len(self._layers) > 1 and self._layers[1][0] + self._frames <= before:
             del self._layers[0]

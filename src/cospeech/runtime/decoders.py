@@ -19,31 +19,32 @@ from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder
 from .conditioning import Conditioning, check_conditioning, poses_before
-from .flow_engine import FlowEngine
-from .latent_sources import Transfer, best_transfer
+from .flow.engine import FlowEngine
+from .flow.latent_sources import Transfer, best_transfer
+from .mouth import POSE
 from .network import Network
 from .session import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
-from .style_embedding import StyleMixture
-from .style_space import StyleSpace
-from .style_track import SpokenStyleTrack, StyleTrack
+from .styles.embedding import StyleMixture
+from .styles.space import StyleSpace
+from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import check_look_ahead
 
-__all__ = ["has_legs", "options_for_files", "start_decoder"]
+__all__ = ["needs_stance", "options_for_files", "start_decoder"]
 
 
 def options_for_files(system: System) -> Mapping[str, Any]:
-    """Options of a session over a file: windows that hear both ways, where a system has them too, as nobody waits; and a stance
-    for those that have no legs."""
+    """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; and a stance."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
-    return ahead | {"stance": not has_legs(system)}
+    return ahead | {"stance": needs_stance(system)}
 
 
-def has_legs(system: System) -> bool:
-    """Whether the poses of a system say how the legs stand."""
-    return any(part in name for name in find_pose(system.pose).names for part in ("Leg", "Foot", "knee"))
+def needs_stance(system: System) -> bool:
+    """Whether a system moves a body, but its poses do not say how the legs stand."""
+    names = find_pose(system.pose).names
+    return system.pose != POSE and not any(part in name for name in names for part in ("Leg", "Foot", "knee"))
 
 
 def start_decoder(
@@ -105,10 +106,10 @@ def _flow(
     transfer: Transfer | None,
 ) -> AutoregressiveDecoder:  # fmt: skip
     if given.anything:
-        what = "a face" if given.face is not None else "motion to go on from"
-        raise InputError(f"this system cannot be given {what}", "chains can that were trained with some, docs/runtime.md")
+        what = "a face" if given.face is not None else "motion to continue from"
+        raise InputError(f"this model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md")
     if options.look_ahead is not None:
-        raise InputError("a flow's look-ahead cannot be chosen", "it hears as far ahead as it was trained to")
+        raise InputError("the look-ahead of a flow cannot be chosen", "training has fixed it; leave look_ahead out")
     transfer = transfer or best_transfer(system)
 
     def sources(mixture: StyleMixture) -> list[Source]:

@@ -30,7 +30,7 @@ class SmoothGumbel:
     """
 
     def __init__(self, width: int, fps: float, *, seed: int) -> None:
-        self._rng = np.random.default_rng([seed, 3])  # 1 and 2 are of `cospeech.runtime.style`
+        self._rng = np.random.default_rng([seed, 3])  # 1 and 2 are of `cospeech.runtime.styles.style`
         rate, step = 2 / SECONDS, 1 / fps
         decay = exp(-rate * step)
         self._go = decay * np.array([[1 + rate * step, step], [-rate * rate * step, 1 - rate * step]])

@@ -24,26 +24,26 @@ from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
 from ..rules.stance_layer import StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
-from .decoders import has_legs, options_for_files, start_decoder
+from .decoders import needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
-from .latent_sources import Transfer, flow_of
+from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
-from .style import Styles
-from .style_space import style_space
+from .styles.space import style_space
+from .styles.style import Styles
 from .system import System, open_bundle
 
 __all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
 
 
 class TrainedModel:
-    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based gesturer with a learnt mouth.
+    """A trained system: body and hands from a bundle's network, face and eyes from the rule-based model with a learnt mouth.
 
     Args:
         system: an opened bundle; `TrainedModel.open` takes a path.
-        transfer: how styles become a flow's motion, see `cospeech.runtime.latent_sources`; the best one for it where not given.
+        transfer: how styles become a flow's motion, see `cospeech.runtime.flow.latent_sources`; the best one where not given.
         mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
     Raises:
@@ -54,7 +54,8 @@ class TrainedModel:
 
     def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = open_default_mouth) -> None:
         if system.pose in _WHOLE:
-            raise InputError(f"a system of {system.pose!r} poses", "its motion adds up from frame to frame; train on another")
+            hint = "each of its frames depends on all before; train on another representation"
+            raise InputError(f"a model of {system.pose!r} poses cannot be played", hint)
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
@@ -89,10 +90,10 @@ class TrainedModel:
         return self._usual.look_ahead
 
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> TrainedSession:
-        """A performance to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
+        """A session to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
         if options.takes > _MOST_TAKES:
-            raise InputError(f"{options.takes} takes at once", f"1 … {_MOST_TAKES}")
+            raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
         resolved_style, conditioning = (
             self._resolve_style(options.style),
             read_conditioning(options.face, options.continue_from),
@@ -113,13 +114,13 @@ class TrainedModel:
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
-        """One for each take, of a system that has no legs, where the body is wanted and a stance is asked for."""
-        if not options.stance or "body" not in options.parts or self.system.pose == POSE or has_legs(self.system):
+        """One for each take, of a system that needs one, where the body is wanted and a stance is asked for."""
+        if not options.stance or "body" not in options.parts or not needs_stance(self.system):
             return []
         return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
-        """Who makes the face; of a system of faces one that speaks with it, in that style."""
+        """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
         system = self.system
         if system.pose != POSE or "make" not in system.networks:
             return self._rules
@@ -128,7 +129,7 @@ class TrainedModel:
     def _start(
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING
     ) -> tuple[SpeechFrontend | SpeechTextFrontend, Decoder]:
-        """Who hears, and who plays."""
+        """The front end of the speech, and the decoder."""
         kind = SpeechTextFrontend if self.system.statistics.words.size else SpeechFrontend
         frontend = kind(self.system, resolved_style.controls)
         decoder = start_decoder(
@@ -137,7 +138,7 @@ class TrainedModel:
         return frontend, decoder
 
     def _resolve_style(self, style: object) -> ResolvedStyle:
-        """What a style means."""
+        """A style as the decoder needs it."""
         weights, controls = _parse_style(style, self.system)
         blend = self._styles.blend(weights)
         return ResolvedStyle(blend, controls, self._space.shares(blend))
@@ -148,7 +149,7 @@ class TrainedModel:
         Args:
             speech: any rate.
             style: a speaker of the training data by name (`styles` lists them); an example: a motion file, or a `Motion`; a
-                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.style.Styles.blend`; quantiles of
+                mixture (``"ada:0.7,clip.bvh:0.3"``, or a dict), see `cospeech.runtime.styles.style.Styles.blend`; quantiles of
                 style controls, for a system that has them (``"hand_height:0.9"``), alone or with the others.
             emotion: of the face, and of body and hands where a system knows emotions: one of
                 `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, see docs/styles.md.
@@ -200,7 +201,7 @@ class TrainedModel:
         """
         pose = find_pose(self.system.pose)
         if pose.source != "points":
-            raise InputError(f"a system of {pose.name!r} poses has no key points", "generate gives its motion")
+            raise InputError(f"this model makes {pose.name!r} poses, not key points", "call generate")
         options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
         frontend, decoder = self._start(self._resolve_style(style), options)
         check_speech(speech)

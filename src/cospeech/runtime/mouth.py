@@ -18,13 +18,13 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.session import MOUTH_WAITS
+from .bundles.signature import Signature
 from .pose_resampler import PoseResampler
-from .signature import Signature
 from .sliding_window_decoder import SlidingWindowDecoder
 from .speech_frontend import SpeechFrontend
-from .style import Styles
-from .style_space import style_space
-from .style_track import StyleTrack
+from .styles.space import style_space
+from .styles.style import Styles
+from .styles.track import StyleTrack
 from .system import System, open_bundle
 from .window_layout import WindowLayout
 
@@ -62,14 +62,16 @@ class BundleMouth:
 
     def __init__(self, system: System, style: object = None) -> None:
         if system.pose != POSE:
-            raise InputError(f"a mouth of {system.pose!r} poses", f"it takes a bundle of {POSE!r} ones, as speech-to-face is")
+            raise InputError(
+                f"a bundle of {system.pose!r} poses cannot make the mouth",
+                f"take one of {POSE!r} poses, such as speech-to-face",
+            )
         self._fps = system.fps
         self._frontend = SpeechFrontend(system, np.zeros(0, np.float32))
         network, space = system.networks.get("make"), style_space(system)
         if network is None or system.has_emotions:
-            raise InputError(
-                "a mouth of a network that does not play windows by speech alone", "speech-to-face is one that does"
-            )
+            hint = "take one that has the network 'make' and no emotions, such as speech-to-face"
+            raise InputError("this bundle cannot make the mouth", hint)
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
         setting = choose_layout(network.signature, system.fps)
         self._decoder = SlidingWindowDecoder(system, network, track, [0], self._frontend.silence, setting, temperature=0.0)
@@ -77,7 +79,7 @@ class BundleMouth:
         self.latency = self._decoder.latency + self._frontend.delay + (system.smooth + 2) / system.fps
         """Seconds of speech after a time that have been heard, at most, when it is known."""
         if not self.latency <= MOUTH_WAITS:
-            raise InputError(f"a mouth that waits {self.latency:.2f} s", f"a face is made after {MOUTH_WAITS:.2f} s of speech")
+            raise InputError(f"the mouth's network needs {self.latency:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
         self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
         self._finished = False
 
@@ -143,7 +145,9 @@ def open_mouth(path: Path) -> System:
 @lru_cache(maxsize=1)
 def _open_default() -> System:
     if not SHIPPED_FACE.is_file():
-        raise InputError(f"no {SHIPPED_FACE.name} ships with this installation", "install cospeech again: faces speak with it")
+        raise InputError(
+            f"{SHIPPED_FACE.name}, which makes the mouth, is missing from the installation", "install cospeech again"
+        )
     return open_mouth(SHIPPED_FACE)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .graph_check import check_onnx
-from .signature import Port, Signature
+from .bundles.graph_check import check_onnx
+from .bundles.signature import Port, Signature
 
 __all__ = ["LIMIT", "Network", "explain_failure", "open_session", "run_session"]
 
@@ -75,16 +75,16 @@ class Network:
         for name, array in given.items():
             if np.shape(array) != inputs.get(name) or 0 in np.shape(array):
                 shapes = {name: np.shape(array) for name, array in given.items()}
-                raise InputError(f"a network is given {shapes}"[:200], f"it takes {self._given}"[:200])
+                raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._given}"[:200])
         if sizes.get("T", 0) % self.signature.multiple:
-            raise InputError(f"{sizes['T']} frames for a network", f"a multiple of {self.signature.multiple}")
+            raise InputError(f"a network was given {sizes['T']} frames", f"a multiple of {self.signature.multiple}")
         sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}
         for name in self._given.keys() - given.keys():
             sane[name] = np.zeros(inputs[name], np.float32)
         made = dict(zip(self._names, run_session(self._session, sane), strict=True))
         for name, array in made.items():
             if array.shape != outputs[name]:
-                raise InputError(f"a graph makes {name!r} of shape {array.shape}"[:200], _HINT)
+                raise InputError(f"a graph gave {name!r} the shape {array.shape}"[:200], _HINT)
         return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
 
     def _sizes(self, given: Mapping[str, Array]) -> dict[str, int]:
@@ -116,9 +116,9 @@ def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
             isinstance(size, str) or size == wanted for size, wanted in zip(port, end.shape, strict=False)
         )
         if not fits or end.type != "tensor(float)":
-            raise InputError(f"a graph with {end.name!r} of {end.type} {end.shape}"[:200], _HINT)
+            raise InputError(f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], _HINT)
     if len(found) != len(due):
-        raise InputError(f"a graph with {len(found)} ends, {len(due)} are due", _HINT)
+        raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", _HINT)
 
 
 def _shape(port: Port, sizes: Mapping[str, int]) -> tuple[int, ...]:
@@ -131,7 +131,7 @@ def _sane(values: Array) -> Array:
 
 
 def _clip_output(values: Array, low: Any, high: Any) -> Array:
-    """What a hostile network makes too: infinities at the bounds, what is no number at 0."""
+    """Bound the outputs of any network: infinities become the bounds, NaN becomes 0."""
     bounded: Array = np.minimum(np.maximum(values, low), high)
     if np.isnan(bounded).any():
         bounded = np.minimum(np.maximum(np.where(np.isnan(bounded), np.float32(0), bounded), low), high)
@@ -150,7 +150,7 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     wanted = check_onnx(graph)
     for name, (kind, shape) in wanted.items():
         if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
-            raise InputError(f"no weights {name!r} of {kind} {shape} for a graph"[:200], _HINT)
+            raise InputError(f"a graph needs weights {name!r}, {kind} of shape {shape}"[:200], _HINT)
     options = ort.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4  # what goes wrong is told by the error
@@ -161,14 +161,14 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
             graph, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
         )
     except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError("a graph does not fit together", _HINT) from error
+        raise InputError("onnxruntime cannot open a graph", _HINT) from error
 
 
 def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
     """Outputs for inputs.
 
     Raises:
-        InputError: it fails, as only a graph of somebody else's does.
+        InputError: it fails; our own graphs do not.
     """
     try:
         made: list[Array] = session.run(None, given)
@@ -179,4 +179,4 @@ def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
 
 def explain_failure() -> InputError:
     """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
-    return InputError("a graph fails while it runs", _HINT)
+    return InputError("onnxruntime cannot run a graph", _HINT)

@@ -10,8 +10,8 @@ from ..audio.emotions import Moods
 from ..motion.rotations import Array
 from .mode_noise import SmoothGumbel
 from .network import Network
-from .style_embedding import StyleMixture
-from .style_track import SpokenStyleTrack, StyleTrack
+from .styles.embedding import StyleMixture
+from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 
 __all__ = ["NetworkDecoder"]

@@ -1,4 +1,4 @@
-"""What a run of ``generate`` says about itself: the content of ``report.json``."""
+"""The report of a run of ``generate``: the content of ``report.json``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Report(BaseModel):
 
 
 class Failure(BaseModel):
-    """A speech of several of which nothing was made."""
+    """A speech that failed, of a run over several."""
 
     model_config = ConfigDict(frozen=True)
 

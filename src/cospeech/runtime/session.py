@@ -29,11 +29,11 @@ from ..rules import Session as RuleSession
 from ..rules.arousal import amplitude
 from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
+from .conditioning import Seam
 from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
-from .seam import Seam
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
-from .style_embedding import StyleMixture
+from .styles.embedding import StyleMixture
 from .system import System
 
 __all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
@@ -251,7 +251,7 @@ class TrainedSession:
         """As `finish`, of every take."""
         total = count_frames(self._duration, self._fps)
         if total == 0:
-            raise InputError("there is no speech to gesture to", "give at least one sample")
+            raise InputError("there is no speech", "push at least one sample before finish()")
         if self._over:
             return self._next_frames()
         self._over = True
@@ -272,7 +272,7 @@ class TrainedSession:
         check_speech(chunk)
         if self._over or self._rate not in (None, chunk.rate):
             was = "the speech is over" if self._over else f"the speech began at {self._rate} Hz"
-            raise InputError(f"a piece of speech at {chunk.rate} Hz, but {was}", "one session, one rate, one speech")
+            raise InputError(f"a piece of speech at {chunk.rate} Hz came, but {was}", "open a new session for it")
         if self._rate is None:
             self._rate, self._origin = chunk.rate, chunk.start
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
+from .bundles.signature import Signature
 from .conditioning import ConditioningFace
 from .network import Network
 from .network_decoder import NetworkDecoder
-from .signature import Signature
-from .style_track import SpokenStyleTrack, StyleTrack
+from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import Sliding, WindowLayout, check_look_ahead
 
@@ -141,7 +141,10 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         self._face, self._before = face, before
         self._gap: Array | None = None
         if before is not None and len(before) > self.setting.past:
-            raise InputError(f"windows of {self.setting.window} frames", f"{4 * len(before)} at least, to go on from poses")
+            raise InputError(
+                f"this network's windows of {self.setting.window} frames are too short to continue from motion",
+                f"at least {4 * len(before)} frames",
+            )
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`; the first call has the first pose."""

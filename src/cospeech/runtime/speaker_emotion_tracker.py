@@ -108,7 +108,7 @@ class SpeakerEmotionTracker:
         return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._emotions is None else self._emotions.at(times)
 
     def forget(self, before: int) -> None:
-        """Frames before this one are asked for no more."""
+        """Drop what only frames before this one need."""
         gone = min(before - self.lag, self.frames - 1) - self._first
         if gone > 0:
             del self._course[:gone]

@@ -13,24 +13,24 @@ import numpy as np
 from ..audio.features.words import plain_word, subword_rows
 from ..errors import InputError
 from ..motion.rotations import Array
-from .bundle import Bundle, pack_arrays, read_bundle, write_bundle
-from .flow_engine import FlowEngine
-from .flow_graph import build_graphs
-from .flow_weights import FlowSizes, pack_weights
+from .bundles.bundle import Bundle, pack_arrays, read_bundle, write_bundle
+from .bundles.signature import Signature
+from .bundles.spec import CARD, STATISTICS, WEIGHTS, BundleFacts, BundleSpec, read_spec
+from .bundles.statistics import Statistics
+from .flow.engine import FlowEngine
+from .flow.graph import build_graphs
+from .flow.weights import FlowSizes, pack_weights
 from .network import Network
-from .signature import Signature
-from .spec import CARD, STATISTICS, WEIGHTS, BundleFacts, BundleSpec, read_spec
-from .statistics import Statistics
 
 __all__ = ["System", "open_bundle", "open_system", "write_flow", "write_networks"]
 
 
 @dataclass(frozen=True)
 class System(BundleFacts):
-    """What plays."""
+    """An opened bundle: its facts and its networks, ready to run."""
 
     networks: Mapping[str, Network]
-    """See `cospeech.runtime.signature.NETWORKS`; none for a flow."""
+    """See `cospeech.runtime.bundles.signature.NETWORKS`; none for a flow."""
     flow: FlowEngine | None = None
 
     @property
@@ -102,9 +102,9 @@ def write_networks(
         path: file to write.
         signatures: network → signature.
         graphs: network → ONNX.
-        weights: of the graphs, float32, or some float16 (`cospeech.runtime.spec.half`).
+        weights: of the graphs, float32, or some float16 (`cospeech.runtime.bundles.spec.half`).
         statistics: of the training data.
-        facts: for the manifest, those of `cospeech.runtime.spec.BundleFacts` among them.
+        facts: for the manifest, those of `cospeech.runtime.bundles.spec.BundleFacts` among them.
         card: Markdown.
 
     Raises:
@@ -127,7 +127,7 @@ def write_flow(
 
     Args:
         path: file to write.
-        arrays: of the network, see `cospeech.runtime.flow_weights.pack_weights`.
+        arrays: of the network, see `cospeech.runtime.flow.weights.pack_weights`.
         sizes: of the network; ``int8`` says how weights are kept.
         statistics, facts, card: as of `write_networks`.
 
@@ -143,7 +143,7 @@ def _write(
     path: str | PathLike[str], facts: Mapping[str, Any], graphs: Mapping[str, bytes], weights: Mapping[str, Array],
     statistics: Statistics, card: str,
 ) -> None:  # fmt: skip
-    """What can be opened is written."""
+    """Write a bundle, after a check that it can be opened."""
     members = {
         WEIGHTS: pack_arrays(weights),
         STATISTICS: pack_arrays({name: value for name, value in vars(statistics).items() if value.size}),

@@ -23,7 +23,7 @@ class WindowLayout:
     """How windows lie, in frames.
 
     Raises:
-        InputError: windows that do not hold what they shall.
+        InputError: the frames do not fit into the window.
     """
 
     window: int
@@ -36,7 +36,7 @@ class WindowLayout:
 
     def __post_init__(self) -> None:
         if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.hop + self.ahead <= self.window):
-            raise InputError(f"{self}", "0 < hop, fade ≤ ahead and hop, hop + ahead ≤ window")
+            raise InputError(f"{self} is not possible", "0 < hop, fade ≤ ahead, fade ≤ hop, hop + ahead ≤ window")
 
     @property
     def past(self) -> int:
@@ -50,12 +50,14 @@ class WindowLayout:
 
 
 def check_look_ahead(seconds: object) -> None:
-    """Raises:
-    InputError: no number of seconds from 0 on, nor None.
+    """Refuse a look-ahead that is no number of seconds.
+
+    Raises:
+        InputError: neither a number from 0 on nor None.
     """
     number = isinstance(seconds, int | float | np.number) and not isinstance(seconds, bool)
     if seconds is not None and not (number and seconds >= 0):  # type: ignore[operator]  # NaN fails, too
-        raise InputError(f"look_ahead {str(seconds)[:60]!r}", "seconds, 0 … inf")
+        raise InputError(f"look_ahead is {str(seconds)[:60]!r}", "seconds, 0 … inf")
 
 
 class Sliding:

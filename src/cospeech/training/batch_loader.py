@@ -1,4 +1,4 @@
-"""What a network is fed: windows of a store, the audio reduced, both standardised with statistics of the training split."""
+"""Batches for a network: windows of a store, the audio reduced, both standardised with statistics of the training split."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ClipNormaliser(NamedTuple):
 
 
 def clip_moments(store: Store, pose: Normaliser) -> ClipNormaliser:
-    """Of all clips, each by itself: nothing of it is learnt from other splits."""
+    """Mean and standard deviation of each clip by itself; no clip learns from another split."""
     rows = [pose(store.clip(clip)["pose"]) for clip in store.clips]
     centre = np.stack([poses.mean(0) for poses in rows])
     return ClipNormaliser(centre, np.stack([np.maximum(poses.std(0), np.float32(SPREAD_FLOOR)) for poses in rows]))

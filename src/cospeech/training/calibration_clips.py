@@ -78,7 +78,7 @@ def _read_said_arrays(store: Store, clip: Entry) -> list[Array]:
 
 
 def _neutral(store: Store, numbers: list[int]) -> list[int]:
-    """The clips that are wholly neutral, as far as the store knows: what somebody is like does not depend on their mood."""
+    """The clips that are neutral from beginning to end; none where the store has no emotions."""
     known = store.arrays.get("emotion")
     if known is None:
         return []

@@ -103,7 +103,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
 
 
 def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapping[str, Tensor]]) -> None:
-    """Begin a run folder; ``config.json`` comes last, so that where it is, all is."""
+    """Begin a run folder; ``config.json`` is written last, so that a folder with it is complete."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -72,7 +72,7 @@ class TrainingSet:
 
 
 class ArraySource(NamedTuple):
-    """What a store gains by an array that is worked out of its own."""
+    """How an array is computed from the arrays of a store."""
 
     store: Store
     """The same, with the array."""
@@ -150,7 +150,7 @@ def _check_store(data: Data, store: Store) -> None:
 
 
 def _louder(store: Store, data: Data, standards: Mapping[str, Normaliser]) -> list[float]:
-    """By how much each standardised number of speech grows with 10 dB; nothing where that is not known."""
+    """By how much each standardised number of speech grows with 10 dB; None where unknown."""
     found: list[float] = [] if data.audio is None else (np.array(louder(data.audio)) / standards["audio"].std).tolist()
     return found
 
@@ -208,7 +208,7 @@ def _reduction(name: str | None, store: Store) -> Reduce | None:
 
 
 def _facts_of(store: Store) -> dict[str, Any]:
-    """What a run has to say of its store, without where it lay."""
+    """The facts of a store that a run keeps; its path is not among them."""
     names = {name: list(columns) for name, columns in store.names.items()}
     seconds = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps
     return {

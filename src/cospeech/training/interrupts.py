@@ -16,7 +16,7 @@ class Stopped(BaseException):
 
 
 class SignalWatch:
-    """What was heard.
+    """The signal that came, if any.
 
     Attributes:
         heard: the number of the signal, once there was one.
@@ -51,7 +51,7 @@ class SignalWatch:
 
 @contextmanager
 def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[SignalWatch]:
-    """What hears a signal that would end the program; a second one ends it at once.
+    """Note a signal that would end the program; a second one ends it at once.
 
     Args:
         tell: called when the first one comes.

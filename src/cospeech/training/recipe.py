@@ -231,7 +231,7 @@ def _train(values: Mapping[str, Any]) -> Train:
 
 
 def read_recipe(sections: Mapping[str, Any]) -> Recipe:
-    """A recipe of the sections of a file.
+    """Read a recipe from the sections of a file.
 
     Raises:
         InputError: an unknown section or key, a value of the wrong kind, no model.
@@ -307,7 +307,7 @@ def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def list_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """What differs between two recipes as dicts, except what may: ``["train.lr: 0.001, now 0.002"]``."""
+    """The differences of two recipes as dicts, but for keys that may differ: ``["train.lr: 0.001, now 0.002"]``."""
     first, second = _flat(old), _flat(new)
     pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*FREE}))
     return [f"{key}: {_describe(a)}, now {_describe(b)}" for key, a, b in pairs if _describe(a) != _describe(b)]

@@ -14,7 +14,7 @@ __all__ = ["Board", "RunLog"]
 
 
 class Board(Protocol):
-    """What is used of TensorBoard's ``SummaryWriter``."""
+    """The methods of TensorBoard's ``SummaryWriter`` that are used."""
 
     def add_scalar(self, tag: str, scalar_value: float, global_step: int) -> None: ...
     def close(self) -> None: ...

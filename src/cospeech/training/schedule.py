@@ -9,7 +9,7 @@ __all__ = ["SCHEDULES", "Rate", "constant", "exponential", "noam"]
 
 
 class Rate(Protocol):
-    """What a schedule is told; see `cospeech.training.recipe.Optimiser`."""
+    """The settings of a schedule; see `cospeech.training.recipe.Optimiser`."""
 
     @property
     def lr(self) -> float: ...

@@ -46,7 +46,7 @@ VALIDATION = 2**40  # "steps" from here on are validation batches: ours, no run 
 
 @dataclass(frozen=True)
 class TrainReport:
-    """What a run has come to."""
+    """The result of a run."""
 
     folder: Path
     step: int
@@ -106,7 +106,7 @@ class _Run:
             raise InputError(f"cannot go on with {str(self.folder)!r}: {reason}"[:200], "begin another run") from None
 
     def _put_back(self, saved: Saved) -> None:
-        """Be as the run was when `state` was taken."""
+        """Restore the run to a `state`."""
         tensors, state = saved
         self.model.load_state_dict(with_prefix("model.", tensors))
         self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
@@ -272,7 +272,7 @@ class _Run:
 
 
 class _Rows:
-    """What goes into the log, if this process writes one."""
+    """Writes rows of the log, in the process that has it."""
 
     def __init__(self, log: RunLog | None, run: _Run) -> None:
         self._log, self._mark, self._settings = log, run.done, run.settings

@@ -10,7 +10,7 @@ from ..corpora.store import Store, gather
 from ..errors import InputError
 from ..motion.rotations import Array
 
-__all__ = ["Windows", "is_mirror_image", "windows_at"]
+__all__ = ["Windows", "is_mirror_image"]
 
 
 def is_mirror_image(name: str) -> bool:
@@ -95,8 +95,3 @@ class Windows:
         start = self._offsets[which] + drawn - (self._ends[which] - self._counts[which])
         found = {name: gather(self.store.arrays[name], start, self.frames) for name in self.arrays}
         return found | {"speaker": self._speakers[which], "clip": self.clips[which], "start": start}
-
-
-def windows_at(store: Store, frames: int, batch: int, seed: int, step: int) -> dict[str, Array]:
-    """Poses and audio of one step's batch, drawn from the training split; `Windows` keeps its tables from step to step."""
-    return Windows(store, frames).at(batch, seed, step)

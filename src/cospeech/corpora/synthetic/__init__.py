@@ -1,6 +1,6 @@
 """``cospeech synthesise``: a synthetic corpus in the raw layout of TED, Trinity, PATS or BEAT.
 
-The rule-based gesturer performs real and synthesised speech as several speakers in eight emotions, which in BEAT's layout the
+The rule-based model performs real and synthesised speech as several speakers in eight emotions, which in BEAT's layout the
 voices act as well (`acting`). What comes out looks, to every tool that reads the real data set, like that data set; it is there
 to test, to teach and to practise with. It is **synthetic**: a network trained on it learns our rules, not people.
 """

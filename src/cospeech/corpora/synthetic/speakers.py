@@ -1,4 +1,4 @@
-"""Who speaks in a synthetic corpus: the gesturer's styles, and mixtures of them once these are used up."""
+"""Who speaks in a synthetic corpus: the rule-based model's styles, and mixtures of them once these are used up."""
 
 from __future__ import annotations
 

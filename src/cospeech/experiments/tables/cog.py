@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import chain, pairwise
 
 from .cog_bench import Chains, Lacking
-from .designs import Claim, PaperTable, TableSplit, TableSystem
+from .paper_tables import Claim, PaperTable, TableSplit, TableSystem
 
 __all__ = ["COG"]
 

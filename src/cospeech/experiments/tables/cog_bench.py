@@ -15,8 +15,8 @@ from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
 from .controls import faults_of
-from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .figures import choose_excerpt, draw_poses
+from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, score_columns
 
@@ -26,7 +26,7 @@ COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 """Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
 
 
-def generate_clips(player: PlayableRun, place: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
+def generate_clips(player: PlayableRun, data: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
     """Poses of every clip, and faces where the system makes them and was given none, in the units of the store.
 
     A network of speech alone hears each clip as a whole, in its speaker's style.
@@ -35,23 +35,23 @@ def generate_clips(player: PlayableRun, place: CogWindows, lacks: Sequence[str])
 
     if not hasattr(player.net, "play"):
         found = []
-        for k, entry in enumerate(place.entries):
-            made = play(player.net, player.audio(place.audio_of(k)[None]), player.style(entry.speaker))
+        for k, entry in enumerate(data.entries):
+            made = play(player.net, player.audio(data.audio_of(k)[None]), player.style(entry.speaker))
             found.append(player.unpose(made)[0])
         return found, None
-    windows = play_inputs(player.net, place.arrays(player), lacks)
-    own = "face" in windows and "face" in lacks and "face" in place.store.arrays  # else the recorded one is handed back
-    faces = place.join_windows(windows["face"], "face") if own else None
-    return place.join_windows(player.unpose(windows["pose"]), "pose"), faces
+    windows = play_inputs(player.net, data.arrays(player), lacks)
+    own = "face" in windows and "face" in lacks and "face" in data.store.arrays  # else the recorded one is handed back
+    faces = data.join_windows(windows["face"], "face") if own else None
+    return data.join_windows(player.unpose(windows["pose"]), "pose"), faces
 
 
 class Chains:
     """Tables 1, 2 and 4."""
 
-    def __init__(self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
-        self.design, self.part, self.runs = design, part, runs
-        self.place = CogWindows(runs.folder, raw)
-        self.columns = tuple(name for name in design.columns if name not in COSTS)
+    def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self.paper_table, self.part, self.runs = paper_table, part, runs
+        self.data = CogWindows(runs.folder, raw)
+        self.columns = tuple(name for name in paper_table.columns if name not in COSTS)
 
     @cached_property
     def tools(self) -> Tools:
@@ -67,10 +67,10 @@ class Chains:
     @property
     def windows(self) -> str:
         """How many, of how many clips."""
-        return f"{len(self.place)} test windows of 34 frames, 4 of them given, joined to {len(self.place.entries)} clips"
+        return f"{len(self.data)} test windows of 34 frames, 4 of them given, joined to {len(self.data.entries)} clips"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = ("cog", self.runs.fingerprint, self.columns, self.features, self.place.raw is not None)
+        own = ("cog", self.runs.fingerprint, self.columns, self.features, self.data.raw is not None)
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, seed: int) -> PlayableRun:
@@ -81,12 +81,12 @@ class Chains:
         from ..playing import threads
 
         with threads(self.runs.threads):
-            return generate_clips(player, self.place, lacks)
+            return generate_clips(player, self.data, lacks)
 
     def _cells(self, player: PlayableRun, lacks: Sequence[str]) -> Cells:
         def work() -> Cells:
-            samples = self.place.samples(*self._generate(player, lacks))
-            return score_columns(self.columns, samples, samples, self.place, self.tools)
+            samples = self.data.samples(*self._generate(player, lacks))
+            return score_columns(self.columns, samples, samples, self.data, self.tools)
 
         found: Cells = self._cache([player.fingerprint, *sorted(lacks)], work)
         return found
@@ -103,9 +103,9 @@ class Chains:
         """As in all tables."""
 
         def work() -> dict[str, Cells]:
-            rows = self.place.controls()
+            rows = self.data.controls()
             return {
-                name: score_columns(self.columns, samples, samples, self.place, self.tools) for name, samples in rows.items()
+                name: score_columns(self.columns, samples, samples, self.data, self.tools) for name, samples in rows.items()
             }
 
         found: dict[str, Cells] = self._cache(["controls"], work)
@@ -117,13 +117,13 @@ class Chains:
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
         """Poses above speech, as figure 3."""
-        entry, frames = choose_excerpt(self.place.entries, self.place.store.fps, GIVEN, 0)
-        k, made = self.place.entries.index(entry), {}
+        entry, frames = choose_excerpt(self.data.entries, self.data.store.fps, GIVEN, 0)
+        k, made = self.data.entries.index(entry), {}
         for row in self.part.rows:
             if table["rows"][row.name].get("cells"):
                 poses, _ = self._generate(self._player(row, table["seeds"][0]), row.lacks)
                 made[_plain(row.name)] = poses[k][GIVEN : GIVEN + frames]
-        return draw_poses(made, self.place, entry, GIVEN)
+        return draw_poses(made, self.data, entry, GIVEN)
 
 
 def _plain(text: str) -> str:

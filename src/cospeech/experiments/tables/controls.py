@@ -11,7 +11,7 @@ from ...corpora.clip import Clip
 from ...metrics import Score, load_metric
 from ...metrics.controls import control_rows, faults_of_order
 from ...motion.rotations import Array
-from .designs import Cells
+from .paper_tables import Cells
 
 __all__ = ["far_rows", "faults_of", "order_apart"]
 

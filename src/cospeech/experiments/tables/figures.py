@@ -35,7 +35,7 @@ SOUND_STEP = 0.02  # s, of the waveform
 _BARE = 0.08  # ours: how loud speech is drawn at its quietest where only its energy is known
 
 
-class Place(Protocol):
+class TestData(Protocol):
     """Where what is shown was recorded."""
 
     store: Store
@@ -53,7 +53,7 @@ def choose_excerpt(entries: Sequence[Entry], fps: float, before: int, after: int
     return entry, min(round(SECONDS * fps), entry.frames - before - after)
 
 
-def _words(excerpts: Place, entry: Entry, first: int, frames: int) -> list[Word]:
+def _words(excerpts: TestData, entry: Entry, first: int, frames: int) -> list[Word]:
     """Words of the frames shown, from the store; seconds from the first."""
     store = excerpts.store
     if "word" not in entry.has:
@@ -64,7 +64,7 @@ def _words(excerpts: Place, entry: Entry, first: int, frames: int) -> list[Word]
     return [Word(store.words[k], a / store.fps, b / store.fps) for a, b, k in runs if k > 0]
 
 
-def _sound(excerpts: Place, entry: Entry, first: int, frames: int) -> Sound:
+def _sound(excerpts: TestData, entry: Entry, first: int, frames: int) -> Sound:
     """The waveform of the frames shown; where there is no sound, from the energy of the store's frames."""
     fps = excerpts.store.fps
     if excerpts.raw is None:
@@ -92,7 +92,7 @@ def _find_parent(joint: int, parents: Sequence[int], keep: Sequence[int]) -> int
     return keep.index(above) if above >= 0 else -1
 
 
-def _sticks(excerpts: Place, label: str, vectors: Array) -> Sticks:
+def _sticks(excerpts: TestData, label: str, vectors: Array) -> Sticks:
     """Poses of the store as a row of figures."""
     body = excerpts.pose.decode(np.asarray(vectors, np.float64), excerpts.store.fps)
     if not isinstance(body, Motion):
@@ -107,20 +107,20 @@ def _sticks(excerpts: Place, label: str, vectors: Array) -> Sticks:
     return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
 
 
-def draw_poses(made: Mapping[str, Array], place: Place, entry: Entry, before: int) -> Pictures:
+def draw_poses(made: Mapping[str, Array], data: TestData, entry: Entry, before: int) -> Pictures:
     """The recording and what each system makes of its speech, above it.
 
     Args:
         made: label of a row → (T, D) poses in the units of the store, all of the same frames.
-        place: the store.
+        data: the store.
         entry: the clip that is shown.
         before: frames of it before the first that is shown.
     """
     first, frames = entry.offset + before, min(map(len, made.values()))
-    rows = [_sticks(place, "recording", place.store.arrays["pose"][first : first + frames])]
-    rows += [_sticks(place, label, poses[:frames]) for label, poses in made.items()]
-    words, sound = _words(place, entry, first, frames), _sound(place, entry, first, frames)
-    return draw_sticks(rows, place.store.fps, cells=CELLS, sound=sound, words=words)
+    rows = [_sticks(data, "recording", data.store.arrays["pose"][first : first + frames])]
+    rows += [_sticks(data, label, poses[:frames]) for label, poses in made.items()]
+    words, sound = _words(data, entry, first, frames), _sound(data, entry, first, frames)
+    return draw_sticks(rows, data.store.fps, cells=CELLS, sound=sound, words=words)
 
 
 def draw_latents(players: Mapping[str, PlayableRun], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .designs import Claim, PaperTable, TableSplit, TableSystem
 from .flow_bench import Latents, Performances
+from .paper_tables import Claim, PaperTable, TableSplit, TableSystem
 
 __all__ = ["FLOW"]
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...metrics import Tools
 from .controls import faults_of
-from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import choose_excerpt, draw_latents, draw_poses
+from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
 
@@ -33,9 +33,9 @@ def _facts(player: PlayableRun) -> str:
 class _Flows:
     """What both have in common."""
 
-    def __init__(self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
-        self.design, self.runs = design, runs
-        self.columns, self.excerpts = tuple(design.columns), Excerpts(runs.folder, raw)
+    def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self.paper_table, self.runs = paper_table, runs
+        self.columns, self.excerpts = tuple(paper_table.columns), Excerpts(runs.folder, raw)
 
     @property
     def windows(self) -> str:
@@ -45,7 +45,7 @@ class _Flows:
 
     def _cache(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
         own = (
-            self.design.name,
+            self.paper_table.name,
             self.runs.fingerprint,
             self.excerpts.protocol,
             self.columns,

@@ -13,10 +13,10 @@ from ...corpora.store import Store
 from ...errors import InputError, nearest
 from ...files import atomic
 from .cog import COG
-from .designs import Bench, PaperTable, TableSplit, TableSystem
 from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
+from .paper_tables import Bench, PaperTable, TableSplit, TableSystem
 from .report import summary, to_markdown, verdicts
 from .runs import Runs, make_folder
 
@@ -36,13 +36,13 @@ def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
     """
     if name not in TABLES:
         raise InputError(f"no table is called {name!r}", nearest(name, TABLES))
-    design = TABLES[name]
-    part = next((part for part in design.parts if part.fits(store)), None)
+    paper_table = TABLES[name]
+    part = next((part for part in paper_table.parts if part.fits(store)), None)
     if part is not None:
-        return design, part
-    near = [part for part in design.parts if part.corpus == store.corpus]
+        return paper_table, part
+    near = [part for part in paper_table.parts if part.corpus == store.corpus]
     if not near:
-        corpora = dict.fromkeys(part.corpus for part in design.parts)
+        corpora = dict.fromkeys(part.corpus for part in paper_table.parts)
         raise InputError(f"table {name} of a store of {store.corpus!r}", f"it is of {' and '.join(corpora)}")
     lacking = min(([s for s in part.speakers if s not in store.speakers] for part in near), key=len)
     raise InputError(
@@ -52,7 +52,7 @@ def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
 
 
 def _row(
-    row: TableSystem, bench: Bench, design: PaperTable, runs: Runs, seeds: Sequence[int], tell: Tell, step: str
+    row: TableSystem, bench: Bench, paper_table: PaperTable, runs: Runs, seeds: Sequence[int], tell: Tell, step: str
 ) -> dict[str, Any]:
     """A row of the table: scores of all seeds, or the published figures alone."""
     told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
@@ -65,7 +65,7 @@ def _row(
         tell(f"{step}: {row.name}, seed {seed}")
         cells, facts = bench.row(row, seed)
         scores.append(cells)
-    return told | {"cells": {metric: summary(scores, metric) for metric in design.columns}, "facts": facts}
+    return told | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}
 
 
 def _choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
@@ -119,26 +119,27 @@ def make_table(
     Raises:
         InputError: no such table, a store that does not fit, a recipe that is not there, or a run that cannot be gone on with.
     """
-    design, part = part_of(name, runs.store)
+    paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
     chosen = _choose_rows(part.rows, only)
-    bench = design.bench(design, part, runs, raw)
+    bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
     steps = count(1)
     rows = {
-        row.name: _row(row, bench, design, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}")
+        row.name: _row(row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}")
         if row.name in chosen
         else {"recipe": row.recipe, "published": dict(row.published)}
         for row in part.rows
     }
     return {
-        "table": name, "title": f"{name}: {design.title} ({runs.store.corpus})", "columns": dict(design.columns),
+        "table": name, "title": f"{name}: {paper_table.title} ({runs.store.corpus})", "columns": dict(paper_table.columns),
         "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
         "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
-        "controls": {row: {metric: summary([cells], metric) for metric in design.columns} for row, cells in controls.items()},
-        "faults": bench.faults(controls), "verdicts": verdicts(design, part, rows),
+        "controls": {row: {metric: summary([cells], metric) for metric in paper_table.columns}
+            for row, cells in controls.items()},
+        "faults": bench.faults(controls), "verdicts": verdicts(paper_table, part, rows),
     }  # fmt: skip
 
 
@@ -152,8 +153,8 @@ def draw_table(
     """
     if Path(path).suffix.lower() != ".png":
         raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
-    design, part = part_of(table["table"], runs.store)
-    write_picture(design.bench(design, part, runs, raw).picture(table), path)
+    paper_table, part = part_of(table["table"], runs.store)
+    write_picture(paper_table.bench(paper_table, part, runs, raw).picture(table), path)
 
 
 def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
-from .designs import Claim, PaperTable, TableSplit, TableSystem
 from .mix_bench import Measured, StylePreservation, StyleTransfer
 from .mix_figures import draw_heat_of_pairs, draw_space
+from .paper_tables import Claim, PaperTable, TableSplit, TableSystem
 
 __all__ = ["MIX"]
 
@@ -249,7 +249,7 @@ def _modes(count: int) -> str:
 KEPT = {PCK: "PCK ↑", F1: "F1 ↑", "pck_2d": "PCK, plain mean ↑", "mode_f1": "F1, clips apart ↑"}
 
 
-def _designs() -> Iterator[PaperTable]:
+def _paper_tables() -> Iterator[PaperTable]:
     title = f"{PAPER}: "
     parts = {k: tuple(make(speaker_set) for speaker_set in (THEIRS, OURS)) for k, make in enumerate(
         (_make_table_1, _make_table_2, _make_table_3, _make_table_4, _make_table_5, _make_table_6), 1
@@ -288,5 +288,5 @@ def _designs() -> Iterator[PaperTable]:
     )
 
 
-MIX: dict[str, PaperTable] = {design.name: design for design in _designs()}
+MIX: dict[str, PaperTable] = {paper_table.name: paper_table for paper_table in _paper_tables()}
 """Name after ``--table`` → the table."""

@@ -17,10 +17,10 @@ from ...metrics import Tools
 from ...metrics.controls import CONTROLS, control_rows
 from ...motion.rotations import Array
 from .controls import far_rows, faults_of
-from .designs import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .mix_figures import draw_styles
 from .mix_scores import NAMED, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
+from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import CLASSIFIER, PlayableRun, Runs, of_speakers
 from .scores import cache_result, cell
 
@@ -45,20 +45,26 @@ class _Windowed:
     columns: tuple[str, ...]
 
     def __init__(
-        self, design: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None, *, draw: Draw = draw_styles
+        self,
+        paper_table: PaperTable,
+        part: TableSplit,
+        runs: Runs,
+        raw: str | PathLike[str] | None,
+        *,
+        draw: Draw = draw_styles,
     ) -> None:
-        self.design, self.part, self.runs, self.draw = design, part, runs, draw
-        self.columns, self.place = tuple(design.columns), MixWindows(runs.folder, raw)
+        self.paper_table, self.part, self.runs, self.draw = paper_table, part, runs, draw
+        self.columns, self.data = tuple(paper_table.columns), MixWindows(runs.folder, raw)
 
     features = ""
 
     @property
     def windows(self) -> str:
         """How many, of how many frames."""
-        return f"{len(self.place)} test windows of 64 frames, one after another"
+        return f"{len(self.data)} test windows of 64 frames, one after another"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (type(self).__name__, self.runs.fingerprint, self.columns, self.place.raw is not None, self.features)
+        own = (type(self).__name__, self.runs.fingerprint, self.columns, self.data.raw is not None, self.features)
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, speakers: tuple[str, ...], seed: int) -> PlayableRun:
@@ -78,7 +84,7 @@ class _Windowed:
         from ..playing import play, threads
 
         with threads(self.runs.threads):
-            made = play(player.net, player.audio(self.place.rows("audio", which)), player.style(style))
+            made = play(player.net, player.audio(self.data.rows("audio", which)), player.style(style))
         return TransferOutput(which, player.unpose(made), [style] * len(which))
 
     def _label(self, row: TableSystem) -> str:
@@ -92,7 +98,7 @@ class _Windowed:
         for row in sorted(made, key=lambda row: -len(row.runs[0])):
             if self._label(row) not in shown:
                 shown[self._label(row)] = self._player(row, row.runs[0], table["seeds"][0])
-        return self.draw(shown, self.place)
+        return self.draw(shown, self.data)
 
 
 class StylePreservation(_Windowed):
@@ -102,16 +108,16 @@ class StylePreservation(_Windowed):
     def tools(self) -> Tools:
         """The centres of F1, of the store."""
         key = ["centres", self.runs.fingerprint]
-        found = cache_result(Path(self.runs.runs) / "scores", key, lambda: self.place.centres().tolist())
+        found = cache_result(Path(self.runs.runs) / "scores", key, lambda: self.data.centres().tolist())
         return Tools(centres=np.asarray(found))
 
     def _score(self, player: PlayableRun, speaker: str) -> Cells:
-        which = self.place.of([speaker])
-        samples = self.place.samples(self.play(player, which, speaker).poses, which)
+        which = self.data.of([speaker])
+        samples = self.data.samples(self.play(player, which, speaker).poses, which)
         return self._score_samples(samples, which)
 
     def _score_samples(self, samples: Sequence[Any], which: Array) -> Cells:
-        truth = self.place.samples(self.place.rows("pose", which), which)
+        truth = self.data.samples(self.data.rows("pose", which), which)
         return {metric: cell(metric, samples, truth, self.tools) for metric in self.columns}
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
@@ -128,11 +134,11 @@ class StylePreservation(_Windowed):
         """Of each speaker alone: the frozen pose is the speaker's own mean."""
 
         def work(speaker: str) -> dict[str, Cells]:
-            which = self.place.of([speaker])
+            which = self.data.of([speaker])
             found = {}
-            for name, clips in far_rows(self.place.load_recordings(which)).items():
-                vectors = np.stack([self.place.pose.encode(clip.points) for clip in clips])
-                found[name] = self._score_samples(self.place.samples(vectors, which), which)
+            for name, clips in far_rows(self.data.load_recordings(which)).items():
+                vectors = np.stack([self.data.pose.encode(clip.points) for clip in clips])
+                found[name] = self._score_samples(self.data.samples(vectors, which), which)
             return found
 
         each = [self._cache(["controls", name], partial(work, name)) for name in self.part.speakers]
@@ -166,7 +172,7 @@ class StyleTransfer(_Windowed):
         """All windows of these speakers in the styles of all others of them."""
         parts = []
         for style in speakers:
-            which = self.place.of([name for name in speakers if name != style])
+            which = self.data.of([name for name in speakers if name != style])
             parts.append(self.play(player, which, style))
         which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
         return TransferOutput(which, poses, [name for part in parts for name in part.styles])
@@ -176,27 +182,27 @@ class StyleTransfer(_Windowed):
         classes, names = self.classes(made.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]
         own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
-        groups = [(int(clip), style) for clip, style in zip(self.place.clips[made.which], made.styles, strict=True)]
+        groups = [(int(clip), style) for clip, style in zip(self.data.clips[made.which], made.styles, strict=True)]
         target = np.array([[*speakers].index(style) for style in made.styles])
         return score_cells(classes, own, self.classifier.fingerprint) | score_target_style(own, target, groups)
 
     def _score_sound(self, clips: Sequence[Clip]) -> dict[str, Any]:
-        if self.place.raw is None:
+        if self.data.raw is None:
             return {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
-        return cell("beat_align", [self.place.in_metres(clip) for clip in clips], (), Tools())
+        return cell("beat_align", [self.data.in_metres(clip) for clip in clips], (), Tools())
 
     def _speaking(self, player: PlayableRun, speakers: Sequence[str]) -> list[Clip]:
         """Whole test clips, each in the style of the speaker after its own."""
         from ..playing import play, threads
 
-        if self.place.raw is None:
+        if self.data.raw is None:
             return []
         made = []
-        for clip in self.place.load_test_clips(speakers):
+        for clip in self.data.load_test_clips(speakers):
             style = speakers[([*speakers].index(clip.speaker) + 1) % len(speakers)]
             with threads(self.runs.threads):
-                poses = play(player.net, player.audio(self.place.audio_of(clip.name)[None]), player.style(style))
-            points = self.place.clip(player.unpose(poses)[0], clip.name, style).points
+                poses = play(player.net, player.audio(self.data.audio_of(clip.name)[None]), player.style(style))
+            points = self.data.clip(player.unpose(poses)[0], clip.name, style).points
             made.append(replace(clip, points=points))
         return made
 
@@ -216,12 +222,12 @@ class StyleTransfer(_Windowed):
         found: dict[str, list[TransferOutput]] = {name: [] for name in CONTROLS}
         heard: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
         for speaker in speakers:
-            which = self.place.of([speaker])
-            for name, clips in control_rows(self.place.load_recordings(which)).items():
-                poses = np.stack([self.place.pose.encode(clip.points) for clip in clips])
+            which = self.data.of([speaker])
+            for name, clips in control_rows(self.data.load_recordings(which)).items():
+                poses = np.stack([self.data.pose.encode(clip.points) for clip in clips])
                 found[name].append(TransferOutput(which, poses, [speaker] * len(which)))
-            if self.place.raw is not None:
-                for name, clips in control_rows(self.place.load_test_clips([speaker])).items():
+            if self.data.raw is not None:
+                for name, clips in control_rows(self.data.load_test_clips([speaker])).items():
                     heard[name] += clips
         rows = {}
         for name, parts in found.items():
@@ -255,8 +261,8 @@ class Measured(_Windowed):
 
     def _measure(self, poses: Array) -> Cells:
         """Of windows (n, 64, D) in the units of the store."""
-        bodies = [body_of(self.place.body(window)) for window in poses]
-        found = attributes_of([body for body, _ in bodies], bodies[0][1], self.place.store.fps)
+        bodies = [body_of(self.data.body(window)) for window in poses]
+        found = attributes_of([body for body, _ in bodies], bodies[0][1], self.data.store.fps)
         return {name: {"value": float(getattr(found, name)), "interval": None, "note": ""} for name in self.columns}
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
@@ -265,7 +271,7 @@ class Measured(_Windowed):
         player = self._player(row, speakers, seed)
 
         def work() -> Cells:
-            which = self.place.of([name for name in speakers if name != style])
+            which = self.data.of([name for name in speakers if name != style])
             return self._measure(self.play(player, which, style).poses)
 
         return self._cache([player.fingerprint, style], work), self._facts(player, 1)
@@ -275,7 +281,7 @@ class Measured(_Windowed):
         styles = dict.fromkeys(row.scored_speakers[0] for row in self.part.rows)
 
         def work(name: str) -> Cells:
-            return self._measure(self.place.rows("pose", self.place.of([name])))
+            return self._measure(self.data.rows("pose", self.data.of([name])))
 
         return {f"recordings of {name}": self._cache(["controls", name], partial(work, name)) for name in styles}
 

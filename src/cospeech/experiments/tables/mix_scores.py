@@ -10,7 +10,7 @@ import numpy as np
 from ...metrics import FeatureNet, Sample, Tools
 from ...metrics.inception_score import EPS, score_of_classes
 from ...motion.rotations import Array
-from .designs import Cells
+from .paper_tables import Cells
 from .scores import cell
 
 __all__ = ["NAMED", "mean_cells", "score_cells", "score_target_style"]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .designs import Cells, Claim, PaperTable, TableSplit
+from .paper_tables import Cells, Claim, PaperTable, TableSplit
 
 __all__ = ["LEAST_SEEDS", "summary", "to_markdown", "to_text", "verdict", "verdicts"]
 
@@ -71,9 +71,9 @@ def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[
     return {"claim": text, "verdict": REPRODUCED, "because": told}
 
 
-def verdicts(design: PaperTable, part: TableSplit, rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def verdicts(paper_table: PaperTable, part: TableSplit, rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Of all claims whose rows were run."""
-    found = (verdict(claim, rows, design.columns) for claim in part.claims)
+    found = (verdict(claim, rows, paper_table.columns) for claim in part.claims)
     return [told for told in found if told is not None]
 
 

@@ -200,7 +200,7 @@ class Runs:
         digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
         return f"{store.corpus}-{store.pose}-{digest}"
 
-    def place(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
+    def folder_of(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
         """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
         recipe = replace(self._recipe(name, seed, more), needs={})
         told = list_changes(
@@ -222,7 +222,7 @@ class Runs:
         """
         recipe = self._recipe(name, seed, more)
         if "omega" in recipe.needs:
-            recipe = replace(recipe, needs={**recipe.needs, "omega": str(self.place(f"{OMEGA}_{self.store.corpus}", 0))})
+            recipe = replace(recipe, needs={**recipe.needs, "omega": str(self.folder_of(f"{OMEGA}_{self.store.corpus}", 0))})
         return recipe
 
     def _recipe(self, name: str, seed: int, more: Sequence[str] = ()) -> Recipe:
@@ -250,9 +250,9 @@ class Runs:
 
     def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:
         """The folder of a run that is trained to its last step."""
-        recipe, folder = self.recipe(name, seed, more), self.place(name, seed, more)
+        recipe, folder = self.recipe(name, seed, more), self.folder_of(name, seed, more)
         for what, path in recipe.needs.items():
-            if what == "omega" and Path(path) == self.place(f"{OMEGA}_{self.store.corpus}", 0):
+            if what == "omega" and Path(path) == self.folder_of(f"{OMEGA}_{self.store.corpus}", 0):
                 self.run(f"{OMEGA}_{self.store.corpus}")
         if not self._is_done(folder, recipe):
             from ...training.train import train

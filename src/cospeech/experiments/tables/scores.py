@@ -14,8 +14,8 @@ from ...errors import InputError
 from ...files import atomic
 from ...metrics import FeatureNet, Sample, Tools, load_metric
 from ...motion.rotations import Array
-from .designs import Cells
 from .excerpts import Excerpts
+from .paper_tables import Cells
 from .runs import PlayableRun, make_folder
 from .tsne import tsne
 
@@ -162,8 +162,8 @@ def score_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, nam
         excerpts: the windows.
         name: of the latents.
     """
-    place, speakers = dict(zip(map(str, excerpts.apart), points, strict=True)), excerpts.speakers()
-    net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: place[sample.name][None])
+    points_of, speakers = dict(zip(map(str, excerpts.apart), points, strict=True)), excerpts.speakers()
+    net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: points_of[sample.name][None])
     still = np.zeros((1, 2, 3))
     samples = [Sample(str(k), excerpts.store.fps, positions=still, label=speakers[k]) for k in excerpts.apart]
     return {metric: cell(metric, samples, (), Tools(features=net, embedding=tsne)) for metric in columns}

@@ -23,7 +23,7 @@ class Part:
     """One surface of one material.
 
     Args:
-        name: e.g. ``"face"``, ``"sweater"``.
+        name: e.g. ``"face"``, ``"shirt"``.
         vertices: (V, 3) float32, metres, world position in the T-pose.
         normals: (V, 3) float32, unit.
         triangles: (F, 3) int32, counter-clockwise seen from outside.

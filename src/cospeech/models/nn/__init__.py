@@ -1,4 +1,4 @@
-"""Parts that networks share; the only packages that may import torch are this one, ``models`` and ``train``."""
+"""Parts that networks share. Only ``models``, ``training`` and ``experiments`` may import torch."""
 
 from __future__ import annotations
 

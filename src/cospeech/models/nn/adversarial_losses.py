@@ -1,4 +1,4 @@
-"""What a discriminator's scores are worth: to itself, of true and of made poses, and to the generator."""
+"""Losses of a discriminator's scores: its own, for true and for made poses, and the generator's."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _FACE_LAYERS, _FEATURE_LAYERS = 3, 4  # section 3.2
 
 @dataclass(frozen=True)
 class Layers:
-    """What sees how much of time.
+    """The layers of a cascade, which decide how much of time it sees.
 
     Args:
         conv: (inputs, outputs, kernel) → a convolution.
@@ -94,7 +94,7 @@ class CascadeOutput(NamedTuple):
 
 
 class Through(nn.Module):
-    """Features as they are, whatever comes with them: in the place of attention or style, where the paper tries without."""
+    """Returns its features unchanged; stands for attention or style in the paper's ablations."""
 
     def forward(self, x: Tensor, other: Memory | Tensor) -> Tensor:
         return x

@@ -1,4 +1,4 @@
-"""Channel-wise attention (Xu et al. 2024, section 3.2): what is salient is let through, channel by channel.
+"""Channel-wise attention (Xu et al. 2024, section 3.2): each channel is weighted by its salience.
 
     w = σ(W₂ ReLU(W₁ mean over time) + W₂ ReLU(W₁ maximum over time)),   x ↦ w · x
 

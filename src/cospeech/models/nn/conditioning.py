@@ -28,7 +28,7 @@ def drop_history(histories: Tensor, probability: float, chance: StepRandom) -> T
 
 
 def blank_history(histories: Tensor, probability: float, chance: StepRandom) -> Tensor:
-    """(B, F, τ, D) with a frame's whole history replaced by its last pose: where somebody is, but not where they go."""
+    """(B, F, τ, D) with the whole history of a frame replaced by its last pose: the position stays, the movement goes."""
     if probability <= 0:
         return histories
     kept = chance.uniform(*histories.shape[:2]) >= probability

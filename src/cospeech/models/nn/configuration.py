@@ -1,4 +1,4 @@
-"""What the configurations of all networks have in common."""
+"""The base of the configurations of all networks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Encoders of Mix-StAGE: what is said (audio content), what is done (pose content), who does it (style).
+"""Encoders of Mix-StAGE: audio content, pose content, and style.
 
 The paper calls all three TCNs; channels and kernels are the authors' code's, here as multiples of one width: 256 is theirs.
 """

@@ -1,4 +1,4 @@
-"""What a network gives to be exported: modules with named inputs and outputs; and its layers in the form in which they play."""
+"""What a network exports: modules with named inputs and outputs, and its layers as they run after training."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ExportGraph:
     shortest: int = 1
     """The least T."""
     window: int | None = None
-    """This, and what follows: see `cospeech.runtime.signature.Signature`."""
+    """This, and what follows: see `cospeech.runtime.bundles.signature.Signature`."""
     look_ahead: int = 0
     hop: int | None = None
     seeds: int = 0

@@ -83,12 +83,12 @@ class Trainable(nn.Module):
         return {}
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """What plays, by the names of `cospeech.runtime.signature.NETWORKS`; for ``cospeech bundle``.
+        """What plays, by the names of `cospeech.runtime.bundles.signature.NETWORKS`; for ``cospeech bundle``.
 
         Raises:
             InputError: it makes no motion, which is the default.
         """
-        raise InputError(f"a {type(self).__name__}, which plays no motion", "bundles are of systems")
+        raise InputError(f"{type(self).__name__} makes no motion: no bundle is possible", "docs/add_a_model.md: export_module")
 
     def style_of(self, poses: Tensor) -> Tensor:
         """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ...errors import InputError
-from ...runtime.signature import STYLE_FRAMES
+from ...runtime.bundles.signature import STYLE_FRAMES
 from .export import ExportGraph, Playing
 from .trainable import Trainable
 

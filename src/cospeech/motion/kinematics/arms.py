@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import Array, cross, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply
+from ..rotations import Array, cross, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply, vector_normalize
 from ..skeleton import humanoid
 from .hands import Channel
 
@@ -46,10 +46,6 @@ def arm_lengths() -> ArmLengths:
     return ArmLengths(*(float(np.linalg.norm(s.offsets[s.index[n]])) for n in ("leftLowerArm", "leftHand")))
 
 
-def _unit(v: Array) -> Array:
-    return v / np.maximum(np.sqrt(np.einsum("...i,...i->...", v, v))[..., None], 1e-9)
-
-
 def _about(axis: int, angle: Array) -> Array:
     q = np.zeros((*angle.shape, 4))
     q[..., axis] = np.sin(angle / 2)
@@ -82,19 +78,19 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     d = np.sqrt(np.einsum("...i,...i->...", target, target))
     along = target / np.maximum(d, 1e-6)[..., None]
     pole = POLE - np.einsum("i,...i->...", POLE, along)[..., None] * along
-    pole = _unit(pole)
+    pole = vector_normalize(pole)
     side = cross(along, pole)
     pole = pole * np.cos(swivel)[..., None] + side * np.sin(swivel)[..., None]
     cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
     elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
-    normal = _unit(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
+    normal = vector_normalize(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
     frames = bone_frame(np.stack([elbow, target - elbow]), np.broadcast_to(normal, (2, *normal.shape)))
     return frames[0], frames[1]
 
 
 def bone_frame(direction: Array, hinge: Array) -> Array:
     """Rotation whose x-axis lies along ``direction`` and whose y-axis is ``hinge`` (at right angles to it)."""
-    x = _unit(direction)
+    x = vector_normalize(direction)
     return matrix_to_quat(np.stack([x, hinge, cross(x, hinge)], -1))
 
 
@@ -174,7 +170,7 @@ def finger_joints() -> tuple[list[int], list[int]]:
 
 
 _COUPLING = 2 / 3  # the last joint follows the middle one (Rijpkema & Girard 1991)
-_THUMB_HINGE = _unit(np.array([-0.35, 0.87, 0.35]))  # at right angles to the thumb, mostly normal to the palm
+_THUMB_HINGE = vector_normalize(np.array([-0.35, 0.87, 0.35]))  # at right angles to the thumb, mostly normal to the palm
 
 
 def to_parent(parent: Array, child: Array) -> Array:

@@ -28,6 +28,7 @@ from ..rotations import (
     quat_rotate,
     quat_to_rotvec,
     rotvec_to_quat,
+    vector_normalize,
 )
 from ..skeleton import humanoid
 from ..skeletons.pats import JOINTS as PATS_JOINTS
@@ -100,10 +101,6 @@ def _rest(layout: str) -> dict[str, Array]:
     return {point: s.tpose[s.index[name]] + np.array(offset) for point, (name, offset) in zip(joints, sources, strict=True)}
 
 
-def _unit(v: Array) -> Array:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
-
-
 def _aims_of_ted(values: Array) -> _Aims:
     rest = _rest("ted")
 
@@ -111,7 +108,7 @@ def _aims_of_ted(values: Array) -> _Aims:
         """Where a bone has no length (the data's mark of what is missing), as in the T-pose."""
         bone = values[:, TED_JOINTS.index(end)] - values[:, TED_JOINTS.index(start)]
         gone = np.linalg.norm(bone, axis=-1, keepdims=True) < 1e-6
-        return _unit(np.where(gone, rest[end] - rest[start], bone))
+        return vector_normalize(np.where(gone, rest[end] - rest[start], bone))
 
     def both(start: str, end: str) -> Array:
         return np.stack([way((side + start) if start != "neck" else start, side + end) for side in ("left", "right")], 1)
@@ -139,12 +136,12 @@ def _aims_of_pats(values: Array) -> _Aims:
             bone = flat[:, PATS_JOINTS.index(side + end)] - flat[:, PATS_JOINTS.index(side + start)]
             depth = np.sqrt(np.maximum(length**2 - np.square(bone).sum(-1, keepdims=True), 0))
             bones.append(np.concatenate([bone, depth], -1))
-        return _unit(np.stack(bones, 1))
+        return vector_normalize(np.stack(bones, 1))
 
     sides = flat[:, [PATS_JOINTS.index("LShoulder"), PATS_JOINTS.index("RShoulder")]]
     gone = np.linalg.norm(sides, axis=-1, keepdims=True) < 1e-6
     sides = np.where(gone, np.array([[1.0, 0.0], [-1.0, 0.0]]), sides)
-    shoulders = _unit(np.concatenate([sides, np.zeros_like(sides[..., :1])], -1))
+    shoulders = vector_normalize(np.concatenate([sides, np.zeros_like(sides[..., :1])], -1))
     lengths = arms.arm_lengths()
     neck = np.array(PATS_SOURCES[0][1])
     return _Aims(None, shoulders, deep("Shoulder", "Elbow", lengths.upper), deep("Elbow", "Wrist", lengths.fore), None, neck)
@@ -155,11 +152,11 @@ def _aims_of_pats(values: Array) -> _Aims:
 
 def _basis(first: Array, second: Array) -> Array:
     """(…, 4) rotation whose x-axis lies along ``first`` and whose y-axis leans to ``second``."""
-    x = _unit(first)
+    x = vector_normalize(first)
     y = second - np.einsum("...i,...i->...", x, second)[..., None] * x
     small = np.eye(3)[np.abs(x).argmin(-1)]  # the two are parallel: any normal does
     small = small - np.einsum("...i,...i->...", x, small)[..., None] * x
-    y = _unit(np.where(np.linalg.norm(y, axis=-1, keepdims=True) < 1e-6, small, y))
+    y = vector_normalize(np.where(np.linalg.norm(y, axis=-1, keepdims=True) < 1e-6, small, y))
     return matrix_to_quat(np.stack([x, y, np.cross(x, y)], -1))
 
 
@@ -198,7 +195,10 @@ def _head(aims: _Aims, torso: Array) -> dict[str, Array]:
     for _ in range(_ROUNDS):
         bend = quat_multiply(quat_conjugate(torso), head)
         neck = quat_multiply(torso, _share(bend, NECK_SHARE))
-        lower, upper = _unit(quat_rotate(neck, joint) + quat_rotate(head, nose)), _unit(quat_rotate(head, crown))
+        lower, upper = (
+            vector_normalize(quat_rotate(neck, joint) + quat_rotate(head, nose)),
+            vector_normalize(quat_rotate(head, crown)),
+        )
         head = quat_multiply(quat_multiply(goal, quat_conjugate(_basis(lower + upper, lower))), head)
     bend = quat_multiply(quat_conjugate(torso), head)
     return {"neck": _share(bend, NECK_SHARE), "head": _share(bend, 1 - NECK_SHARE)}
@@ -220,9 +220,12 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
     middle = along @ start
     far = middle + np.sqrt(np.maximum(middle**2 - start @ start + clavicle @ clavicle, 0))
     shoulder = quat_between(np.broadcast_to(clavicle, along.shape), far[..., None] * along - start)
-    natural = _unit(np.cross(upper, np.broadcast_to(arms.POLE, upper.shape)))
+    natural = vector_normalize(np.cross(upper, np.broadcast_to(arms.POLE, upper.shape)))
     hinge = -np.cross(upper, fore) + _STRAIGHT * natural
-    turned = [arms.bone_frame(d, _unit(hinge - np.einsum("...i,...i->...", hinge, d)[..., None] * d)) for d in (upper, fore)]
+    turned = [
+        arms.bone_frame(d, vector_normalize(hinge - np.einsum("...i,...i->...", hinge, d)[..., None] * d))
+        for d in (upper, fore)
+    ]
     locals_ = {
         "Shoulder": shoulder,
         "UpperArm": arms.to_parent(shoulder, turned[0]),

@@ -1,4 +1,4 @@
-"""``cospeech bundle``: what a run has learnt → one file that plays without PyTorch."""
+"""``cospeech bundle``: turns a training run into one file that plays without PyTorch."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ import torch
 from ...audio.emotions import EMOTIONS
 from ...errors import InputError, nearest
 from ...motion.rotations import Array
+from ...runtime.bundles.spec import VOICE, half, unpack_half
+from ...runtime.bundles.statistics import Statistics
 from ...runtime.network import Network
-from ...runtime.spec import VOICE, half, unpack_half
-from ...runtime.statistics import Statistics
 from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
+from ..processes import surroundings
+from ..train import Tell
 from .calibration import calibrate, relative_error, stretch_rows
 from .exported_model import ExportedModel, export_model
 from .flow import bundle_flow, control_quantiles
@@ -29,6 +31,7 @@ EXAMPLES = "examples.safetensors"
 """Of a run folder: what `cospeech.training.calibration_clips.examples_of` took from the store."""
 
 
+@surroundings(1, torch.device("cpu"))  # steps this small take longer on several threads, which wait for each other
 def bundle_run(
     run: str | PathLike[str],
     path: str | PathLike[str],
@@ -38,6 +41,7 @@ def bundle_run(
     smooth: int = 1,
     card: str = "",
     style: str | None = None,
+    progress: Tell | None = None,
 ) -> None:
     """Make a bundle of a run.
 
@@ -51,16 +55,19 @@ def bundle_run(
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
             of a network that hears none the first.
+        progress: is told how much is done, of how much, and what is being done.
 
     Raises:
         InputError: not a run, or of a system that has no bundles.
     """
     target = Path(path)
     if target.suffix != ".cospeech":
-        raise InputError(f"a bundle called {str(target)!r}", "its name ends in .cospeech")
+        raise InputError(f"a bundle cannot be called {str(target)!r}", "its name ends in .cospeech")
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
+    if progress is not None:
+        progress(0, None, "exporting the networks")
     exported = export_model(model, facts["model"])
     kept = {
         name: tensor.numpy()
@@ -69,9 +76,11 @@ def bundle_run(
     }
     audio = facts["recipe"]["data"].get("audio")
     if audio is None and "audio" in model.arrays:
-        raise InputError(f"the run {str(folder)!r} heard all audio columns", "bundles need data.audio in the recipe")
+        raise InputError(
+            f"the run {str(folder)!r} was trained on all audio columns", "name data.audio in the recipe, and train again"
+        )
     if not {"stretches", "speech"} <= set(kept):
-        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it anew")
+        raise InputError(f"{EXAMPLES} of {str(folder)!r} is of another version", "train it again")
     store = facts["store"]
     if style is not None and style not in store["speakers"]:
         raise InputError(f"no speaker of the run is called {style!r}", nearest(style, store["speakers"]))
@@ -83,29 +92,33 @@ def bundle_run(
     }  # fmt: skip
     said = card or _card(facts, early=stands_for(folder, which) != which)
     if exported is None:
-        bundle_flow(target, model, kept, small=small, facts=known, card=said)
+        bundle_flow(target, model, kept, small=small, facts=known, progress=progress, card=said)
     else:
-        _bundle_networks(target, model, exported, kept, small=small, facts=known, card=said)
+        _bundle_networks(target, model, exported, kept, small=small, facts=known, card=said, progress=progress)
 
 
 def _bundle_networks(
-    path: Path, model: Any, exported: ExportedModel, kept: Mapping[str, Array], *, small: bool, facts: dict[str, Any], card: str
+    path: Path, model: Any, exported: ExportedModel, kept: Mapping[str, Array], *, small: bool, facts: dict[str, Any],
+    card: str, progress: Tell | None,
 ) -> None:  # fmt: skip
     """Calibrate networks as they will play, and write them."""
     if "pose_spread" in kept:
-        raise InputError(
-            f"a run of {facts['model']!r} on poses per_clip_normalisation", "only flows play poses by their recording's moments"
-        )
+        hint = "only flows can; set data.per_clip_normalisation = false and train again"
+        raise InputError(f"a run of {facts['model']!r} with per_clip_normalisation cannot become a bundle", hint)
     if exported.words.size and "texts" not in kept:
-        raise InputError(f"a run of {facts['model']!r} that is of another version", "train it anew")
+        raise InputError(f"the run of {facts['model']!r} is of another version", "train it again")
     codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()
     space, statistics = _style_space(codes), _statistics(model, exported, kept, codes)
     weights, opened = exported.weights, _players(exported, exported.weights)
     columns = len(model.controls)
     if not model.literal:
         measures = space == "speaker-emotion"
-        statistics = calibrate(opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures)
+        statistics = calibrate(
+            opened, statistics, kept, facts["fps"], columns=columns, measures_noise=measures, progress=progress
+        )
     if small:
+        if progress is not None:
+            progress(1, 1, "rounding the weights")
         weights = half(weights)
         rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpack_half(weights))
         name = "make" if "make" in opened else "live"
@@ -126,7 +139,7 @@ def _players(exported: ExportedModel, weights: Mapping[str, Array]) -> dict[str,
 
 
 def _style_space(codes: Array) -> str:
-    """Of `cospeech.runtime.spec.STYLE_SPACES` the one in which the speakers have these styles (S, C)."""
+    """Of `cospeech.runtime.bundles.spec.STYLE_SPACES` the one in which the speakers have these styles (S, C)."""
     speakers, width = codes.shape
     alone = np.eye(speakers, width)
     if width == speakers + len(EMOTIONS):
@@ -136,7 +149,7 @@ def _style_space(codes: Array) -> str:
 
 
 def _statistics(model: Any, exported: ExportedModel, kept: Mapping[str, Array], codes: Array) -> Statistics:
-    """Out of those of the run, with a code for each speaker."""
+    """Statistics of the run, with a style code for each speaker."""
     codes = codes[:, : len(codes)] if _style_space(codes) == "speaker-emotion" else codes
     own = {f.name: kept[f.name] for f in fields(Statistics)[:8]} | {"speaker_mean": kept["pose_centre"]}
     own |= {"style_codes": codes, "words": exported.words}

@@ -1,4 +1,4 @@
-"""What a bundle's networks make of its speakers' speech, measured as they will play: how far from the speakers' own motion."""
+"""Measures a bundle's networks on its speakers' speech, and compares the motion with the speakers' own."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from ...audio.emotions import EMOTIONS
 from ...models.nn.gumbel import smooth_gumbel
 from ...models.nn.objective import StepRandom
 from ...motion.rotations import Array
+from ...runtime.bundles.statistics import Statistics
 from ...runtime.mode_noise import SECONDS
 from ...runtime.network import Network
-from ...runtime.statistics import Statistics
+from ..train import Tell
 
 __all__ = ["calibrate", "relative_error", "stretch_rows"]
 
@@ -42,7 +43,7 @@ def stretch_rows(statistics: Statistics, examples: Mapping[str, Array], columns:
 
 def calibrate(
     networks: Mapping[str, Network], statistics: Statistics, examples: Mapping[str, Array], fps: float, *, columns: int,
-    measures_noise: bool,
+    measures_noise: bool, progress: Tell | None = None,
 ) -> Statistics:  # fmt: skip
     """Statistics with the mean of what each network makes in each style, and by what its poses are multiplied.
 
@@ -53,12 +54,13 @@ def calibrate(
         fps: of the poses.
         columns: of style controls.
         measures_noise: whether noise is multiplied so that takes lie `APART`.
+        progress: is told how many windows are played, of how many by this network.
     """
     found, gains = dict[str, Array](), np.ones(2, np.float32)
     for name, prefix, place in (("make", "", 0), ("live", "live_", 1)):
         if name not in networks:
             continue
-        measured = _Measured(networks[name], statistics, examples, fps, columns, 1 + measures_noise)
+        measured = _Measured(networks[name], statistics, examples, fps, columns, 1 + measures_noise, progress)
         if measures_noise and measured.noise.shape[-1]:
             gains[place:] = measured.find_noise_gain()
         found |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), measured.compare(gains[place]), strict=True)
@@ -66,13 +68,14 @@ def calibrate(
 
 
 class _Measured:
-    """Windows of everybody's speech, played by a network in each style."""
+    """Windows of all speakers' speech, played by a network in each style."""
 
     def __init__(
-        self, network: Network, s: Statistics, examples: Mapping[str, Array], fps: float, columns: int, takes: int
-    ) -> None:
+        self, network: Network, s: Statistics, examples: Mapping[str, Array], fps: float, columns: int, takes: int,
+        progress: Tell | None,
+    ) -> None:  # fmt: skip
         signature, stretches = network.signature, examples["stretches"]
-        speakers, frames = len(stretches), stretches.shape[2]
+        frames = stretches.shape[2]
         if signature.window is not None:
             frames = min(signature.probe, frames // signature.multiple * signature.multiple)
         self.network, self.codes = network, s.style_codes
@@ -85,10 +88,11 @@ class _Measured:
         width, count = signature.width("noise"), len(self.rows)
         noise = smooth_gumbel(StepRandom(0, 0), takes * count, width, frames, SECONDS * fps) if width else np.zeros(0)
         self.noise = np.asarray(noise).reshape(takes, count, width, frames).swapaxes(2, 3) if width else np.zeros((1, 1, 1, 0))
-        self.speakers = speakers
+        self.played, self.progress = 0, progress
+        self.plays = count * (1 if len(self.noise) == 1 else 3)  # `compare` plays each window once, `find_noise_gain` twice
 
     def find_noise_gain(self) -> float:
-        """By what noise is multiplied so that two takes lie `APART` as far from each other as one moves; they do so nearly in
+        """The factor of the noise with which two takes differ by `APART` times the movement of one; it grows nearly in
         proportion to the noise."""
         take, other = (np.stack([*self.play_styles(self.codes[:1], noise)]) for noise in self.noise)
         apart, moved = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
@@ -109,6 +113,9 @@ class _Measured:
             style.append(np.broadcast_to(self.moods[k], (len(codes), *self.moods[k].shape)))
             each = np.broadcast_to(noise[k % len(noise)], (len(codes), len(rows), noise.shape[-1]))
             yield play(self.network, rows, np.concatenate(style, -1), each)
+            self.played += 1
+            if self.progress is not None:
+                self.progress(self.played, self.plays, "measuring how it moves")
 
 
 def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
@@ -127,7 +134,7 @@ def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
 
 
 def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -> float:
-    """√mean square of how far poses of one network are from those of another, in that of the latter.
+    """Relative error of one network's poses: RMS of the difference over RMS of the exact poses.
 
     Args:
         exact, other: of one signature.

@@ -14,9 +14,10 @@ from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
+from ...models.nn.words import SubwordTable
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
-from ...runtime.signature import Signature
+from ...runtime.bundles.signature import Signature
 from .onnx_export import export_graphs
 
 __all__ = ["ExportedModel", "export_model"]
@@ -55,17 +56,19 @@ def _check_inputs(model: Any, name: str) -> Array:
     whole = model
     if isinstance(model, ChainLive):
         if model.teacher is None:
-            raise InputError(f"a run of {name!r} without a teacher", "train it with [needs] teacher = …")
+            raise InputError(f"the run of {name!r} has no teacher", "train it with [needs] teacher = …")
         whole = model.teacher
-    if getattr(getattr(whole, "speech_encoder", None), "array", "audio") != "audio":
-        raise InputError(f"a run of {name!r} that hears with {whole.config.speech_encoder}", "bundles play without PyTorch")
-    if not all(getattr(net.config, part, True) for net in (model, whole) for part in ("attention", "style_injection")):
-        raise InputError(f"a run of {name!r} without attention or style", "those are rows of a table; train a whole one")
-    table = getattr(whole, "word", None) or whole.embedding
-    if not hasattr(table, "table"):
+    if whole.encoder_for(whole.config) is not None:
         raise InputError(
-            "a run on word vectors of somebody else's", "bundles are of runs that learnt words; leave out data.words"
+            f"the run of {name!r} needs the speech encoder {whole.config.speech_encoder}, which bundles cannot hold",
+            "bundles play without PyTorch; train it without one",
         )
-    rows: Tensor = table.table.weight.detach().clone()
+    chains = [net.config for net in (model, whole) if isinstance(net, ChainOfGeneration)]
+    if not all(config.attention and config.style_injection for config in chains):
+        raise InputError(f"the run of {name!r} lacks attention or style, and cannot become a bundle", "train the whole network")
+    words = whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding
+    if not isinstance(words, SubwordTable):
+        raise InputError(f"the run of {name!r} uses ready-made word vectors", "leave out data.words, and train again")
+    rows: Tensor = words.table.weight.detach().clone()
     rows[0] = 0
     return rows.numpy()

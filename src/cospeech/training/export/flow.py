@@ -1,8 +1,8 @@
-"""A run of a flow as a bundle: codes and beginnings of its speakers, and how it moves when nobody corrects it."""
+"""A run of a flow as a bundle: codes and beginnings of its speakers, and how it moves when it runs freely."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from typing import Any
@@ -15,9 +15,10 @@ from ...models.nn.conditioning import frame_windows
 from ...models.nn.objective import StepRandom
 from ...motion.poses.controls import CONTROLS
 from ...motion.rotations import Array
-from ...runtime.flow_weights import FlowSizes
-from ...runtime.statistics import Statistics
+from ...runtime.bundles.statistics import Statistics
+from ...runtime.flow.weights import FlowSizes
 from ...runtime.system import write_flow
+from ..train import Tell
 
 __all__ = ["bundle_flow", "control_quantiles"]
 
@@ -33,6 +34,7 @@ def bundle_flow(
     *,
     small: bool,
     facts: dict[str, Any],
+    progress: Tell | None = None,
     **options: Any,
 ) -> None:
     """Write a flow's bundle.
@@ -43,28 +45,30 @@ def bundle_flow(
         kept: statistics and examples of the run folder.
         small: quantise the large products to whole numbers of 8 bits.
         facts: for the manifest.
+        progress: is told how many frames are played, of how many.
         options: of `write_flow`.
 
     Raises:
-        InputError: a history longer than the stretches that a run keeps,
+        InputError: a history longer than the stretches that a run keeps.
     """
-    measured, feedback_gain = _statistics(model, {name: torch.from_numpy(value) for name, value in kept.items()})
+    examples = {name: torch.from_numpy(value) for name, value in kept.items()}
+    measured, feedback_gain = _statistics(model, examples, progress)
     sizes = FlowSizes(**model.runtime_sizes(), int8=small, feedback_gain=feedback_gain)
     write_flow(path, model.export(), sizes, measured, facts=facts, **options)
 
 
 @torch.no_grad()
-def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statistics, float]:
-    """What the runtime has to know, with a style code and beginnings for each speaker; and the pull."""
+def _statistics(model: Any, examples: dict[str, torch.Tensor], progress: Tell | None) -> tuple[Statistics, float]:
+    """What the runtime has to know, with a style code and beginnings for each speaker; and the feedback gain."""
     stretches = examples["stretches"]
     speakers, count = stretches.shape[:2]
     history: int = model.config.history
     if history > stretches.shape[2]:
-        raise InputError(f"a history of {history} frames", f"at most {stretches.shape[2]} for a bundle")
+        raise InputError(f"the run's history of {history} frames is too long for a bundle", f"at most {stretches.shape[2]}")
     codes = model.style_of(stretches.flatten(0, 1))
     feedback_gain, made = 1.0, {}
     if "pose_spread" in examples:
-        feedback_gain, made["free_mean"], made["free_std"] = _calibrate(model, examples, codes)
+        feedback_gain, made["free_mean"], made["free_std"] = _calibrate(model, examples, codes, progress)
         made["speaker_std"] = examples["pose_spread"]
     known = {
         **{f.name: examples[f.name] for f in fields(Statistics)[:8]},
@@ -76,9 +80,10 @@ def _statistics(model: Any, examples: dict[str, torch.Tensor]) -> tuple[Statisti
     return Statistics(**{name: np.ascontiguousarray(value.numpy(), np.float32) for name, value in known.items()}), feedback_gain
 
 
-@torch.no_grad()
-def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor]:
-    """How a network moves when nobody corrects it, for the speech of the stretches; for one of ``per_clip_normalisation``.
+def _calibrate(
+    model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, progress: Tell | None
+) -> tuple[float, torch.Tensor, torch.Tensor]:
+    """How a network moves when it runs freely, for the speech of the stretches; for one of ``per_clip_normalisation``.
 
     A network is trained on the next frame, in which a slow return to the mean hardly shows: left alone it strays too far, for
     too long. ``feedback_gain`` is the one of `FEEDBACK_GAINS` with which its means over some seconds wander, for the size of
@@ -88,17 +93,15 @@ def _calibrate(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tenso
     Returns:
         The feedback gain, (D,) mean, (D,) standard deviation.
     """
-    wanted, found = _wandering(examples["stretches"].flatten(0, 1)), []
-    for feedback_gain in FEEDBACK_GAINS if model.runtime_sizes()["residual"] else FEEDBACK_GAINS[:1]:
-        made = _generate_freely(model, examples, codes, feedback_gain)
-        made = made[:, min(WARM, made.shape[1] // 2) :]
-        found.append((abs((_wandering(made) / wanted).log().item()), feedback_gain, made))
-    _, feedback_gain, made = min(found, key=lambda one: one[0])
-    return feedback_gain, made.mean((0, 1)), made.std((0, 1)).clamp_min(LEAST)
+    gains = FEEDBACK_GAINS if model.runtime_sizes()["residual"] else FEEDBACK_GAINS[:1]
+    wanted, takes = _wandering(examples["stretches"].flatten(0, 1)), _generate_freely(model, examples, codes, gains, progress)
+    takes = takes[:, :, min(WARM, takes.shape[2] // 2) :]
+    best = min(range(len(gains)), key=lambda k: abs((_wandering(takes[k]) / wanted).log().item()))
+    return gains[best], takes[best].mean((0, 1)), takes[best].std((0, 1)).clamp_min(LEAST)
 
 
 def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
-    """(N, L, D) → (N, τ, D): where each moves least; nobody begins to speak in the middle of a gesture."""
+    """(N, L, D) → (N, τ, D): the part of each in which it moves least. Speech does not begin in the middle of a gesture."""
     speeds = stretches.diff(dim=1).square().mean(-1)
     windows = stretches.unfold(1, history, 1).transpose(2, 3)
     moved = speeds.unfold(1, history - 1, 1).mean(-1) if history > 1 else stretches.square().mean(-1)
@@ -106,23 +109,31 @@ def _calmest(stretches: torch.Tensor, history: int) -> torch.Tensor:
 
 
 def _wandering(poses: torch.Tensor) -> torch.Tensor:
-    """Deviation of the means of stretches (N, F, D), in that of all their poses."""
+    """Standard deviation of the means of stretches (N, F, D), over that of all their poses."""
     return poses.mean(1).std(0).mean() / poses.std((0, 1)).mean()
 
 
-def _generate_freely(model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, feedback_gain: float) -> torch.Tensor:
-    """(N, F, D) poses with random latents."""
+def _generate_freely(
+    model: Any, examples: dict[str, torch.Tensor], codes: torch.Tensor, gains: Sequence[float], progress: Tell | None
+) -> torch.Tensor:
+    """(G, N, F, D) poses with random latents, the same ones with each of G feedback gains; all are played at once."""
     stretches, audio = (examples[name].flatten(0, 1) for name in ("stretches", "speech"))
     if model.controls:
         audio = model.hear(audio, torch.zeros(*audio.shape[:2], len(CONTROLS)))
-    tau, poses, states = model.config.history, stretches[:, : model.config.history], None
-    heard, style = frame_windows(audio, model.speech_frames), [codes] if codes.shape[1] else []
-    z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), heard.shape[1])
-    for t in range(heard.shape[1]):
-        made, states = model.step(z[:, t], poses[:, -tau:], heard[:, t], states, *style)
-        made = feedback_gain * made.clamp(examples["pose_low"], examples["pose_high"])
-        poses = torch.cat([poses, made[:, None]], 1)
-    return poses[:, tau:]
+    takes, tau, states = len(gains), model.config.history, None
+    heard, style = frame_windows(audio, model.speech_frames), [codes.repeat(takes, 1)] if codes.shape[1] else []
+    frames = heard.shape[1]
+    gain = torch.tensor(gains).repeat_interleave(len(stretches))[:, None]
+    z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), frames)
+    poses = list(stretches[:, :tau].repeat(takes, 1, 1).unbind(1))
+    for t in range(frames):
+        made, states = model.step(
+            z[:, t].repeat(takes, 1), torch.stack(poses[-tau:], 1), heard[:, t].repeat(takes, 1, 1), states, *style
+        )
+        poses.append(gain * made.clamp(examples["pose_low"], examples["pose_high"]))
+        if progress is not None:
+            progress(t + 1, frames, "measuring how it moves by itself")
+    return torch.stack(poses[tau:], 1).unflatten(0, (takes, -1))
 
 
 def control_quantiles(model: Any, kept: Mapping[str, Array]) -> Array:

@@ -17,7 +17,7 @@ from onnx.reference import ReferenceEvaluator
 
 from ...errors import InputError
 from ...motion.rotations import Array
-from ...runtime.graph_builder import GraphBuilder
+from ...runtime.bundles.graph_builder import GraphBuilder
 
 __all__ = ["Dims", "FrameGraph", "Joined", "Padded", "Value", "attributes", "refuse"]
 
@@ -78,6 +78,7 @@ class FrameGraph(GraphBuilder):
             for name in node.input:
                 self._uses[name] = self._uses.get(name, 0) + 1
         self._values: dict[str, Any] = {}
+        self._outputs: dict[str, str] = {}  # a value → the output that it has become
         self._lifted: dict[tuple[str, str], Value] = {}
 
     # the exported graph ---------------------------------------------------------------------------------------------
@@ -189,7 +190,7 @@ class FrameGraph(GraphBuilder):
         return self.weight(name)
 
     def reshape(self, name: str, shape: Sequence[int]) -> str:
-        """In another shape."""
+        """A value in another shape."""
         return str(self.node("Reshape", name, self.const(shape, np.int64)))
 
     def lift(self, value: Any, layout: str) -> Value:
@@ -220,7 +221,7 @@ class FrameGraph(GraphBuilder):
         return Value(name, "plain", value.shared)
 
     def whole(self, value: Any) -> Value:
-        """What was put off, done: channels side by side, zeros around."""
+        """The value with its concatenation or padding written out."""
         if isinstance(value, Padded):
             pads = self.const([0, 0, 0, value.before, 0, 0, 0, value.after], np.int64)
             return Value(self.node("Pad", value.value.name, pads), value.value.layout, value.value.shared)
@@ -229,14 +230,19 @@ class FrameGraph(GraphBuilder):
             return Value(self.node("Concat", *(part.name for part in parts), axis=1), parts[0].layout, False)
         return value  # type: ignore[no-any-return]
 
-    def spread(self, value: Value) -> Value:
-        """A picture that is the same for all takes, for each of them."""
+    def spread(self, value: Value, rank: int = 4) -> Value:
+        """A value that is the same for all takes, for each of them.
+
+        Args:
+            value: a picture, or a plain value.
+            rank: how many axes it has.
+        """
         if not value.shared:
             return value
         name, shape = next((name, shape) for name, shape in self._inputs.items() if shape[0] != 1)
         edges = [self.const([k] * (len(shape) - 1), np.int64) for k in (0, 1)]
         first = self.node("Slice", name, *edges, self.const(range(1, len(shape)), np.int64))
-        zero = self.node("Reshape", self.node("Mul", first, self.const(0.0)), self.const([0, 1, 1, 1], np.int64))
+        zero = self.node("Reshape", self.node("Mul", first, self.const(0.0)), self.const([0, *[1] * (rank - 1)], np.int64))
         return Value(self.node("Add", value.name, zero), value.layout, False)
 
     def _write_output(self, name: str, shape: Dims) -> bool:
@@ -250,14 +256,17 @@ class FrameGraph(GraphBuilder):
         if value.shared and shape[0] != 1:
             value = self.spread(self.lift(value, "rows"))
         made = self.plain(value)
+        if made.name in self._outputs or made.name in self._inputs:  # a value of another name has to be made by a node
+            made = Value(self.reshape(self._outputs.get(made.name, made.name), [0] * len(shape)), "plain", made.shared)
         for node in self.nodes:
             for names in (node.input, node.output):
                 names[:] = [name if each == made.name else each for each in names]
+        self._outputs[made.name] = name
         return made.shared
 
 
 def attributes(node: NodeProto) -> dict[str, Any]:
-    """Of a node, by name."""
+    """Attributes of a node, by name."""
     return {each.name: helper.get_attribute_value(each) for each in node.attribute}
 
 
@@ -267,7 +276,7 @@ def refuse(node: NodeProto) -> InputError:
 
 
 def _dims(value: Any) -> Dims:
-    """A size that is not known has a name of its own."""
+    """The shape of a value; an unknown size gets a name of its own."""
     sizes = value.type.tensor_type.shape.dim
     return tuple(
         each.dim_value if each.WhichOneof("value") == "dim_value" else each.dim_param or f"{value.name}.{k}"

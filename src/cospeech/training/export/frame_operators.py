@@ -45,6 +45,11 @@ def _each(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(b.node(node.op_type, value.name, **attributes(node)), value.layout, value.shared)]
 
 
+def _identity(b: FrameGraph, node: NodeProto) -> Made:
+    """The value itself."""
+    return [b.value(node.input[0])]
+
+
 def _softmax(b: FrameGraph, node: NodeProto) -> Made:
     value, axis = b.value(node.input[0]), attributes(node).get("axis", -1)
     if _layout(value) == "plain":
@@ -146,7 +151,10 @@ def _concat(b: FrameGraph, node: NodeProto) -> Made:
     if len(names) == 1:
         return values
     if rank != 3:
-        return plain(b, node)
+        given = [b.plain(b.value(name)) for name in names]
+        if len({value.shared for value in given}) > 1:
+            given = [b.spread(value, rank) for value in given]
+        return [Value(b.node("Concat", *(each.name for each in given), axis=axis), "plain", given[0].shared)]
     if axis == 2 and any(zeros):
         (kept,) = (k for k, zero in enumerate(zeros) if not zero)
         sizes = [b.dims(name)[2] for name in names]
@@ -241,7 +249,7 @@ def _target(before: tuple[Any, ...], after: tuple[Any, ...], node: NodeProto) ->
 
 
 def _squeeze(b: FrameGraph, node: NodeProto) -> Made:
-    """One band less: a picture becomes a value over frames."""
+    """Remove an axis of one band: a picture becomes a value over frames."""
     value, before, after = b.value(node.input[0]), b.dims(node.input[0]), b.dims(node.output[0])
     if len(before) == 4 and before[2] == 1 and after == (*before[:2], before[3]):
         return [Value(b.plain(value).name, "waves", value.shared)]
@@ -342,7 +350,7 @@ OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
     **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduce),
     **dict.fromkeys(("LSTM", "GRU"), _recurrent),
     "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
-    "MatMul": _matmul, "Pad": _pad,
+    "Identity": _identity, "MatMul": _matmul, "Pad": _pad,
     "InstanceNormalization": _instance_norm, "ReduceSum": _sum, "Reshape": _reshape, "Resize": _resize, "Slice": _slice,
     "Softmax": _softmax, "Split": _split, "Squeeze": _squeeze, "Transpose": _transpose, "Unsqueeze": _reshape,
 }  # fmt: skip

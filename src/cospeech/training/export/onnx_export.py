@@ -23,8 +23,8 @@ from torch import Tensor
 from ...errors import InputError
 from ...models.nn.export import ExportGraph, inference_copy
 from ...motion.rotations import Array
+from ...runtime.bundles.signature import Signature
 from ...runtime.network import open_session
-from ...runtime.signature import Signature
 from .frame_graph import Dims, FrameGraph
 
 __all__ = ["Exported", "export_graphs"]
@@ -64,7 +64,7 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
 
 def _export(name: str, graph: ExportGraph, weights: dict[str, Array]) -> tuple[bytes, dict[str, Dims]]:
     module = inference_copy(graph.module)
-    exported = _trace(graph, module)
+    exported = _trace(name, graph, module)
     shared = {*graph.states}
     while True:  # until every state that is taken as the same for all takes is so
         inputs: dict[str, Dims] = {**graph.inputs, **_states(graph, shared)}
@@ -98,14 +98,14 @@ def _examples(graph: ExportGraph, takes: int, frames: int) -> dict[str, Tensor]:
     return found
 
 
-def _trace(graph: ExportGraph, module: torch.nn.Module) -> Any:
+def _trace(name: str, graph: ExportGraph, module: torch.nn.Module) -> Any:
     """The model as PyTorch exports it."""
     given = _examples(graph, 2, graph.frames)
     takes, frames = torch.export.Dim("N"), torch.export.Dim("T", min=-(-graph.shortest // graph.multiple))
     frames = frames * graph.multiple if graph.multiple > 1 else frames
     over_time = {name for name, shape in graph.inputs.items() if "T" in shape}
-    shapes = [{0: takes, 1: frames} if name in over_time else {0: takes} for name in given]
-    names = [*graph.outputs, *(f"next.{name}" for name in graph.states)]
+    shapes = [{0: takes, 1: frames} if each in over_time else {0: takes} for each in given]
+    names = [*graph.outputs, *(f"next.{each}" for each in graph.states)]
     with _quiet():
         try:
             program = torch.onnx.export(
@@ -113,7 +113,8 @@ def _trace(graph: ExportGraph, module: torch.nn.Module) -> Any:
                 opset_version=OPSET, dynamic_shapes=(shapes,), verbose=False,
             )  # fmt: skip
         except Exception as error:  # the exporter's own classes have no common base
-            raise InputError(f"PyTorch cannot export the network: {type(error).__name__}", "--debug shows why") from error
+            hint = "docs/add_a_model.md says how a module is called; --debug shows PyTorch's own words"
+            raise InputError(f"PyTorch cannot export the network {name!r}: {type(error).__name__}", hint) from error
     assert program is not None
     return program.model_proto
 
@@ -131,7 +132,7 @@ class _Listed(torch.nn.Module):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what the exporter prints of its progress."""
+    """Silence the exporter's progress messages."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -150,19 +151,21 @@ def _compare(
         if shape[0] == 1:
             given[key] = given[key][:1].expand(3, *given[key].shape[1:]).contiguous()
     wanted = module(*given.values())
-    made = open_session(data, weights).run(
-        None, {key: given[key][:1].numpy() if inputs[key][0] == 1 else given[key].numpy() for key in given}
-    )
+    arrays = {key: given[key][:1].numpy() if inputs[key][0] == 1 else given[key].numpy() for key in given}
+    try:
+        made = open_session(data, weights).run(None, arrays)
+    except Exception as error:  # onnxruntime's own classes have no common base
+        raise InputError(f"the exported graph {name!r} does not run", "this is a bug of ours; --debug shows why") from error
     for one, other in zip(made, [wanted] if isinstance(wanted, Tensor) else wanted, strict=True):
         if not np.abs(one - other.numpy()).max(initial=0) <= ERROR * max(1.0, float(other.abs().max())):
-            raise InputError(f"the exported graph {name!r} makes something else than the network", "this is a fault of ours")
+            raise InputError(f"the exported graph {name!r} gives other numbers than the network", "this is a bug of ours")
 
 
 @torch.no_grad()
 def measure_reach(graph: ExportGraph) -> int | None:
     """Frames to either side beyond which speech does not matter to a frame; None: all of a window matters.
 
-    A frame of speech that is no number makes no numbers of whatever hears it.
+    A frame of speech is set to NaN: every frame that depends on it becomes NaN.
     """
     module, step = inference_copy(graph.module), graph.multiple
     frames = 4 * graph.frames

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..export.arrays import check_zip
-from ..files import atomic, parse_json, read_regular
-from ..limits import (  # fmt: skip
+from ...errors import InputError
+from ...export.arrays import check_zip
+from ...files import atomic, parse_json, read_regular
+from ...limits import (  # fmt: skip
     BUNDLE_CARD_BYTES,
     BUNDLE_GRAPH_BYTES,
     BUNDLE_MANIFEST_BYTES,
@@ -33,7 +33,7 @@ from ..limits import (  # fmt: skip
     BUNDLE_WEIGHTS_BYTES,
     TENSORS_HEAD_BYTES,
 )
-from ..motion.rotations import Array
+from ...motion.rotations import Array
 
 __all__ = ["FORMAT", "MANIFEST", "Bundle", "pack_arrays", "read_bundle", "write_bundle"]
 
@@ -51,7 +51,7 @@ _HINT = "is the file damaged, or not a bundle of ours?"
 
 @dataclass(frozen=True)
 class Bundle:
-    """What a file held, checked but not interpreted."""
+    """The content of a file: checked, but not yet interpreted."""
 
     name: str
     manifest: Mapping[str, Any]
@@ -65,7 +65,7 @@ class Bundle:
         """
         value = self.manifest.get(key)
         if not isinstance(value, kind) or isinstance(value, bool):
-            raise InputError(f"{self.name!r} says {key!r} is {str(value)[:60]!r}", _HINT)
+            raise InputError(f"{self.name!r}: {key!r} of its manifest is {str(value)[:60]!r}", _HINT)
         return value
 
     def arrays(self, member: str) -> dict[str, Array]:
@@ -93,7 +93,7 @@ class Bundle:
 
 
 def pack_arrays(arrays: Mapping[str, Array]) -> bytes:
-    """A safetensors member."""
+    """Arrays as a safetensors member."""
     from safetensors.numpy import save
 
     return save({name: np.ascontiguousarray(value) for name, value in arrays.items()})
@@ -138,10 +138,10 @@ def read_bundle(path: str | PathLike[str], format: int = FORMAT) -> Bundle:
 
 def _check_names(sizes: Mapping[str, int], shown: str) -> None:
     if len(sizes) > BUNDLE_MEMBERS:
-        raise InputError(f"{shown!r} has {len(sizes)} members, no bundle has so many", _HINT)
+        raise InputError(f"{shown!r} has {len(sizes)} members, more than a bundle can have", _HINT)
     for name, size in sizes.items():
         if not _NAME.fullmatch(name):
-            raise InputError(f"{shown!r} has a member called {name[:60]!r}", _HINT)
+            raise InputError(f"{shown!r} has the unknown member {name[:60]!r}", _HINT)
         if size > _LARGEST[Path(name).suffix]:
             raise InputError(f"{name} of {shown!r} has {size:,} bytes", f"at most {_LARGEST[Path(name).suffix]:,}")
 
@@ -157,14 +157,14 @@ def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
                 raise InputError(f"{shown!r} has two members of one name", _HINT)
             _check_names({entry.filename: entry.file_size for entry in entries}, shown)
             if any(e.compress_type != zipfile.ZIP_STORED or e.compress_size != e.file_size or e.flag_bits & 1 for e in entries):
-                raise InputError(f"{shown!r} has members that are packed or locked", _HINT)
+                raise InputError(f"{shown!r} has members that are compressed or encrypted", _HINT)
             if sum(entry.file_size for entry in entries) > len(data):
-                raise InputError(f"{shown!r} claims to hold more than it has", _HINT)
+                raise InputError(f"{shown!r} is shorter than its members", _HINT)
             return {entry.filename: archive.read(entry) for entry in entries}
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, RuntimeError, NotImplementedError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{shown!r} cannot be unpack_half: {error}"[:200], _HINT) from None
+        raise InputError(f"{shown!r} cannot be unpacked: {error}"[:200], _HINT) from None
 
 
 def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
     except (InputError, RecursionError):
         raise InputError(f"{shown!r} has no readable {MANIFEST}", _HINT) from None
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int) or not fine:
-        raise InputError(f"{shown!r} has a {MANIFEST} that is none of ours", _HINT)
+        raise InputError(f"{shown!r} has a {MANIFEST} that cospeech did not write", _HINT)
     if manifest["format"] != format:
         hints = {FORMAT: "it need not be converted"} if format < FORMAT else {}
         hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {shown} -o new.cospeech` converts it"

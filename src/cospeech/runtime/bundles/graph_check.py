@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..errors import InputError
+from ...errors import InputError
 
 __all__ = ["OPERATORS", "WEIGHTS", "check_onnx"]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...errors import InputError
+from ...motion.rotations import Array
 
 __all__ = ["Statistics"]
 
@@ -101,15 +101,19 @@ class Statistics:
             value, optional = getattr(self, f.name), f.name not in _REQUIRED
             shape = shapes.get(f.name, (0,))
             if value.dtype != np.float32 or (value.shape != shape and not (optional and not value.size)):
-                raise InputError(f"statistics {f.name!r} of {value.dtype} {value.shape}", f"float32 {shape}")
+                raise InputError(
+                    f"statistics {f.name!r} are {value.dtype} of shape {value.shape}", f"expected float32 of shape {shape}"
+                )
             if not np.abs(value).max(initial=0) < FARTHEST:  # not a number fails this too
-                raise InputError(f"statistics {f.name!r} hold numbers that are not finite or absurd")
+                raise InputError(
+                    f"statistics {f.name!r} hold numbers that are not finite or too large", "is the bundle damaged?"
+                )
             if f.name.endswith(("_std", "_gain")) and value.size and value.min() <= 0:
-                raise InputError(f"statistics {f.name!r} that are not positive", "is the bundle damaged?")
+                raise InputError(f"statistics {f.name!r} hold numbers that are not positive", "is the bundle damaged?")
         if (self.pose_low > self.pose_high).any() or (self.audio_low > self.audio_high).any():
-            raise InputError("statistics with a range whose ends are exchanged")
+            raise InputError("statistics have a lower bound above its upper bound", "is the bundle damaged?")
         if self.words.size and self.words[0].any():
-            raise InputError("a word that is none and has numbers", "is the bundle damaged?")
+            raise InputError("row 0 of the word vectors, which stands for no word, is not zero", "is the bundle damaged?")
 
 
 _REQUIRED = {f.name for f in fields(Statistics)[:9]}

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, Moods
-from ..motion.rotations import Array
-from .crossfade import Crossfade
-from .pose_resampler import MOST_LAG
-from .speaker_emotion_tracker import SpeakerEmotionTracker
-from .style_embedding import StyleEmbedding, StyleMixture
-from .style_space import StyleSpace
-from .system import System
+from ...audio.emotions import EMOTIONS, Moods
+from ...motion.rotations import Array
+from ..crossfade import Crossfade
+from ..pose_resampler import MOST_LAG
+from ..speaker_emotion_tracker import SpeakerEmotionTracker
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture
+from .space import StyleSpace
 
 __all__ = ["SpokenStyleTrack", "StyleTrack"]
 
@@ -56,7 +56,7 @@ class StyleTrack:
         """Whether the style may be another at every frame of a window; a code is one for a window."""
 
     def hear(self, rows: Array) -> None:
-        """Rows of speech (n, A) that come next: they say nothing."""
+        """Take the next rows of speech (n, A); this style does not depend on them."""
 
     def codes(self, frames: Array) -> Array:
         """(N or 1, n or 1, C) what the network is given at these frames."""
@@ -76,7 +76,7 @@ class StyleTrack:
         self._styles.change(self._space.mix(mixture), frame)
 
     def forget(self, before: int) -> None:
-        """Frames before this one are asked for no more."""
+        """Drop what only frames before this one need."""
         self._styles.forget(before - MOST_LAG)
 
 
@@ -103,7 +103,7 @@ class SpokenStyleTrack:
 
     @property
     def moods(self) -> Moods | None:
-        """The emotions that are played; nobody hears them where there is no classifier, and none was given."""
+        """The emotions that are played; None without a classifier and without given emotions."""
         return self._tracker if self._tracker.knows else None
 
     @property
@@ -121,7 +121,7 @@ class SpokenStyleTrack:
         return {name: float(p) for name, p in zip(self._system.speakers, self._tracker.speaker, strict=True)}
 
     def hear(self, rows: Array) -> None:
-        """Rows of speech (n, A) that come next."""
+        """Take the next rows of speech (n, A)."""
         self._tracker.push(rows)
 
     def codes(self, frames: Array) -> Array:

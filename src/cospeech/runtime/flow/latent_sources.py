@@ -15,13 +15,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
-from .autoregressive_decoder import Source
-from .flow_engine import FlowEngine, StudentT
-from .style_embedding import StyleMixture, average_parts, mix
-from .style_space import FlowSpace
-from .system import System
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..autoregressive_decoder import Source
+from ..styles.embedding import StyleMixture, average_parts, mix
+from ..styles.space import FlowSpace
+from ..system import System
+from .engine import FlowEngine, StudentT
 
 __all__ = ["CodeSource", "NormalSource", "SegmentSource", "Transfer", "best_transfer", "flow_of"]
 
@@ -30,7 +30,7 @@ CHUNK = 64  # frames drawn at once
 
 
 class Transfer(Protocol):
-    """What the three sources have in common: how they are made."""
+    """The constructor that the three sources share."""
 
     def __call__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> Source: ...
 
@@ -160,5 +160,5 @@ def flow_of(system: System) -> FlowEngine:
         InputError: it is none.
     """
     if system.flow is None:
-        raise InputError("a way of transfer for a system without latents", "leave it out")
+        raise InputError("only a flow has latents to transfer", "leave transfer out for this model")
     return system.flow

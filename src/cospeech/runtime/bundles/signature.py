@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..errors import InputError
+from ...errors import InputError
 
 __all__ = ["NETWORKS", "PORTS", "STYLE_FRAMES", "Port", "Signature"]
 
@@ -54,7 +54,7 @@ _HINT = "is the bundle damaged?"
 
 @dataclass(frozen=True)
 class Signature:
-    """Ports of a network, and how its frames lie.
+    """Ports of a network, its window and its look-ahead.
 
     Raises:
         InputError: sizes that no network of ours can have.
@@ -86,53 +86,61 @@ class Signature:
             value = getattr(self, name)
             if (value is None and name in ("window", "reach", "hop")) or (type(value) is int and low <= value <= high):
                 continue
-            raise InputError(f"{name} = {str(value)[:60]} of a network", f"a whole number, {low} … {high}")
+            raise InputError(f"the signature of a network has {name} = {str(value)[:60]}", f"a whole number, {low} … {high}")
         if self.state and self.window is not None:
-            raise InputError("a network of windows with a state", "windows do not remember; leave out the state or the window")
+            raise InputError("a network has a window and a state", "a network of windows keeps no state; leave one of them out")
         if self.hop is not None and not (self.window is not None and self.hop + self.look_ahead <= self.window):
-            raise InputError(f"{self.hop} new frames and {self.look_ahead} ahead of a window of {self.window}", _HINT)
+            raise InputError(
+                f"hop {self.hop} and look_ahead {self.look_ahead} exceed the window of {self.window} frames", _HINT
+            )
 
     @classmethod
     def parse(cls, role: str, value: object) -> Signature:
-        """Out of a manifest, as the network ``role``.
+        """Read the signature of the network ``role`` from a manifest.
 
         Raises:
             InputError: it is none, of an unknown role, or absurd.
         """
         names = {f.name for f in fields(cls)}
         if role not in NETWORKS or not isinstance(value, dict) or not {"inputs", "outputs"} <= set(value) <= names:
-            raise InputError(f"{role[:40]!r} with no signature of a network", f"networks are {', '.join(NETWORKS)}")
+            raise InputError(f"network {role[:40]!r} has no valid signature", f"names of networks: {', '.join(NETWORKS)}")
         ports = {key: _ports(value.get(key, {})) for key in ("inputs", "outputs", "state")}
         found = cls(**{**value, **ports})
         found.check(role)
         return found
 
     def check(self, role: str) -> None:
-        """Whether the ports are those of this network.
+        """Refuse ports that a network of this name cannot have.
 
         Raises:
             InputError: they are not.
         """
         able, due = NETWORKS[role]
         if not (due - {"style"} if role != "style" else due) <= set(self.outputs) <= due or not set(self.inputs) <= able:
+            ports = ", ".join([*self.inputs, *self.outputs])[:80]
             raise InputError(
-                f"a network {role!r} of {', '.join([*self.inputs, *self.outputs])[:80]}", "see docs/add_a_model.md"
+                f"network {role!r} cannot have the ports {ports}", "docs/add_a_model.md lists those that it can have"
             )
         if not set(self.inputs) & {"rows", "poses"} or (self.window is None) != (role == "live"):
-            raise InputError(f"a network {role!r} of a window of {self.window}", "only a live one has none")
+            raise InputError(
+                f"network {role!r} has window={self.window}",
+                "live has none; each other network has one, and hears rows or poses",
+            )
         for name, port in {**self.inputs, **self.outputs}.items():
             frames: Port = () if role == "live" or (role, name) == ("style", "style") else ("T",)
             takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name == "poses" else ["N"]
             width = port[-1] if port else 0
             if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
-                raise InputError(f"{name!r} of shape {str(port)[:60]} of a network {role!r}", "see docs/add_a_model.md")
+                raise InputError(
+                    f"port {name!r} of network {role!r} has the shape {str(port)[:60]}", "docs/add_a_model.md lists the shapes"
+                )
         for name, port in self.state.items():
             fits = len(port) == 2 and port[0] in (1, "N") and type(port[1]) is int and port[1] <= _WIDEST_STATE
             if not fits or name in self.inputs or len(self.state) > _MOST_STATES:
-                raise InputError(f"a state {name[:40]!r} of shape {str(port)[:60]}", f"(N or 1, at most {_WIDEST_STATE:,})")
+                raise InputError(f"state {name[:40]!r} has the shape {str(port)[:60]}", f"(N or 1, at most {_WIDEST_STATE:,})")
 
     def to_dict(self) -> dict[str, Any]:
-        """For a manifest; what has its default is left out."""
+        """The signature as a manifest holds it; defaults are left out."""
         found = {f.name: getattr(self, f.name) for f in fields(self)}
         ports = {key: {name: list(port) for name, port in found[key].items()} for key in ("inputs", "outputs", "state")}
         plain = {f.name: found[f.name] for f in fields(self)[3:] if found[f.name] != f.default}
@@ -156,10 +164,10 @@ def _ports(value: object) -> dict[str, Port]:
         InputError: they are none.
     """
     if not isinstance(value, dict):
-        raise InputError(f"ports {str(value)[:60]!r} of a network", "name → shape")
+        raise InputError(f"the ports of a network are {str(value)[:60]!r}", "a table of name → shape")
     for name, port in value.items():
         if not isinstance(port, list | tuple) or not port or not all(_is_size(size) for size in port):
-            raise InputError(f"a port {name[:40]!r} of shape {str(port)[:60]}", "whole numbers from 1 on, N and T")
+            raise InputError(f"port {name[:40]!r} has the shape {str(port)[:60]}", "whole numbers from 1 on, N and T")
     return {name: tuple(port) for name, port in value.items()}
 
 

@@ -1,4 +1,4 @@
-"""What a system knows of how somebody moves, of its own speakers and out of an example, any motion of any length."""
+"""What a model knows of a style: of one of its speakers, or from an example of any length."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.motion import Motion
-from ..motion.poses import Pose, find_pose
-from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
-from .spec import BundleFacts
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.poses import Pose, find_pose
+from ...motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
+from ..bundles.spec import BundleFacts
 
 __all__ = ["StyleEmbedding", "StyleMixture", "encode_motion", "mix", "standardise_example", "stretches", "average_parts"]
 
@@ -26,7 +26,7 @@ _POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "co
 
 @dataclass(frozen=True, eq=False)
 class StyleEmbedding:
-    """How somebody moves, in a system's standardised numbers; None: the system knows no such thing."""
+    """A style in the standardised numbers of a system; None: the system does not use this number."""
 
     code: Array
     """(C,) what the network is given; of no width for a system that has no codes."""
@@ -81,7 +81,7 @@ def standardise_example(system: BundleFacts, motion: Motion, least: float, name:
         InputError: it is shorter, or its skeleton is not recognised.
     """
     if motion.duration < least:
-        raise InputError(f"{name} has {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
+        raise InputError(f"{name} has only {motion.duration:.2f} s of motion", f"an example of style has {least:g} s at least")
     try:
         return tuple(_standardise(piece, system) for piece in _spread(motion, least))
     except InputError as error:

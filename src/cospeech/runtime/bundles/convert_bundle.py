@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...audio.emotions import EMOTIONS
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..network import open_session
+from ..system import open_system
 from .bundle import Bundle, pack_arrays, read_bundle, write_bundle
-from .network import open_session
 from .signature import STYLE_FRAMES, Port, Signature
 from .spec import STATISTICS, WEIGHTS, read_spec, unpack_half
-from .system import open_system
 
 __all__ = ["NAMES", "SIZES", "convert_bundle"]
 
@@ -46,18 +46,18 @@ def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
         InputError: it is no bundle of format 1, is damaged, or cannot be written.
     """
     if Path(fsdecode(out)).suffix != ".cospeech":
-        raise InputError(f"a bundle called {fsdecode(out)!r}", "its name ends in .cospeech")
+        raise InputError(f"a bundle cannot be called {fsdecode(out)!r}", "its name ends in .cospeech")
     old = read_bundle(path, format=1)
     kind, sizes = old.fact("kind", str), old.fact("sizes", dict)
     if kind not in NAMES:
-        raise InputError(f"{old.name!r} holds a {kind[:40]!r}", f"what can be converted is {', '.join(NAMES)}")
+        raise InputError(f"{old.name!r} is a bundle of kind {kind[:40]!r}", f"kinds that can be converted: {', '.join(NAMES)}")
     arrays = {NAMES[kind].get(name, name): value for name, value in old.arrays(STATISTICS).items() if value.size}
     manifest = {name: value for name, value in old.manifest.items() if name not in ("kind", "sizes", "members", "format")}
     members = {name: data.replace(*_NOISE) if name.endswith(".onnx") else data for name, data in old.members.items()}
     try:
         facts = {"flow": _flow, "window": _windows, "chain": _chain}[kind](sizes, arrays, old, _states(old))
     except (KeyError, TypeError, IndexError):
-        raise InputError(f"{old.name!r} lacks what a bundle of format 1 has", "is it damaged?") from None
+        raise InputError(f"{old.name!r} lacks entries of a bundle of format 1", "is it damaged?") from None
     if facts["style_space"] in ("one-hot", "speaker-emotion"):
         arrays.pop("style_codes", None)
     new = Bundle(old.name, manifest | facts, members | {STATISTICS: pack_arrays(arrays)})

@@ -8,7 +8,7 @@
                               z ← [z₁, z₂] · M_k − bias_k,   M_k = (exp(−logs_k) W_k⁻¹)ᵀ, worked out beforehand
     style   a stretch of poses → its style code, for a network that has them
 
-so that per step only W_hh and W_ih of upper layers are read. The weights (`cospeech.runtime.flow_weights`) lie in no graph:
+so that per step only W_hh and W_ih of upper layers are read. The weights (`cospeech.runtime.flow.weights`) lie in no graph:
 they are handed over by name when a session is opened, and the engine reads the same ones.
 
 Where weights are quantised, hidden states, which lie in −1 … 1, become bytes at a fixed scale of 1/127; other inputs become
@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from ..motion.rotations import Array
-from .flow_weights import SCALE_FLOOR, STEP_GAIN, FlowSizes, state_kinds
-from .graph_builder import GraphBuilder
+from ...motion.rotations import Array
+from ..bundles.graph_builder import GraphBuilder
+from .weights import SCALE_FLOOR, STEP_GAIN, FlowSizes, state_kinds
 
 __all__ = ["build_graphs"]
 
@@ -45,7 +45,7 @@ def build_graphs(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, by
 
 
 class _Builder(GraphBuilder):
-    """With what flows are made of."""
+    """A graph builder with the operations of flows."""
 
     def __init__(self, weights: Mapping[str, Array], sizes: FlowSizes) -> None:
         super().__init__(weights)

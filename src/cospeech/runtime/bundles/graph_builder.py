@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..motion.rotations import Array
+from ...motion.rotations import Array
 from .graph_check import WEIGHTS
 
 __all__ = ["GraphBuilder"]

@@ -1,4 +1,4 @@
-"""What users say of a style: a speaker by name, an example, a mixture of both."""
+"""Reads what a user names as style: a speaker, an example, or a mixture of them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, nearest
-from ..export.registry import FORMATS, reads_body, suffixes
-from ..motion.motion import Motion
-from ..motion.named_numbers import read_named_numbers
-from .style_embedding import StyleEmbedding, StyleMixture
-from .style_space import StyleSpace
-from .system import System
+from ...errors import InputError, nearest
+from ...export.registry import FORMATS, reads_body, suffixes
+from ...motion.motion import Motion
+from ...motion.named_numbers import read_named_numbers
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture
+from .space import StyleSpace
 
 __all__ = ["StyleMixture", "Styles", "example_files"]
 
@@ -52,7 +52,9 @@ class Styles:
         weights = _weights(style, self._system.styles)
         total = sum(weights.values())
         if not all(isfinite(w) and w >= 0 for w in weights.values()) or total >= MOST_WEIGHT:
-            raise InputError(f"style weights {_describe(style)}", "positive numbers, as in ada:0.7,clip.bvh:0.3")
+            raise InputError(
+                f"the weights of style {_describe(style)} are not usable", "positive numbers, as in ada:0.7,clip.bvh:0.3"
+            )
         scale = max(total, 1.0) if total < ALL else total
         parts = [(weight / scale, self._find_embedding(who)) for who, weight in weights.items() if weight > 0]
         if total < ALL:
@@ -98,7 +100,7 @@ _KEPT = 8  # ours: examples remembered
 
 
 def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
-    """Name, path or motion → its weight, as the user said it."""
+    """Name, path or motion → its weight, as the user gave it."""
     if style is None:
         return {}
     if isinstance(style, Motion):
@@ -109,14 +111,13 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
         found: dict[Any, float] = {}
         for who, weight in style.items():
             if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
-                raise InputError(f"weight {weight!r} of style {_describe(who)}", "a number")
+                raise InputError(f"the weight of style {_describe(who)} is {weight!r}", "a number")
             key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
             found[key] = found.get(key, 0.0) + float(weight)
         return found
     if not isinstance(style, str) or not style.strip():
-        raise InputError(
-            f"style {_describe(style)}", "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
-        )
+        hint = "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
+        raise InputError(f"style {_describe(style)} cannot be used", hint)
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
@@ -141,7 +142,7 @@ def _check_example(who: object, names: tuple[str, ...]) -> str:
         InputError: it is none, and nobody's name either.
     """
     if not isinstance(who, str):
-        raise InputError(f"style {_describe(who)}", "a name, a motion file or a Motion")
+        raise InputError(f"style {_describe(who)} cannot be used", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
     known = " ".join(suffixes(reads_body))

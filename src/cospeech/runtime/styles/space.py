@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.motion import Motion
-from ..motion.rotations import Array
-from .flow_engine import FlowEngine
-from .spec import VOICE
-from .style_embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
-from .system import System
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.rotations import Array
+from ..bundles.spec import VOICE
+from ..flow.engine import FlowEngine
+from ..system import System
+from .embedding import StyleEmbedding, StyleMixture, mix, standardise_example, stretches
 
 __all__ = ["CodeSpace", "FlowSpace", "OneHotSpace", "StyleSpace", "style_space"]
 
@@ -29,14 +29,14 @@ BEGINNINGS = 8  # ours: places in an example that takes begin from
 
 
 class StyleSpace(Protocol):
-    """What a user's words for a style mean to a system."""
+    """Turns names, examples and mixtures into styles of a system."""
 
     def by_name(self, name: str) -> StyleEmbedding:
         """One of the system's styles."""
         ...
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
-        """What a motion shows of somebody's style; the face is not looked at.
+        """The style of an example; its face is ignored.
 
         Args:
             motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
@@ -58,7 +58,7 @@ class StyleSpace(Protocol):
 
 
 def style_space(system: System) -> StyleSpace:
-    """That of a system."""
+    """The style space of a system."""
     if system.flow is not None:
         return FlowSpace(system, system.flow)
     return OneHotSpace(system) if system.style_space in ("one-hot", "speaker-emotion") else CodeSpace(system)
@@ -100,20 +100,20 @@ class CodeSpace:
         """The mean of what the style encoder makes of stretches that overlap by half; and all poses of the example."""
         system, encoder = self._system, self._system.networks.get("style")
         if encoder is None:
-            hint = f"it has {', '.join(system.styles)}, and their mixtures"
-            raise InputError(f"this system cannot see a style in {name}", hint)
+            hint = f"its styles are {', '.join(system.styles)}, and mixtures of them"
+            raise InputError(f"this model cannot take a style from the example {name}", hint)
         least = encoder.signature.probe
         shown = standardise_example(system, motion, least / system.fps, name)
         frames = min(len(poses) for poses in shown)
         if frames < least:
-            hint = f"an example of style has {least} of them at least, {least / system.fps:.2f} s"
-            raise InputError(f"{name} has {frames} frames at {system.fps:g} a second", hint)
+            hint = f"at least {least} frames, {least / system.fps:.2f} s"
+            raise InputError(f"example {name} has only {frames} frames at {system.fps:g} per second", hint)
         shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
         pieces = [stretch for poses in shown for stretch in stretches(poses, least)]
         return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown
 
     def _embedding(self, code: Array, mean: Array, shares: Array, shown: tuple[Array, ...]) -> StyleEmbedding:
-        """Of an example that is like the speakers by these shares."""
+        """The style of an example that is a mixture of the speakers with these shares."""
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
         made, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
@@ -124,8 +124,8 @@ class CodeSpace:
 
 
 class OneHotSpace(CodeSpace):
-    """Styles are weights of the speakers. An example is the nearest mixture of them, and has its mean pose. `VOICE` is nobody:
-    its share goes to those whom the classifier hears."""
+    """Styles are weights of the speakers. An example is the nearest mixture of them, and has its mean pose. The share of
+    `VOICE` goes to the speakers that the classifier estimates."""
 
     def by_name(self, name: str) -> StyleEmbedding:
         """See `StyleSpace`."""
@@ -214,5 +214,5 @@ def _normalise(code: Array) -> Array:
 
 
 def _no_beginnings(system: System) -> Array:
-    """Windows have no past."""
+    """No beginnings: networks of windows have no history."""
     return np.zeros((0, 0, system.pose_width), np.float32)

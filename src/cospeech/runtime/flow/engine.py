@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
-from .flow_weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
-from .network import explain_failure, open_session, run_session
+from ...errors import InputError
+from ...motion.rotations import Array
+from ..network import explain_failure, open_session, run_session
+from .weights import SCALE_FLOOR, FlowSizes, check_weights, state_kinds, unpack
 
 __all__ = ["FlowEngine", "StudentT", "Takes"]
 
@@ -42,14 +42,14 @@ class StudentT:
 
 
 class FlowEngine:
-    """A flow ready to run; any number of performances may share it.
+    """A flow ready to run; any number of sessions may share it.
 
     Poses and audio are standardised vectors, as the network was trained on.
 
     Args:
         sizes: of the network.
-        weights: of `cospeech.runtime.flow_weights.pack_weights`.
-        graphs: of `cospeech.runtime.flow_graph.build_graphs`.
+        weights: of `cospeech.runtime.flow.weights.pack_weights`.
+        graphs: of `cospeech.runtime.flow.graph.build_graphs`.
         low, high: (D,) bounds of every pose that is made: those of the training data and some more. What is fed back can
             therefore not run away.
 
@@ -64,10 +64,13 @@ class FlowEngine:
         self.sizes, self.weights = sizes, weights
         self.low, self.high = (np.ascontiguousarray(np.reshape(v, (1, -1)), np.float32) for v in (low, high))
         if not self.low.shape == self.high.shape == (1, sizes.pose) or not (self.low < self.high).all():
-            raise InputError(f"bounds of poses of shapes {low.shape}, {high.shape}", f"({sizes.pose},), the lower ones lower")
+            raise InputError(
+                f"the bounds of poses have the shapes {low.shape}, {high.shape}, or a lower one is not below its upper one",
+                f"both ({sizes.pose},)",
+            )
         missing = {"speech", "past", "frame", *(("style",) if sizes.style else ())} - set(graphs)
         if missing:
-            raise InputError(f"no graph {', '.join(sorted(missing))}", "is the bundle damaged?")
+            raise InputError(f"the graph {', '.join(sorted(missing))} is missing", "is the bundle damaged?")
         self._graphs = graphs
         self.speech, self.frame = (open_session(graphs[name], weights) for name in ("speech", "frame"))
         self._check_ends()
@@ -92,9 +95,11 @@ class FlowEngine:
             for end in found:
                 kind = "tensor(uint8)" if end.name in ("q", "next_q") else "tensor(float)"
                 if len(end.shape) != 2 or end.type != kind or end.shape[1] != due.get(end.name):
-                    raise InputError(f"a graph with {end.name!r} of {end.type} {end.shape}"[:200], "is the bundle damaged?")
+                    raise InputError(
+                        f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], "is the bundle damaged?"
+                    )
             if len(found) != len(due):
-                raise InputError(f"a graph with {len(found)} ends, {len(due)} are due", "is the bundle damaged?")
+                raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", "is the bundle damaged?")
 
     def begin(self, histories: Array, styles: Array | None = None) -> Takes:
         """A batch of takes that begin with these poses.
@@ -109,7 +114,7 @@ class FlowEngine:
         wanted = (rows, self.sizes.style)
         styles = np.zeros(wanted, np.float32) if styles is None else np.array(styles, np.float32, ndmin=2)
         if styles.shape != wanted:
-            raise InputError(f"style codes of shape {styles.shape}", f"{wanted}")
+            raise InputError(f"style codes have the shape {styles.shape}", f"expected {wanted}")
         return styles
 
     def style_code(self, poses: Array) -> Array:
@@ -119,9 +124,9 @@ class FlowEngine:
             InputError: the network has no style codes, or the poses have another shape.
         """
         if not self.sizes.style:
-            raise InputError("this system has no style codes")
+            raise InputError("this model has no style codes", "take one that was trained with model.style")
         if np.ndim(poses) != 2 or len(poses) < 8 or np.shape(poses)[1] != self.sizes.pose:
-            raise InputError(f"an example of shape {np.shape(poses)}", f"at least 8 × {self.sizes.pose}")
+            raise InputError(f"an example of style has the shape {np.shape(poses)}", f"expected (8 or more, {self.sizes.pose})")
         session = open_session(self._graphs["style"], self.weights)
         return run_session(session, {"poses": np.ascontiguousarray(poses, np.float32)[None]})[0][0]
 
@@ -156,7 +161,7 @@ class FlowEngine:
         poses, windows = np.asarray(poses, np.float32), self.windows(audio)
         if poses.shape != (len(audio), s.pose) or np.shape(audio)[1] != s.audio or not len(windows):
             wanted = f"(T, {s.pose}) and (T, {s.audio}), at least {s.speech_frames} of each"
-            raise InputError(f"poses {poses.shape} and audio {np.shape(audio)}", wanted)
+            raise InputError(f"poses have the shape {poses.shape} and audio {np.shape(audio)}", f"expected {wanted}")
         frames = len(windows)
         histories = np.lib.stride_tricks.sliding_window_view(poses[: s.history + frames - 1], s.history, axis=0)
         histories = np.ascontiguousarray(histories.transpose(0, 2, 1)).reshape(frames, -1)
@@ -179,7 +184,7 @@ class FlowEngine:
         return x
 
     def _normalise(self, k: int, x: Array, past: Array) -> Array:
-        """One step, all frames."""
+        """One step of the flow backwards, for all frames."""
         s, w = self.sizes, self.weights
         moved = s.pose - s.first_half
         x = np.linalg.solve(w[f"{k}.mix"].T.astype(np.float64), (x - w[f"{k}.mix.bias"]).T).T.astype(np.float32)
@@ -234,7 +239,7 @@ class Takes:
     def __init__(self, engine: FlowEngine, histories: Array, styles: Array) -> None:
         s = engine.sizes
         if histories.ndim != 3 or histories.shape[1:] != (s.history, s.pose) or not len(histories):
-            raise InputError(f"histories of shape {histories.shape}", f"(takes, {s.history}, {s.pose})")
+            raise InputError(f"histories have the shape {histories.shape}", f"expected (takes, {s.history}, {s.pose})")
         self._engine, self.styles, takes = engine, styles, len(histories)
         self.history: Array = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
         self._z, self._pose = np.zeros((takes, s.pose), np.float32), np.zeros((takes, s.pose), np.float32)
@@ -273,7 +278,7 @@ class Takes:
         )
         out = np.empty((len(self._pose), len(windows), width), np.float32)
         if np.shape(z) != out.shape:
-            raise InputError(f"latents of shape {np.shape(z)}", f"{out.shape}")
+            raise InputError(f"latents have the shape {np.shape(z)}", f"expected {out.shape}")
         for first in range(0, len(windows), BLOCK):
             heard = self._engine.hear(windows[first : first + BLOCK])
             for t in range(len(heard[0])):

@@ -67,7 +67,7 @@ class TableSplit:
         corpus: of the store.
         rows, claims: of the table.
         note: below it.
-        speakers: that the store must have; the first part of a design whose speakers it has is what is made.
+        speakers: that the store must have; the first part of a table whose speakers it has is what is made.
     """
 
     corpus: str
@@ -120,7 +120,7 @@ class PaperTable:
         title: what it is.
         columns: metric → head of its column.
         parts: what it is on each corpus, or set of speakers.
-        bench: (design, part, stages, raw corpus or None) → where it is judged.
+        bench: (table, part, runs, raw corpus or None) → what scores its rows.
         shown: what its figure shows.
     """
 

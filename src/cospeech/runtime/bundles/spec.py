@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS
-from ..audio.features.reduce import REDUCTIONS, audio_width
-from ..audio.features.words import BUCKETS
-from ..errors import InputError
-from ..motion.poses import POSES, find_pose
-from ..motion.poses.controls import CONTROLS, QUANTILES
-from ..motion.rotations import Array
-from ..motion.skeletons.arkit import ARKIT
+from ...audio.emotions import EMOTIONS
+from ...audio.features.reduce import REDUCTIONS, audio_width
+from ...audio.features.words import BUCKETS
+from ...errors import InputError
+from ...motion.poses import POSES, find_pose
+from ...motion.poses.controls import CONTROLS, QUANTILES
+from ...motion.rotations import Array
+from ...motion.skeletons.arkit import ARKIT
+from ..flow.weights import FlowSizes
+from ..flow.weights import check_weights as check_flow
 from .bundle import Bundle
-from .flow_weights import FlowSizes
-from .flow_weights import check_weights as check_flow
 from .graph_check import check_onnx
 from .signature import Signature
 from .statistics import Statistics
@@ -43,7 +43,7 @@ _GRAPHS = {"speech", "past", "frame"}  # of a flow; style where it has codes
 
 @dataclass(frozen=True)
 class BundleFacts:
-    """What every system says of itself."""
+    """The facts that every bundle states."""
 
     name: str
     """Of the file."""
@@ -86,7 +86,7 @@ class BundleSpec(BundleFacts):
 
 
 def half(weights: Mapping[str, Array]) -> dict[str, Array]:
-    """Weights at half the size: float16 but for biases.
+    """Weights at half their size: all but biases become float16.
 
     Raises:
         InputError: some are too large for it.
@@ -119,7 +119,7 @@ def _read(bundle: Bundle) -> BundleSpec:
         statistics = _check_flow_statistics(flow, statistics, facts)
         check_flow(weights, flow)
         if missing := (_GRAPHS | ({"style"} if flow.style else set())) - set(graphs):
-            raise InputError(f"no graph {', '.join(sorted(missing))}", "is the bundle damaged?")
+            raise InputError(f"the graph {', '.join(sorted(missing))} is missing", "is the bundle damaged?")
         widths = flow.pose, flow.audio
     else:
         statistics = _check_network_statistics(signatures, statistics, facts)
@@ -130,61 +130,76 @@ def _read(bundle: Bundle) -> BundleSpec:
         widths = decoder.width("poses"), decoder.width("rows") - words
     pose, audio = facts["pose"], facts["audio"]
     if find_pose(pose).dimensions != widths[0] or audio_width(audio) != widths[1] - len(facts["controls"]):
-        raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
+        raise InputError(
+            f"{bundle.name!r}: its networks do not fit {pose[:40]!r} poses and {audio[:40]!r} audio", "is it damaged?"
+        )
     return BundleSpec(**facts, statistics=statistics, signatures=signatures, flow=flow, graphs=graphs, weights=weights)
 
 
 def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
     """The sizes of a flow, or the signatures of networks that fit together."""
     if ("flow" in bundle.manifest) == ("networks" in bundle.manifest):
-        raise InputError(f"{bundle.name!r} does not tell its networks", "is it of another version?")
+        raise InputError(
+            f"the manifest of {bundle.name!r} has to describe either networks or a flow", "is it of another version?"
+        )
     if "flow" in bundle.manifest:
         sizes = bundle.fact("flow", dict)
         if not set(sizes) <= {f.name for f in fields(FlowSizes)}:
-            raise InputError(f"{bundle.name!r} has a flow of unknown sizes", "is it of another version?")
+            raise InputError(
+                f"{bundle.name!r} names sizes of a flow that this version does not know", "is it of another version?"
+            )
         try:
             return FlowSizes(**sizes), {}
         except TypeError:
-            raise InputError(f"{bundle.name!r} does not tell the sizes of its flow", "is it of another version?") from None
+            raise InputError(f"{bundle.name!r} lacks sizes of its flow", "is it of another version?") from None
     found = {name: Signature.parse(name, value) for name, value in bundle.fact("networks", dict).items()}
     decoder = found.get("make") or found.get("live")
     if decoder is None:
-        raise InputError(f"{bundle.name!r} has no network that plays", "make, live, or both")
+        raise InputError(f"{bundle.name!r} has no network that makes motion", "it needs 'make', 'live', or both")
     live, style = found.get("live", decoder), found.get("style")
     for port in ("poses", "rows", "style", "noise"):
         if live.width(port) != decoder.width(port):
             raise InputError(
-                f"{port!r} of {live.width(port)} and of {decoder.width(port)}", "networks of a bundle fit together"
+                f"port {port!r} has {decoder.width(port)} numbers in 'make' and {live.width(port)} in 'live'",
+                "they must be equal",
             )
     faced = decoder.width("face") in (0, len(ARKIT) + 1)
     if not faced or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
-        raise InputError(
-            "a network that is given a face or poses of another size", f"{len(ARKIT) + 1}, and one more than poses"
-        )
+        due = f"'face' has {len(ARKIT) + 1} numbers, 'seed' one more than 'poses'"
+        raise InputError("the ports 'face' and 'seed' have other sizes than a network can have", due)
     if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), decoder.width("style")):
-        raise InputError("a style encoder of another network", "is the bundle damaged?")
+        raise InputError(
+            "the style encoder has other poses or styles than the network that makes motion", "is the bundle damaged?"
+        )
     return None, found
 
 
 def _facts(bundle: Bundle) -> dict[str, Any]:
-    """Those of `BundleFacts` but the statistics."""
+    """The facts of `BundleFacts`, without the statistics."""
     pose, audio, fps = bundle.fact("pose", str), bundle.fact("audio", str), float(bundle.fact("fps", (int, float)))
     smooth, names, style = bundle.fact("smooth", int), bundle.fact("styles", list), bundle.fact("style", str)
     if style not in names or len({str(name) for name in names}) < len(names) or not all(isinstance(n, str) for n in names):
-        raise InputError(f"{bundle.name!r} has no list of styles", "is it damaged?")
+        raise InputError(f"{bundle.name!r} has no valid list of styles, or its default is not one of them", "is it damaged?")
     if pose not in POSES or audio not in REDUCTIONS:
-        raise InputError(f"{bundle.name!r} has poses {pose[:40]!r} and audio {audio[:40]!r}", "is it of another version?")
+        raise InputError(
+            f"{bundle.name!r} has unknown poses {pose[:40]!r} or audio {audio[:40]!r}", "is it of another version?"
+        )
     if not (FRAME_RATES[0] <= fps <= FRAME_RATES[1] and 0 <= smooth <= MOST_SMOOTH):
-        raise InputError(f"{bundle.name!r} has {fps} frames per second, smoothed over {smooth}", "is it damaged?")
+        raise InputError(
+            f"{bundle.name!r} has {fps} frames per second and smooth={smooth}",
+            f"{FRAME_RATES[0]:g} … {FRAME_RATES[1]:g}, and 0 … {MOST_SMOOTH}",
+        )
     space = bundle.fact("style_space", str)
     if space not in STYLE_SPACES:
-        raise InputError(f"{bundle.name!r} has styles of the kind {space[:40]!r}", f"one of {', '.join(STYLE_SPACES)}")
+        raise InputError(f"{bundle.name!r} has the unknown style_space {space[:40]!r}", f"one of {', '.join(STYLE_SPACES)}")
     controls = bundle.fact("controls", list) if "controls" in bundle.manifest else []
     if any(controls.count(name) > 1 or name not in CONTROLS for name in controls):
-        raise InputError(f"{bundle.name!r} has style controls {str(controls)[:60]}", f"of {', '.join(CONTROLS)}, each once")
+        raise InputError(
+            f"{bundle.name!r} lists the style controls {str(controls)[:60]}", f"known: {', '.join(CONTROLS)}, each once"
+        )
     words = bundle.fact("vocabulary", list) if "vocabulary" in bundle.manifest else None
     if words is not None and not all(isinstance(word, str) for word in words):
-        raise InputError("a vocabulary that is not of words", "is the bundle damaged?")
+        raise InputError("the vocabulary holds something else than words", "is the bundle damaged?")
     return {
         "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
         "style_space": space, "controls": tuple(controls),
@@ -194,11 +209,11 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
 
 
 def _statistics(bundle: Bundle) -> Statistics:
-    """By their names; not checked."""
+    """The statistics by their names, not checked yet."""
     arrays = bundle.arrays(STATISTICS)
     required = {f.name for f in fields(Statistics)[:9]}
     if not required <= set(arrays) <= {f.name for f in fields(Statistics)}:
-        raise InputError(f"{bundle.name!r} has other statistics than a bundle has", "is it of another version?")
+        raise InputError(f"{bundle.name!r} lacks statistics, or has unknown ones", "is it of another version?")
     return Statistics(**arrays)
 
 
@@ -213,16 +228,18 @@ def _check_flow_statistics(flow: FlowSizes, s: Statistics, facts: Mapping[str, A
     speakers, controls = len(facts["styles"]), len(facts["controls"])
     each = max(1, len(np.atleast_1d(s.histories)) // max(speakers, 1))
     if facts["style_space"] != ("code" if flow.style else "none"):
-        raise InputError(f"a flow with styles of the kind {facts['style_space']!r}", "is the bundle damaged?")
+        raise InputError(f"a flow of this size cannot have the style_space {facts['style_space']!r}", "is the bundle damaged?")
     shapes = _common_shapes(flow.pose, flow.audio - controls, speakers, controls)
     shapes |= {"histories": (speakers * each, flow.history, flow.pose), "style_codes": (speakers, flow.style)}
     shapes |= {"speaker_std": (speakers, flow.pose)}
     shapes |= dict.fromkeys(("free_mean", "free_std"), (flow.pose if s.speaker_std.size else 0,))
     s.check(shapes)
     if not s.histories.size or (flow.style and not s.style_codes.size) or (controls and not s.control_quantiles.size):
-        raise InputError("a flow without histories, codes or quantiles", "is the bundle damaged?")
+        raise InputError(
+            "the statistics of the flow lack histories, style_codes or control_quantiles", "is the bundle damaged?"
+        )
     if s.speaker_std.size and not (s.free_mean.size and s.free_std.size):
-        raise InputError("a flow by recordings that does not say how it moves", "is the bundle damaged?")
+        raise InputError("the statistics of the flow have speaker_std, but no free_mean and free_std", "is the bundle damaged?")
     return s.complete(one_hot=False)
 
 
@@ -232,17 +249,25 @@ def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics
     speakers, controls, space = len([n for n in facts["styles"] if n != VOICE]), len(facts["controls"]), facts["style_space"]
     hears = VOICE in facts["styles"]
     if hears != ("classify" in signatures) or (hears and (facts["styles"][-1] != VOICE or space != "speaker-emotion")):
-        raise InputError(f"styles {', '.join(facts['styles'])[:60]}", f"speakers, and {VOICE!r} after them with a classifier")
+        raise InputError(
+            f"the styles {', '.join(facts['styles'])[:60]} do not fit the networks",
+            f"{VOICE!r} is the last style of a bundle with a classifier, and of no other",
+        )
     emotions = len(EMOTIONS) if space == "speaker-emotion" else 0
     width = {"none": 0, "code": decoder.width("style")}.get(space, speakers + emotions)
     if decoder.width("style") != width or (space == "code" and not width) or not speakers:
-        raise InputError(f"a style of {decoder.width('style')} numbers for {speakers} speakers", f"{width} for {space}")
+        raise InputError(
+            f"the network takes a style of {decoder.width('style')} numbers",
+            f"{speakers} speakers in the style_space {space!r} need {width}",
+        )
     words, shapes = s.words.shape[-1] if s.words.size else 0, dict[str, tuple[int, ...]]()
     audio = decoder.width("rows") - words
     if hears and (signatures["classify"].width("rows"), signatures["classify"].width("logits")) != (audio - controls, width):
-        raise InputError("a classifier of another network", "is the bundle damaged?")
+        raise InputError(
+            "the classifier has another number of inputs or outputs than the networks need", "is the bundle damaged?"
+        )
     if hears and signatures["classify"].reach is None:
-        raise InputError("a classifier that hears without an end", "its reach is a whole number")
+        raise InputError("the signature of the classifier has no reach", "a whole number of frames")
     rows = BUCKETS if facts["vocabulary"] is None else len(facts["vocabulary"])
     shapes = _common_shapes(decoder.width("poses"), audio - controls, speakers, controls)
     shapes |= dict.fromkeys(
@@ -251,33 +276,35 @@ def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics
     shapes |= {"noise_gain": (2,), "words": (rows + 1, words), "style_codes": (speakers, width - emotions)}
     s.check(shapes)
     if (space == "code" and not s.style_codes.size) or (facts["vocabulary"] is not None and not words):
-        raise InputError("styles without codes, or a vocabulary without numbers", "is the bundle damaged?")
+        raise InputError("the statistics lack style_codes, or the vectors of the vocabulary's words", "is the bundle damaged?")
     if controls and not s.control_quantiles.size:
-        raise InputError("style controls without quantiles", "is the bundle damaged?")
+        raise InputError("the statistics lack control_quantiles", "is the bundle damaged?")
     return s.complete(one_hot=space in ("one-hot", "speaker-emotion"))
 
 
 def _check_graphs(graphs: Mapping[str, bytes], signatures: Mapping[str, Signature], weights: Mapping[str, Array]) -> None:
     """One graph for each signature, and no weight too many; what is missing is told where a graph is opened."""
     if set(graphs) != set(signatures):
-        raise InputError(f"graphs {', '.join(sorted(graphs))[:60]!r}", f"one for each of {', '.join(signatures)}")
+        raise InputError(f"the bundle holds the graphs {', '.join(sorted(graphs))[:60]!r}", f"expected {', '.join(signatures)}")
     if odd := set(weights) ^ {name for graph in graphs.values() for name in check_onnx(graph)}:
-        raise InputError(f"weights that no graph has: {min(odd)!r}"[:200], "is the bundle damaged?")
+        raise InputError(f"the weights {min(odd)!r} are missing, or no graph uses them"[:200], "is the bundle damaged?")
 
 
 def unpack_half(weights: Mapping[str, Array]) -> dict[str, Array]:
-    """Those in float16 as float32; others as they are."""
+    """Weights in float16 become float32; the others stay."""
     return {name: value.astype(np.float32) if value.dtype == np.float16 else value for name, value in weights.items()}
 
 
 def _check_weights(weights: Mapping[str, Array]) -> None:
-    """Types and values.
+    """Refuse weights of a wrong type or value.
 
     Raises:
         InputError: some are not float32, not finite or absurd.
     """
     for name, value in weights.items():
         if value.dtype != np.float32:
-            raise InputError(f"weights {name[:60]!r} of {value.dtype}", "float32")
+            raise InputError(f"weights {name[:60]!r} are {value.dtype}", "expected float32")
         if not np.abs(value).max(initial=0) <= LARGEST:  # not a number fails this too
-            raise InputError(f"weights {name[:60]!r} hold numbers that are not finite or absurd", "did the training diverge?")
+            raise InputError(
+                f"weights {name[:60]!r} hold numbers that are not finite or too large", "did the training diverge?"
+            )

@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..errors import InputError
-from ..motion.rotations import Array
+from ...errors import InputError
+from ...motion.rotations import Array
 
 __all__ = [
     "CODE", "GATES", "LEVELS", "SCALE_FLOOR", "STEP_GAIN", "FlowSizes", "check_weights", "pack_weights", "state_kinds",
@@ -29,7 +29,7 @@ GATES = {"gru": 3, "lstm": 4}
 
 @dataclass(frozen=True)
 class FlowSizes:
-    """What the shape of the graphs follows from."""
+    """The sizes of a flow, which decide the shape of its graphs."""
 
     pose: int
     """D, numbers of a pose."""
@@ -73,13 +73,13 @@ class FlowSizes:
             kinds = (int, float) if field.name in ("nu", "inertia", "feedback_gain") else (type(low),)
             if field.name == "cell":
                 if not isinstance(value, str) or value not in GATES:
-                    raise InputError(f"a flow of {str(value)[:60]!r} cells", f"one of {', '.join(GATES)}")
+                    raise InputError(f"the cells of a flow are {str(value)[:60]!r}", f"one of {', '.join(GATES)}")
             elif type(value) not in kinds or not low <= value <= high:
-                raise InputError(f"{field.name} = {str(value)[:60]} of a flow", f"{low} … {high}")
+                raise InputError(f"the sizes of a flow have {field.name} = {str(value)[:60]}", f"{low} … {high}")
         if self.inertia and self.history < 2:
-            raise InputError(f"a flow with inertia and a history of {self.history} poses", "2 at least")
+            raise InputError(f"a flow with inertia has a history of {self.history} poses", "2 at least")
         if self.speech_frames <= self.history:
-            raise InputError(f"a flow that hears {self.speech_frames} frames", f"more than its history of {self.history}")
+            raise InputError(f"a flow has speech_frames = {self.speech_frames}", f"more than its history of {self.history}")
 
     @property
     def gates(self) -> int:
@@ -153,7 +153,7 @@ def pack_weights(arrays: Mapping[str, Array], sizes: FlowSizes) -> dict[str, Arr
         if sizes.style:
             _pack_stylist(out, arrays)
     except (KeyError, ValueError, IndexError, np.linalg.LinAlgError) as error:
-        raise InputError(f"weights that are not those of {sizes}: {error}"[:300]) from None
+        raise InputError(f"the weights do not fit {sizes}: {error}"[:300], "are they of another network?") from None
     check_weights(out, sizes)
     return out
 
@@ -217,7 +217,7 @@ def _mixing(arrays: Mapping[str, Array], at: str) -> Array:
 
 
 def _pack_encoder(out: dict[str, Array], arrays: Mapping[str, Array], sizes: FlowSizes) -> None:
-    """The global encoder's, batch norms folded into the convolutions."""
+    """The global encoder's weights, with batch norms folded into the convolutions."""
     for side in ("poses", "speech"):
         for part in ("first", *(f"blocks.{n}" for n in range(sizes.blocks)), "last"):
             conv, norm = (part, f"{part}_norm") if "." not in part else (f"{part}.conv", f"{part}.norm")
@@ -239,7 +239,7 @@ def _pack_encoder(out: dict[str, Array], arrays: Mapping[str, Array], sizes: Flo
 
 
 def _pack_stylist(out: dict[str, Array], arrays: Mapping[str, Array]) -> None:
-    """The style encoder's."""
+    """The style encoder's weights."""
     for n in range(3):
         for kind, end in (("weight", ""), ("bias", ".bias")):
             out[f"style.{n}{end}"] = np.asarray(arrays[f"stylist.convolutions.{2 * n}.{kind}"], np.float32)
@@ -248,7 +248,7 @@ def _pack_stylist(out: dict[str, Array], arrays: Mapping[str, Array]) -> None:
 
 
 def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
-    """Of the large matrices, which are quantised or not."""
+    """Shapes of the large matrices, which are quantised or not."""
     g, h = sizes.gates, sizes.hidden
     shapes: dict[str, tuple[int, ...]] = {
         "past": (sizes.history * sizes.pose + sizes.feature + sizes.style, sizes.steps * g),
@@ -261,7 +261,7 @@ def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 
 def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
-    """Of every array of `pack_weights`."""
+    """Shape of every array of `pack_weights`."""
     g, d, moved, c = sizes.gates, sizes.pose, sizes.pose - sizes.first_half, sizes.channels
     shapes: dict[str, tuple[int, ...]] = {"speech.bias": (sizes.steps * g,)}
     for name, shape in _matrix_shapes(sizes).items():
@@ -287,7 +287,7 @@ def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 
 def check_weights(weights: Mapping[str, Array], sizes: FlowSizes) -> None:
-    """Names, types, shapes and values.
+    """Refuse weights whose names, types, shapes or values are wrong.
 
     Raises:
         InputError: they are not those of a network of these sizes.
@@ -295,11 +295,13 @@ def check_weights(weights: Mapping[str, Array], sizes: FlowSizes) -> None:
     shapes = _shapes(sizes)
     if set(weights) != set(shapes):
         odd = sorted(set(weights) ^ set(shapes))
-        raise InputError(f"weights of another network: {len(odd)} names differ, such as {odd[0]!r}"[:200])
+        raise InputError(f"{len(odd)} names of weights differ, such as {odd[0]!r}"[:200], "are they of another network?")
     for name, shape in shapes.items():
         value = weights[name]
         kind = np.int8 if name.endswith(".q") else np.float32
         if value.shape != shape or value.dtype != kind:
-            raise InputError(f"weights {name!r} of {value.dtype} {value.shape}", f"{np.dtype(kind)} {shape}")
+            raise InputError(
+                f"weights {name!r} are {value.dtype} of shape {value.shape}", f"expected {np.dtype(kind)} of shape {shape}"
+            )
         if kind is np.float32 and not np.abs(value).max(initial=0) <= LARGEST:  # not a number fails this too
-            raise InputError(f"weights {name!r} hold numbers that are not finite or absurd", "did the training diverge?")
+            raise InputError(f"weights {name!r} hold numbers that are not finite or too large", "did the training diverge?")

@@ -1,0 +1,43 @@
+"""The progress bar of the commands."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+__all__ = ["show_progress"]
+
+
+@contextmanager
+def show_progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
+    """A progress bar on stderr.
+
+    Args:
+        title: of the bar.
+        quiet: show none.
+
+    Yields:
+        What the work calls with (done, total or None, what is being done); the bar appears with the first call after a second.
+        None where nobody would see a bar: with ``quiet``, or where stderr is no terminal.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from time import monotonic
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
+    task = bar.add_task(title, total=None)
+
+    def tell(done: float, total: float | None, word: str = "") -> None:
+        if not bar.live.is_started and monotonic() - began > 1:
+            bar.start()
+        bar.update(task, completed=done, total=total, description=f"{title} {word}".rstrip())
+
+    try:
+        yield tell
+    finally:
+        bar.stop()

@@ -1,0 +1,1 @@
+"""Bundles: the file, what it holds, and how it is checked before anything of it runs."""

@@ -1,0 +1,1 @@
+"""Flows: their weights, their graphs, and the engine that plays them frame by frame."""

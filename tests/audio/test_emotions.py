@@ -128,6 +128,7 @@ def test_columns_are_shares_at_moments(tmp_path):
     assert np.allclose(track.at([0]), [one("fear", 0.5)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "match"),
     [
@@ -161,6 +162,7 @@ def test_files_that_cannot_be_read(tmp_path):
         read_emotion_track(tmp_path / "large.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_damaged_files_give_a_track_or_say_what_is_wrong(tmp_path, seed):
     rng = np.random.default_rng(seed)
@@ -185,6 +187,7 @@ def test_damaged_files_give_a_track_or_say_what_is_wrong(tmp_path, seed):
 TRACK = EmotionTrack([0.0, 4.0, 4.5], [one("happiness"), one("happiness"), one("anger")])
 
 
+@pytest.mark.slow
 def test_a_face_follows_a_track():
     speech = talk(9)
     options = {"seed": 3, "parts": ("face",)}
@@ -196,6 +199,7 @@ def test_a_face_follows_a_track():
     assert tracked[136:, brow].mean() > tracked[:120, brow].mean() + 0.3
 
 
+@pytest.mark.slow
 def test_a_track_in_pieces_is_the_whole():
     speech, gesturer = talk(9), RuleBasedModel()
     whole = gesturer.generate(speech, emotion=TRACK, seed=5)
@@ -204,6 +208,7 @@ def test_a_track_in_pieces_is_the_whole():
     assert np.allclose(whole.rotations, pieces.rotations, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_name_is_a_track_that_never_changes():
     speech = talk(4)
     for name in ("neutral", "sadness"):
@@ -214,6 +219,7 @@ def test_a_name_is_a_track_that_never_changes():
         assert np.array_equal(named.face, tracked.face)
 
 
+@pytest.mark.slow
 def test_bodies_follow_a_track():
     def speed(emotion):
         motion = RuleBasedModel().generate(talk(24), emotion=emotion, seed=2)
@@ -227,6 +233,7 @@ def test_bodies_follow_a_track():
     assert back[390:].mean() > 1.5 * back[30:330].mean()
 
 
+@pytest.mark.slow
 def test_the_report_has_the_mean_of_the_track(tmp_path):
     wav = written(tmp_path, "time,emotion\n0,happiness\n5,anger\n")
     report = generate_files(EXAMPLE, [tmp_path / "a.npz"], emotion=wav, report=tmp_path / "report.json")
@@ -238,6 +245,7 @@ def test_the_report_has_the_mean_of_the_track(tmp_path):
     assert fixed.emotion == {name: float(name == "fear") for name in EMOTIONS}
 
 
+@pytest.mark.slow
 def test_the_command_takes_a_file(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
@@ -255,6 +263,7 @@ def test_the_command_takes_a_file(tmp_path, monkeypatch):
     assert not (tmp_path / "x.npz").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stylised-flow", "mix-stage"])
 def test_trained_systems_take_tracks(name):
     speech, model = talk(3), models.load(name)

@@ -35,6 +35,7 @@ def heard(speech: Speech, fps: float, at: list[int] | None = None) -> np.ndarray
     return np.concatenate([*parts, stream.finish()])
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.data())
 def test_pieces_of_any_size_give_the_bits_of_the_whole(data):

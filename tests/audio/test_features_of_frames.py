@@ -40,6 +40,7 @@ def cut(speech: Speech, at: list[int]) -> list[Speech]:
     return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(edges)]
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.data())
 def test_pieces_of_any_size_give_the_bits_of_the_whole(data):
@@ -78,6 +79,7 @@ def test_a_row_is_the_mean_over_its_frames_own_time(fps):
     np.testing.assert_allclose(audio_features(speech, frames, fps), direct(speech, frames, fps), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [7.3, 15.0, 20.0, 30.0, 60.0])
 def test_rows_come_within_the_promised_delay(fps):
     speech, stream, given = voice(3.0), FrameFeatures(fps), 0
@@ -88,6 +90,7 @@ def test_rows_come_within_the_promised_delay(fps):
     assert speech.frames(fps) - given <= np.ceil(frame_delay(fps) * fps)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_speech():
     stream = FrameFeatures(20)
     for chunk in voice(20.0).chunks(0.1):
@@ -143,6 +146,7 @@ def test_widths_are_those_of_the_papers():
     }
 
 
+@pytest.mark.slow
 def test_pooled_bands_are_like_a_filter_bank_of_so_many():
     """Against 29 triangles on the spectrum itself: the same power but for the bands' shape."""
     speech = Speech.load(example()[0])

@@ -28,6 +28,7 @@ def alike(a: Features, b: Features) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sizes", [[160], [533, 1], [16_000], [len(SOUND)]], ids=str)
 def test_whoever_comes_first_all_hear_the_same(sizes):
     shared, alone = SharedProsody(), heard(ProsodyStream(mel=True), [1600])

@@ -42,6 +42,7 @@ def children() -> set[int]:
 # ---- length ----
 
 
+@pytest.mark.slow
 @settings(max_examples=1000)
 @given(
     frames=st.integers(0, 10**10),
@@ -85,6 +86,7 @@ def test_one_sample_is_one_frame(tmp_path):
 # ---- time ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [8000, 11_025, 16_000, 44_100, 48_000, 384_000])
 def test_an_impulse_stays_where_it_is(tmp_path, rate):
     samples = np.zeros(2 * rate, np.float32)
@@ -95,6 +97,7 @@ def test_an_impulse_stays_where_it_is(tmp_path, rate):
     assert abs(int(np.abs(speech.samples).argmax()) - RATE) <= 0.001 * RATE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "subtype", "tolerance"),
     [
@@ -126,6 +129,7 @@ def test_read_in_pieces_it_is_what_one_read_gives(tmp_path, kind, subtype):
     np.testing.assert_allclose(Speech.load(tmp_path / "a").samples, whole, rtol=0, atol=1e-6)  # mpg123 rounds by a last bit
 
 
+@pytest.mark.slow
 def test_a_tone_keeps_its_level_and_pitch(tmp_path):
     for rate in (8000, 44_100, 384_000):
         t = np.arange(rate) / rate
@@ -150,6 +154,7 @@ def test_channels_that_cancel_out_give_the_louder_one(tmp_path):
     np.testing.assert_allclose(Speech.load(tmp_path / "a.wav").samples, -mono, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", [1, 2, 3, 6, 8, 32, 255])
 def test_any_number_of_channels(tmp_path, channels):
     sound = noise(RATE // 4, channels)
@@ -239,6 +244,7 @@ def test_a_window_without_sound_is_an_error(times):
         cut.window(*times)
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.integers(1, 40_000), st.floats(0.001, 3), st.integers(0, 30))
 def test_chunks_are_the_speech(count, seconds, spoken):
@@ -279,6 +285,7 @@ def test_the_example():
 # ---- streams ----
 
 
+@pytest.mark.slow
 def test_streamed_is_loaded(tmp_path):
     soundfile.write(tmp_path / "a.flac", noise(500_000, 2), 44_100)
     whole = Speech.load(tmp_path / "a.flac")
@@ -359,6 +366,7 @@ header = json.dumps({"rate": 16000, "channels": 1, "frames": 9}).encode()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "message"),
     [
@@ -400,6 +408,7 @@ def test_a_slow_consumer_is_not_a_hanging_decoder(tmp_path, monkeypatch):
     assert source.source_frames == 300_000
 
 
+@pytest.mark.slow
 def test_no_process_is_left(tmp_path):
     path, before = wav(tmp_path), children()
     with open_speech(path) as source:

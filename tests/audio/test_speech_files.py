@@ -297,6 +297,7 @@ def test_a_flac_damaged_in_the_middle_says_where(tmp_path):
         Speech.load(holding(damaged)(tmp_path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("subtype", ["VORBIS", "OPUS"])
 def test_an_ogg_with_a_hole_is_not_read_out_of_step(tmp_path, subtype):
     whole = encoded(LONG, kind="OGG", subtype=subtype)

@@ -149,6 +149,7 @@ def test_mutants_end_as_sound_or_as_an_error(tmp_path, name):
     assert ends.count("error") > MUTANTS // 50, "the mutants are hardly broken"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_mutants_as_a_user_loads_them(tmp_path, name):
     ended = 0

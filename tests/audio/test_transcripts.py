@@ -224,6 +224,7 @@ def ten_seconds() -> Speech:
     return Speech(np.random.default_rng(0).standard_normal(160_000).astype(np.float32) * 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_forty_transcripts_that_are_wrong(tmp_path, case):
     name, content, expected = CASES[case]
@@ -256,6 +257,7 @@ def test_transcripts_that_are_no_files(tmp_path, name):
         load_words(tmp_path / name)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from(["one", "two three", "", "<sil>"]), st.floats(-2, 12), st.floats(0, 3)), max_size=12))
 def test_whatever_the_times_words_come_out_in_order(entries):
     try:
@@ -275,6 +277,7 @@ def speech() -> Speech:
     return Speech.load(audio, transcript=transcript)
 
 
+@pytest.mark.slow
 def test_plain_text_lies_on_the_sound(speech):
     words = load_words(example()[0].with_suffix(".txt"), speech=speech)
     assert texts(words) == texts(speech.words)
@@ -304,6 +307,7 @@ def test_plain_text_on_people(shared):
     assert np.quantile(errors, 0.9) < 0.3
 
 
+@pytest.mark.slow
 def test_a_stream_a_speech_and_its_features_give_the_same(speech):
     text = example()[0].with_suffix(".txt").read_text()
     with open_speech(example()[0], transcript=example()[0].with_suffix(".txt")) as source:
@@ -319,6 +323,7 @@ def test_words_on_a_sound_without_any_speech(level):
     check(words, 3.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(0.02, 20))
 def test_any_words_on_any_sound(seed, count, seconds):
@@ -365,6 +370,7 @@ def test_a_recogniser_is_a_function(monkeypatch):
         align_with_recogniser("a.wav")
 
 
+@pytest.mark.slow
 def test_transcribe_takes_the_words_of_the_recogniser(tmp_path, monkeypatch):
     """A stand-in for faster-whisper: the real one fetches weights from a hub."""
     import sys

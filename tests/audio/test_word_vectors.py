@@ -189,6 +189,7 @@ def test_any_cut_of_a_bin_is_told(tmp_path: Path, name: str):
             open_vectors(path).table(["the", "nowhere"])
 
 
+@pytest.mark.slow
 def test_damage_of_any_kind_is_told_or_harmless(tmp_path: Path):
     rng, path, data = np.random.default_rng(5), tmp_path / "a.bin", Model(pruned=((3, 0), (17, 1))).bytes()
     other = Model().bytes()
@@ -207,6 +208,7 @@ def test_damage_of_any_kind_is_told_or_harmless(tmp_path: Path):
         assert time.perf_counter() - began < 1
 
 
+@pytest.mark.slow
 def test_text_of_any_kind_is_told_or_harmless(tmp_path: Path):
     rng, path, data = np.random.default_rng(6), tmp_path / "a.vec", text_of(Model())
     for _ in range(500):

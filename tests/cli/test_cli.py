@@ -70,6 +70,7 @@ def test_generate_writes_what_is_asked_for(cli, place):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_without_output_it_writes_bvh_and_glb_here(cli, place):
     (place / "voices").mkdir()
     Path("talk.wav").rename("voices/talk.wav")
@@ -77,12 +78,14 @@ def test_without_output_it_writes_bvh_and_glb_here(cli, place):
     assert sorted(p.name for p in place.iterdir()) == ["talk.bvh", "talk.glb", "voices"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [12.5, 24, 29.97, 60])
 def test_length_is_exact_at_any_rate(cli, place, fps):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--fps", fps, "-q")[0] == 0
     assert frames_of(Path("a.bvh")) == math.ceil(SECONDS * fps)
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_takes_differ(cli, place):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--takes", 3, "--seed", 5, "-q")[0] == 0
     assert cli("generate", "talk.wav", "-o", "b.bvh", "--seed", 6, "-q")[0] == 0
@@ -92,6 +95,7 @@ def test_same_seed_same_bytes_and_takes_differ(cli, place):
     assert not Path("a.bvh").exists()
 
 
+@pytest.mark.slow
 def test_convert_and_render(cli, place):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "-q")[0] == 0
     code, out, err = cli("convert", "a.bvh", "b.vrma", "--fps", 60)
@@ -104,6 +108,7 @@ def test_convert_and_render(cli, place):
     assert Path("d.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_demo_has_everything(cli, place, monkeypatch):
     monkeypatch.setattr("cospeech.cli.demo.EXAMPLE", place / "talk.wav")
     code, out, err = cli("demo", "--to", "show/me")
@@ -221,6 +226,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
 def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, said):
     (place / "empty.wav").touch()
@@ -252,6 +258,7 @@ def test_debug_shows_the_traceback(cli, place):
     assert err.splitlines()[-1].startswith("error: ")
 
 
+@pytest.mark.slow
 def test_failure_of_ours_is_exit_1_and_leaves_nothing(cli, place, monkeypatch):
     def fail(*arguments, **options):
         raise ZeroDivisionError("division by zero\nin the middle")
@@ -263,6 +270,7 @@ def test_failure_of_ours_is_exit_1_and_leaves_nothing(cli, place, monkeypatch):
     assert [p.name for p in place.iterdir()] == ["talk.wav"]
 
 
+@pytest.mark.slow
 def test_interrupted_is_130_and_leaves_nothing(cli, place, monkeypatch):
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
@@ -273,6 +281,7 @@ def test_interrupted_is_130_and_leaves_nothing(cli, place, monkeypatch):
     assert [p.name for p in place.iterdir()] == ["talk.wav"]
 
 
+@pytest.mark.slow
 def test_what_was_there_stays_when_it_fails(cli, place, monkeypatch):
     Path("a.bvh").write_text("mine")
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--style", "nobody")[0] == 2

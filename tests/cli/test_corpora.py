@@ -30,6 +30,7 @@ def app():
     return made
 
 
+@pytest.mark.slow
 def test_synthesise_and_prepare(app, tmp_path):
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     (tmp_path / "speech").mkdir()

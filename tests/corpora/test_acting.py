@@ -87,6 +87,7 @@ def test_words_stay_with_their_sound(rate, pauses):
     np.testing.assert_allclose(edges[1::2] / RATE, [word.end for word in said.words], atol=0.03)
 
 
+@pytest.mark.slow
 def test_loudness_and_tilt(example):
     def powers(acting: Acting) -> tuple[float, np.ndarray]:
         said = act(example, acting, 0).samples.astype(float)
@@ -104,6 +105,7 @@ def test_loudness_and_tilt(example):
         assert np.subtract(*(tilted - bands)[::-1]) == pytest.approx(tilt, abs=0.8)
 
 
+@pytest.mark.slow
 def test_dynamics_and_jitter(example):
     def energy(acting: Acting) -> np.ndarray:
         return np.convolve(analyse(act(example, acting, 0)).energy, np.full(20, 0.05), "valid")
@@ -130,6 +132,7 @@ def test_nothing_but_noise_or_silence_survives():
         assert np.abs(said.samples).max(initial=0.0) < 0.01
 
 
+@pytest.mark.slow
 def test_the_emotions_differ_as_the_reviews_say(example):
     """Measured on the sound: who is faster, higher, wider, louder, brighter than neutral, and who is not."""
     rows = {}

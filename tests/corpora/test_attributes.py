@@ -288,6 +288,7 @@ def test_twins_are_speakers_in_every_split(made):
             np.testing.assert_array_equal(store.clip(entry)["audio"], store.clip(find_original(entry.name))["audio"])
 
 
+@pytest.mark.slow
 def test_the_report_says_how_each_speaker_gestures(made):
     found = json.loads((made[0] / "report.json").read_text())["attributes"]
     assert found["cleo|leftarm"]["right_share"] < 0.01
@@ -335,6 +336,7 @@ def test_the_sound_of_a_twin_is_found(made, raw):
         np.testing.assert_array_equal(clips[name].speech.samples, clips[find_original(name)].speech.samples)
 
 
+@pytest.mark.slow
 def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
     from cospeech.corpora.prepare import pieces
 
@@ -357,6 +359,7 @@ def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
         assert path.read_bytes() == (tmp_path / "s" / path.name).read_bytes()
 
 
+@pytest.mark.slow
 def test_twins_of_rotations(tmp_path):
     clips = [
         Clip(f"{who}{k}", who, "beat", voice(4.0, k), moving("beat", 4.0, 60.0, k), split="train")

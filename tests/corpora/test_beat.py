@@ -119,6 +119,7 @@ def test_skeletons_of_the_published_files(shared, tmp_path, speaker):
     assert 1.4 < heights.max() < 1.9
 
 
+@pytest.mark.slow
 def test_frames_are_counted(take):
     assert len(take(bvh=take.bvh.replace("Frames: 120", "Frames: 99999")).motion) == 120
     assert len(take(bvh=take.bvh.replace("Frames: 120", "Frames: 20.0")).motion) == 120
@@ -148,6 +149,7 @@ def test_a_take_needs_motion(take):
     assert "2_scott_0_74_74.bvh" in item.reason
 
 
+@pytest.mark.slow
 def test_semantics_of_blanks_and_emotions_of_beats_spelling(take):
     got = take(
         txt="07_iconic_h 0.1 0.5 0.4 0.7 a big house\nneed_cut 0.5 0.9 0.4 0\n", csv="00_netural, 0, 63.908, 63.908, 0\n"
@@ -278,6 +280,7 @@ def test_one_take_at_a_time(raw, tmp_path):
     assert "2_scott_0_2_2" in next(items).reason
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_corpus(raw, tmp_path):
     peaks = []
     for count in (2, 6):
@@ -291,6 +294,7 @@ def test_memory_does_not_grow_with_the_corpus(raw, tmp_path):
     assert peaks[1] < 1.2 * peaks[0]
 
 
+@pytest.mark.slow
 def test_damaged_files_are_drops_or_sound(raw, tmp_path):
     rng = np.random.default_rng(3)
     whole = {p.suffix: p.read_bytes() for p in (raw / "2").iterdir()}
@@ -314,6 +318,7 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
     assert len(clips) > 5  # a nasty word in a name, a blank line: still sound
 
 
+@pytest.mark.slow
 def test_reading_is_at_least_twenty_times_as_fast_as_the_recording(tmp_path):
     beat.write([clip(frames=900, semantics=None)], tmp_path)
     best = np.inf

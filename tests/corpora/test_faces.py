@@ -67,6 +67,7 @@ def changed(folder, **arrays):
     np.savez(folder / "face.npz", **{**kept, **arrays})
 
 
+@pytest.mark.slow
 def test_a_tracked_face_is_read_without_the_face_at_rest(grid):
     got, reasons = sort_out(faces.read(grid.parent), CLIPS)
     assert reasons == {}
@@ -80,6 +81,7 @@ def test_a_tracked_face_is_read_without_the_face_at_rest(grid):
     assert [item.name for item in faces.read(grid)] == [*CLIPS]  # the folder itself
 
 
+@pytest.mark.slow
 def test_eyes_and_brows_and_what_no_tracker_moves_are_dead(grid):
     with np.load(grid / "face.npz") as file:
         lively = np.random.default_rng(0).uniform(0, 1, file["blendshapes"].shape)
@@ -89,6 +91,7 @@ def test_eyes_and_brows_and_what_no_tracker_moves_are_dead(grid):
     assert alive == {n for n in ARKIT if n.startswith(("jawOpen", "mouth"))} - {"mouthLeft", "mouthRight"}
 
 
+@pytest.mark.slow
 def test_the_head_turns_relative_to_its_mean(grid):
     clips = {clip.name: clip for clip in faces.read(grid)}
     with np.load(grid / "face.npz") as file:
@@ -100,6 +103,7 @@ def test_the_head_turns_relative_to_its_mean(grid):
     assert np.abs(every.mean(0)).max() < 0.01
 
 
+@pytest.mark.slow
 def test_frames_without_a_face_are_filled_from_those_around(grid):
     with np.load(grid / "face.npz") as file:
         weights, seen = file["blendshapes"].copy(), file["face_ok"].copy()
@@ -129,6 +133,7 @@ def good(tmp_path):
     return folder, dict(zip(names, weights.astype(np.float32).T, strict=True))
 
 
+@pytest.mark.slow
 def test_a_rig_is_mapped_by_name_and_long_takes_are_cut(good):
     folder, rig = good
     clips = [*faces.read(folder)]
@@ -153,6 +158,7 @@ def test_a_rig_is_mapped_by_name_and_long_takes_are_cut(good):
     assert not face[:, ARKIT_INDEX["eyeBlinkLeft"]].any()
 
 
+@pytest.mark.slow
 def test_gaps_are_drops(grid):
     (grid / "audio" / "bb.flac").unlink()
     (grid / "words" / "cc.align").write_text("0 1000 sil\nbroken\n")
@@ -200,6 +206,7 @@ def test_a_folder_without_tracks_is_an_error(tmp_path):
         faces.read(tmp_path)
 
 
+@pytest.mark.slow
 def test_long_takes_lie_in_one_split_each(tmp_path):
     """Neighbouring pieces of a take are too alike to tell what a network has learnt."""
     names, frames = [f"take{k}" for k in range(5)], 520

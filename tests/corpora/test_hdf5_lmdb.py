@@ -42,6 +42,7 @@ def test_all_of_a_file(file):
         assert set(reader.hdf5(file, ["a"])[0]) == {"a/numbers", "a/text"}
 
 
+@pytest.mark.slow
 def test_a_crash_costs_one_file(file):
     with Hdf5LmdbReader("hdf5") as reader:
         reader.hdf5(file)

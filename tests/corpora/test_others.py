@@ -57,6 +57,7 @@ def beat2_raw(tmp_path_factory):
     return root
 
 
+@pytest.mark.slow
 def test_beat2(beat2_raw):
     one, two, gone = beat2.read(beat2_raw)
     body = gesturing(30).retarget("smplx")
@@ -103,6 +104,7 @@ def test_beat2_split_list_that_makes_no_sense(beat2_raw, tmp_path, text):
         beat2.read(tmp_path / "b")
 
 
+@pytest.mark.slow
 def test_beat2_damaged_files_are_drops_or_sound(beat2_raw, tmp_path):
     rng = np.random.default_rng(5)
     source = beat2_raw / "beat_english_v2.0.0"
@@ -151,6 +153,7 @@ def eggs(tmp_path_factory):
     return root
 
 
+@pytest.mark.slow
 def test_zeroeggs(eggs):
     got, reasons = sort_out(zeroeggs.read(eggs), [p.stem for p in (eggs / "clean").glob("*.bvh")])
     assert reasons == {}
@@ -183,6 +186,7 @@ def test_zeroeggs_list_that_makes_no_sense(eggs, tmp_path, text):
         zeroeggs.read(tmp_path / "z")
 
 
+@pytest.mark.slow
 def test_zeroeggs_damaged_files_are_drops_or_sound(tmp_path):
     rng = np.random.default_rng(6)
     egg(tmp_path / "one.bvh", 3)
@@ -204,6 +208,7 @@ def test_zeroeggs_damaged_files_are_drops_or_sound(tmp_path):
 # ---- any folder ----
 
 
+@pytest.mark.slow
 def test_folder(tmp_path):
     root = tmp_path / "mine"
     sound(root / "a.wav")
@@ -249,6 +254,7 @@ def test_folder(tmp_path):
     assert got["Ben/e"].motion is None
 
 
+@pytest.mark.slow
 def test_folder_damaged_files_are_drops_or_sound(tmp_path):
     rng = np.random.default_rng(7)
     root, body = tmp_path / "raw", gesturing(3)

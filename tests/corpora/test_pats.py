@@ -55,6 +55,7 @@ def copy(small: Path, target: Path) -> Path:
 # The layout ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_what_is_written_comes_back(tmp_path):
     clips = [make_clip(k, SPEAKERS[k % 3], 30 + k, sound=k == 0, start=10.5 * k) for k in range(11)]
     names = pats.write([*clips[:5], Dropped("x", "y"), *clips[5:]], tmp_path)
@@ -110,6 +111,7 @@ def test_the_file_is_as_the_authors_loader_expects(small):
     )
 
 
+@pytest.mark.slow
 def test_missing_intervals_are_dropped_under_current_h5py(small, tmp_path):
     root = copy(small, tmp_path / "raw")
     for kind in (h5py.string_dtype(), h5py.string_dtype("ascii"), "S8"):
@@ -186,6 +188,7 @@ def test_transforms():
         pats.hold_arm(values, "middle", mean)
 
 
+@pytest.mark.slow
 def test_twins(small, tmp_path):
     pats.write([make_clip(0), make_clip(1, "noah")], tmp_path / "written", transforms=True)
     assert [clip.name for clip in pats.read(tmp_path / "written")] == ["1000", "1001"]
@@ -220,6 +223,7 @@ print(ours.to_dict("list"))
 """
 
 
+@pytest.mark.slow
 def test_pandas_reads_our_tables_and_we_read_its(small, tmp_path):
     pytest.importorskip("pandas", reason="needs pandas and PyTables, to compare with")
     pytest.importorskip("tables", reason="needs pandas and PyTables, to compare with")
@@ -277,6 +281,7 @@ def test_published_statistics(shared, speaker):
     assert np.linalg.norm(around[JOINTS.index("RShoulder")]) == pytest.approx(167, abs=8)
 
 
+@pytest.mark.slow
 def test_what_is_no_statistics(small, tmp_path):
     with pytest.raises(InputError, match=r"1000\.h5.*means or centres"):
         pats.load_statistics(small / "processed" / "oliver" / "1000.h5")
@@ -320,6 +325,7 @@ def many(small: Path, target: Path, count: int) -> list[Path]:
     return files
 
 
+@pytest.mark.slow
 def test_damaged_files(small, tmp_path):
     """Truncated, with bits flipped, with pages lost; 200 files, and each is a sound clip or a drop that names it."""
     rng = random.Random(2)
@@ -395,6 +401,7 @@ def wrong_contents() -> list[tuple[str, object]]:
     return found
 
 
+@pytest.mark.slow
 def test_wrong_contents_are_dropped_with_the_key(small, tmp_path):
     wrong = wrong_contents()
     files = many(small, tmp_path / "raw", len(wrong) + 1)
@@ -413,6 +420,7 @@ def test_wrong_contents_are_dropped_with_the_key(small, tmp_path):
         assert key in item.reason or "poses" in item.reason, item.reason
 
 
+@pytest.mark.slow
 def test_wrong_tables_of_words(small, tmp_path):
     def change(field, row, value):
         def apply(group):
@@ -464,6 +472,7 @@ def test_links_to_other_files_are_not_followed(small, tmp_path):
 ROWS = "train,2.0,2.0,1000,oliver,0.0,,\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -482,6 +491,7 @@ def test_tables_that_cannot_be_read(small, tmp_path, text):
 WRONG_CELLS = ("", "nan", "-1", "1e300", "x", "../../etc", "a\x00b", "0:0:0:0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("column", range(6))
 def test_wrong_cells_are_dropped_with_their_line(small, tmp_path, column):
     many(small, tmp_path / "raw", len(WRONG_CELLS) + 1)
@@ -501,6 +511,7 @@ def test_wrong_cells_are_dropped_with_their_line(small, tmp_path, column):
         assert f"line {line}" in item.reason or "No such file" in item.reason
 
 
+@pytest.mark.slow
 def test_rows_that_do_not_fit(small, tmp_path):
     root = copy(small, tmp_path / "raw")
     rows = [
@@ -519,6 +530,7 @@ def test_rows_that_do_not_fit(small, tmp_path):
     assert "3.3 per second" in length.reason
 
 
+@pytest.mark.slow
 def test_damaged_lists_of_missing_intervals(small, tmp_path):
     root = copy(small, tmp_path / "raw")
     file, rng = root / "missing_intervals.h5", random.Random(3)

@@ -195,6 +195,7 @@ def test_an_index_cannot_name_files_elsewhere(folder, tmp_path):
     assert "../../secret" not in Store(spoilt).arrays
 
 
+@pytest.mark.slow
 def test_windows_are_fast(tmp_path):
     """The benchmark has the full size; here a tenth, and a bound that a busy machine keeps."""
 

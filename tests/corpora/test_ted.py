@@ -340,6 +340,7 @@ def wrong_entries() -> list[object]:
     return found
 
 
+@pytest.mark.slow
 def test_wrong_entries_are_dropped_with_a_reason(tmp_path):
     values = wrong_entries()
     put(tmp_path / "lmdb_train", [encode(value) for value in values])
@@ -395,6 +396,7 @@ def failure(raw: Path) -> str | None:
     return None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_damaged_databases(tmp_path, part):
     """An error of one line that names the database, or sound items; in no case a crash of ours."""

@@ -100,6 +100,7 @@ def test_a_folder_above_and_test_data(raw, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_names_are_given(tmp_path):
     short = {"motion": clip(frames=2).motion, "speech": None}
     clips = [clip(str(k), split="test" if k in (3, 4) else None, **short) for k in range(9)]
@@ -190,6 +191,7 @@ def test_an_unusable_folder_is_an_error(tmp_path, kind):
         trinity.read(unusable(tmp_path, kind, "Audio/notes.md"))
 
 
+@pytest.mark.slow
 def test_damaged_files_are_drops_or_sound(raw, tmp_path):
     rng = np.random.default_rng(4)
     whole = {p.parent.name: p.read_bytes() for p in raw.glob("*/*")}

@@ -166,6 +166,7 @@ def test_the_text_is_what_the_interface_promises(tmp_path):
     assert "-0.00000 " not in text
 
 
+@pytest.mark.slow
 def test_pieces_and_whole_give_the_same_bytes(tmp_path):
     motion = wild(1300)
     whole = written(tmp_path, motion)
@@ -432,6 +433,7 @@ def test_what_is_no_bvh_at_all(tmp_path):
         Motion.load(tmp_path / "absent.bvh")
 
 
+@pytest.mark.slow
 def test_deep_and_wide_trees(tmp_path):
     def chain(count: int) -> str:
         joints = "".join(f"JOINT j{k} {{ OFFSET 0 1 0 CHANNELS 1 Xrotation\n" for k in range(count))
@@ -591,6 +593,7 @@ def test_t_poses_of_others(shared):
         assert 1.2 < skeleton.tpose[:, 1].max() - skeleton.floor < 2.6, path.name
 
 
+@pytest.mark.slow
 def test_reading_is_fast(tmp_path):
     """BEAT's size: 75 joints at 120 fps, wanted ≥ 20 × real time; the bound is half of that, for slow machines."""
     motion = wild(1200, find_skeleton("beat"), fps=120)

@@ -93,6 +93,7 @@ def test_a_character_of_ours_comes_back_as_it_was(still, tmp_path, change):
     assert len(got) == len(expected)
 
 
+@pytest.mark.slow
 def test_pictures_of_the_mannequin_as_an_avatar_are_those_of_the_mannequin(tmp_path):
     motion = gesturing(2)
     motion.save(tmp_path / "me.glb")
@@ -147,6 +148,7 @@ def test_textures_give_the_colour(still, tmp_path):
     assert red[1:].max() < plain[1:].min() - 40  # what is left are the highlights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "opacity", "share"), [("MASK", 100, 0.0), ("MASK", 140, 1.0), ("BLEND", 128, 0.5), ("OPAQUE", 0, 1.0)]
 )
@@ -174,6 +176,7 @@ def bomb() -> str:
     return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("uri", "told"),
     [
@@ -222,6 +225,7 @@ def test_damaged_characters_are_refused_in_a_line(still, tmp_path, change):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_damage_of_any_kind_ends_in_a_line(still, tmp_path):
     rng = np.random.default_rng(5)
     document, data = split_glb(changed(still, tmp_path / "a.glb", with_texture(png((9, 9, 9, 9)))).read_bytes(), "'a'")
@@ -260,6 +264,7 @@ def framed(motion, view, pieces=1):
     return [*found, *framing.flush()]
 
 
+@pytest.mark.slow
 def test_the_face_camera_follows_the_head():
     motion, view = bowing(), find_view("face")
     found = framed(motion, view)
@@ -300,6 +305,7 @@ def test_shared_avatars_are_drawn(shared, tmp_path):
         assert view.low[1] < character.skeleton.tpose[humanoid().index["head"], 1] < view.high[1]
 
 
+@pytest.mark.slow
 def test_a_film_of_an_avatar_is_the_same_by_helpers(still, tmp_path, monkeypatch):
     motion = gesturing(30)
     for name in ("a", "b"):

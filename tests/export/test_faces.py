@@ -54,6 +54,7 @@ def test_csv_puts_every_shape_under_its_own_name(tmp_path, name):
     assert hot == [name[0].upper() + name[1:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
 @pytest.mark.parametrize("fps", [24, 25, 30, 30000 / 1001, 60, 18, 120])
 @pytest.mark.parametrize("frames", [1, 7, 31, 400])

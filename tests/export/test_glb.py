@@ -48,6 +48,7 @@ def test_round_trip(tmp_path, suffix, fps, frames):
         np.testing.assert_allclose(back.face[:, ARKIT_INDEX[name]], motion.face[:, ARKIT_INDEX[name]], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".glb", ".vrma", ".npz"])
 def test_pieces_make_the_same_bytes(tmp_path, suffix):
     motion = gesturing(2500)
@@ -81,6 +82,7 @@ def test_no_frames_is_an_error(tmp_path, suffix):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_long_motion_does_not_sit_in_memory(tmp_path):
     """25 minutes are 17 MB of moving tracks here; the writer may hold a block of them."""
     piece, path = gesturing(900), tmp_path / "a.glb"

@@ -93,6 +93,7 @@ def read(load_one, path) -> str:
     return "read"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".glb", ".vrma", ".csv", ".json", ".npz"])
 def test_bytes(sources, tmp_path, suffix):
     chance, outcomes = random.Random(suffix), []

@@ -59,6 +59,7 @@ def test_exactly_the_samples_inside_a_triangle_are_covered():
     assert np.array_equal(every[inside], seen.sample)
 
 
+@pytest.mark.slow
 def test_a_mesh_without_cracks_or_double_samples():
     rng = np.random.default_rng(3)
     side = 24

@@ -73,6 +73,7 @@ def test_mp4_has_a_picture_per_frame(tmp_path, fps, frames):
         assert float(stream.duration * stream.time_base) == pytest.approx(frames / fps, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_mp4_sound_and_picture_are_in_sync(tmp_path):
     fps, when = 30.0, 9
     speech = clicks(tmp_path / "click.wav", [when / fps], 0.7)
@@ -93,6 +94,7 @@ def test_mp4_starts_with_its_index(tmp_path):
     assert 0 < data.index(b"moov") < data.index(b"mdat")
 
 
+@pytest.mark.slow
 def test_mp4_in_pieces_with_long_sound_and_odd_size(tmp_path):
     speech = clicks(tmp_path / "click.wav", [0.1, 1.9], 2.0)
     motion = gesturing(15)
@@ -105,6 +107,7 @@ def test_mp4_in_pieces_with_long_sound_and_odd_size(tmp_path):
     assert len(sound) >= 0.5 * 48_000
 
 
+@pytest.mark.slow
 def test_mp4_is_the_same_every_time(tmp_path):
     speech = clicks(tmp_path / "click.wav", [0.1], 0.5)
     for name in "ab":
@@ -132,6 +135,7 @@ def test_rates_other_than_the_motions(tmp_path):
     assert np.allclose(np.diff(times), 1 / 30)
 
 
+@pytest.mark.slow
 def test_gif_plays_at_the_right_speed_and_loops(tmp_path):
     gesturing(44).save(tmp_path / "a.gif", size=(64, 64))
     with Image.open(tmp_path / "a.gif") as picture:
@@ -169,6 +173,7 @@ def test_gif_of_one_frame_that_does_not_move(tmp_path):
         assert picture.n_frames == 4
 
 
+@pytest.mark.slow
 def test_strip(tmp_path):
     speech = clicks(tmp_path / "click.wav", [0.5, 1.5, 2.5], 3.0)
     words = [Word("one", 0.4, 0.7), Word("two", 1.4, 1.7), Word("三", 2.4, 2.7)]
@@ -237,6 +242,7 @@ def test_an_interrupted_film_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_length_by_the_book(tmp_path):
     for seconds, fps in ((Fraction(1, 3), 30), (Fraction(41, 100), 24)):
         frames = int(np.ceil(seconds * fps))

@@ -46,6 +46,7 @@ def aperture(face: np.ndarray) -> np.ndarray:
     return channel(face, "jawOpen") - channel(face, "mouthClose") + np.mean(lips, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("emotion", EMOTIONS)
 def test_lips_close_for_every_b_p_and_m_whatever_is_felt(emotion):
     apart = aperture(shown(emotion).face)
@@ -55,6 +56,7 @@ def test_lips_close_for_every_b_p_and_m_whatever_is_felt(emotion):
     assert np.quantile(apart, 0.9) > 0.15  # the mouth speaks
 
 
+@pytest.mark.slow
 def test_by_the_sound_alone_most_of_them_close():
     apart = aperture(shown("neutral", words=False).face)
     assert np.mean([apart[at].min() < 0.05 for at in onsets("PP")]) >= 0.5

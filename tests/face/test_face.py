@@ -91,6 +91,7 @@ TEXT = "my people buy maps from the other five thick wooden boats while some whi
 WORDS = [Word(text, 0.3 + 0.36 * k, 0.3 + 0.36 * k + 0.33) for k, text in enumerate(TEXT.split() * 3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [(), WORDS], ids=["sound", "words"])
 @pytest.mark.parametrize("frames", [30, 7, 1])
 def test_blocks_equal_the_whole(words, frames):
@@ -116,6 +117,7 @@ def test_blocks_equal_the_whole(words, frames):
         assert np.abs(got - whole[k : k + frames]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_range_and_determinism():
     heard, accents = speech(20, seed=3)
     times = np.arange(600) / 30
@@ -270,6 +272,7 @@ def test_what_is_no_word_is_cut_short():
     assert len(graphemes_to_phones("pa" * 100_000)) == 64
 
 
+@pytest.mark.slow
 def test_every_phone_of_the_rules_has_a_mouth():
     letters = "abcdefghijklmnopqrstuvwxyz"
     words = [Word(a + b + c, 0, 1) for a in letters for b in letters for c in "aeyrt"]

@@ -68,6 +68,7 @@ def turned(**turns: tuple[float, float, float]) -> np.ndarray:
 HOME = humanoid().offsets[0][None].astype(float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["rules", *sorted(path.stem for path in models.SHIPPED.glob(f"*{models.BUNDLE}"))])
 def test_every_system_looks_at_the_listener_while_it_speaks(model):
     made = models.load(model).generate(talk(), seed=3, emotion="neutral", fps=30.0)
@@ -77,6 +78,7 @@ def test_every_system_looks_at_the_listener_while_it_speaks(model):
     assert 4 <= len(changes) / (len(near) / 30 / 60) <= 60  # a minute: glances away, not one long stare
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", ["lively", "reserved", "restless"])
 def test_styles_look_at_the_listener(style):
     assert style in STYLES
@@ -155,6 +157,7 @@ def test_the_gaze_leaves_as_phrases_begin_and_is_back_as_they_end():
     assert len(phrases) == 100
 
 
+@pytest.mark.slow
 def test_who_averts_their_gaze_more_looks_away_more():
     away = [np.mean([plan(seed, averted)[0][:, 2].mean() for seed in range(4)]) for averted in (0.0, 0.15, 0.5)]
     assert away[0] == 0

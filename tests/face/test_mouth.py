@@ -52,6 +52,7 @@ def said(system, samples, cuts=(), times=None) -> np.ndarray:
     return mouth.at(np.arange(0, len(samples) / RATE, 1 / 30) if times is None else times)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [77, 160, 3201, 40_000])
 def test_the_same_bits_however_speech_is_cut(system, cut):
     samples = sound(5.3)
@@ -90,6 +91,7 @@ def test_between_frames_it_is_linear_and_after_the_end_it_stays(system):
     assert said(system, samples, times=np.zeros(0)).shape == (0, 52)
 
 
+@pytest.mark.slow
 def test_it_waits_less_than_a_face_and_says_so(system):
     mouth, samples = BundleMouth(system), sound(6.0)
     assert mouth.latency < MOUTH_WAITS < LOOK_AHEAD
@@ -105,6 +107,7 @@ def test_it_waits_less_than_a_face_and_says_so(system):
         BundleMouth(replace(system, smooth=60))
 
 
+@pytest.mark.slow
 def test_it_forgets_what_is_past(system):
     mouth, kept, at = BundleMouth(system), [], 0
     for samples in np.split(sound(60.0), 120):
@@ -127,6 +130,7 @@ def test_windows_hold_what_matters_to_the_network(system):
     assert far.fade > 0
 
 
+@pytest.mark.slow
 def test_what_is_no_face_is_refused(tmp_path, bundle, monkeypatch):
     body = write_small_window(tmp_path / "body.cospeech")
     with pytest.raises(InputError, match="expmap-humanoid"):
@@ -227,6 +231,7 @@ def test_words_shape_the_lips_of_a_learnt_mouth_but_not_its_jaw():
     assert most("father", "jawOpen") == pytest.approx(most("see", "jawOpen"), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_performance_with_a_mouth_is_the_same_in_pieces(system):
     talk = Speech(np.resize(Speech.load(EXAMPLE).samples, 8 * RATE))
     gesturer = RuleBasedModel(lambda: BundleMouth(system))
@@ -245,6 +250,7 @@ def test_a_performance_with_a_mouth_is_the_same_in_pieces(system):
         gesturer.generate(Speech(np.zeros(0, np.float32)))
 
 
+@pytest.mark.slow
 def test_speech_of_another_rate_reaches_the_mouth_at_16_khz():
     heard = []
 
@@ -290,6 +296,7 @@ def test_gains_that_are_none(gain, match):
         RuleBasedModel().session(face_gain=gain)
 
 
+@pytest.mark.slow
 def test_gains_scale_the_final_face():
     talk = Speech(np.resize(Speech.load(EXAMPLE).samples, 6 * RATE))
 
@@ -309,6 +316,7 @@ def test_gains_scale_the_final_face():
     assert list(ARKIT[k] for k in np.flatnonzero((face("mouthFunnel:0.9") != usual).any(0))) == ["mouthFunnel"]
 
 
+@pytest.mark.slow
 def test_every_system_speaks_with_the_mouth_that_ships(monkeypatch):
     speech = Speech(np.resize(Speech.load(EXAMPLE).samples, 3 * RATE))
     ruled = models.load("rules").generate(speech, seed=1, emotion="neutral")
@@ -334,6 +342,7 @@ def test_every_system_speaks_with_the_mouth_that_ships(monkeypatch):
         assert models.load(name).generate(speech, parts=("body",)).face is None
 
 
+@pytest.mark.slow
 def test_the_mouth_that_ships_opens_for_vowels_and_rests():
     speech = Speech.load(EXAMPLE)
     face = models.load("rules").generate(speech, emotion="neutral", fps=60.0).face
@@ -347,6 +356,7 @@ def test_the_mouth_that_ships_opens_for_vowels_and_rests():
     assert still[:, ARKIT_INDEX["jawOpen"]].max() < 0.01
 
 
+@pytest.mark.slow
 def test_the_command_takes_gains(tmp_path):
     from typer.testing import CliRunner
 

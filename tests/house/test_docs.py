@@ -140,6 +140,7 @@ def needs_weights(text: str) -> None:
 LINES = sorted({line for path in PAGES for line in commands(path)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", LINES)
 def test_commands_of_the_docs_work(desk, line):
     if "me.vrm" in line:
@@ -162,6 +163,7 @@ def test_the_readme_was_read():
     assert any("generate" in line for line in commands(ROOT / "README.md"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [path for path in PAGES if fences(path, "python")], ids=lambda path: path.name)
 def test_python_of_the_docs_runs(path, desk, monkeypatch):
     code = "\n".join(fences(path, "python"))

@@ -32,6 +32,7 @@ def damaged(bundle: Bundle, rng: np.random.Generator, path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BUNDLES, ids=lambda path: path.stem)
 def test_a_damaged_graph_is_told_in_our_words_and_nothing_is_printed(tmp_path, capfd, path):
     rng, bundle, refusals = np.random.default_rng(0), read_bundle(path), list[InputError]()
@@ -48,6 +49,7 @@ def test_a_damaged_graph_is_told_in_our_words_and_nothing_is_printed(tmp_path, c
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content", [b"hello, this is text", b"RIFF\x24\0\0\0WAVEfmt ", b"fLaC" + bytes(60), b"\0\0\0\x20ftypisom" + bytes(100)]
 )

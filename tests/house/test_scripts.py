@@ -59,6 +59,7 @@ def test_a_script_imports_only_what_there_is(path):
     assert not missing(path.read_text("utf-8"), path.parent)
 
 
+@pytest.mark.slow
 def test_what_is_not_there_is_found():
     folder = ROOT / "benchmarks"
     assert missing("from cospeech.audio.speech import Speech, nothing", folder) == ["cospeech.audio.speech.nothing"]

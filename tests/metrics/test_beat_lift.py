@@ -76,6 +76,7 @@ def test_what_does_not_follow_the_speech_earns_nothing(kind, seed):
     assert result.interval[0] - 0.02 < 0 < result.interval[1] + 0.02
 
 
+@pytest.mark.slow
 def test_strong_noise_takes_the_lift_away():
     samples, times = bursts(3)
     clean, shaken = (beat_lift([(samples, RATE, gestures(times - 0.08, noise))]).far for noise in (0.0, 0.05))
@@ -90,6 +91,7 @@ def test_a_motionless_body_has_no_lift_and_nothing_breaks():
     assert result.interval[0] <= 0
 
 
+@pytest.mark.slow
 def test_several_recordings_are_judged_together_and_repeatably():
     pairs = []
     for seed in (5, 6):

@@ -67,6 +67,7 @@ def speech():
     return samples.window(0.0, 15.0)
 
 
+@pytest.mark.slow
 def test_wrists_are_measured_as_they_are(speech):
     motion = cospeech.load("rules").generate(speech, seed=1, fps=30.0)
     own = wrists_of(motion)

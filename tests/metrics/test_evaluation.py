@@ -61,6 +61,7 @@ def table():
     return evaluate_clips({"again": again}, clips())
 
 
+@pytest.mark.slow
 def test_rows_are_systems_and_then_controls_and_columns_are_metrics():
     assert table().rows == ("again", *CONTROLS)
     assert table().columns == DEFAULT
@@ -81,6 +82,7 @@ def test_where_there_are_no_data_the_cell_is_empty_and_says_why():
     assert "two takes" in table().why["again"]["multimodality"]
 
 
+@pytest.mark.slow
 def test_metrics_that_reward_the_wrong_row_are_marked():
     found = evaluate_clips({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
     assert {"beat_align_ha2g", "pck"} <= set(found.faults)
@@ -113,6 +115,7 @@ def test_the_json_is_all_of_it():
     json.loads(evaluate_clips({}, clips()[:1], metrics=("fgd_published", "pck")).to_json().replace("NaN", "boom"))
 
 
+@pytest.mark.slow
 def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
     for k, clip in enumerate(clips()):
         clip.motion.save(tmp_path / f"{clip.name}.npz")
@@ -178,6 +181,7 @@ def test_what_is_not_found_is_named(tmp_path, files, names, says):
         load_motions(stored(tmp_path, *files), names)
 
 
+@pytest.mark.slow
 def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():
     other = [clip.motion.resample(30.0).retarget("mixamo") for clip in clips()]
     assert evaluate_clips({"other": other}, clips(), metrics=("pck",)).cells["other"]["pck"].value > 0.99
@@ -212,6 +216,7 @@ def test_unknown_metrics_and_empty_references_are_refused():
         evaluate_clips({"x": [c.motion for c in clips()]}, pats(), metrics=("pck_2d",))
 
 
+@pytest.mark.slow
 def test_key_points_are_evaluated_too():
     made = [replace(c, points=replace(c.points, values=c.points.values + 8.0 * (np.arange(52) > 0)[:, None])) for c in pats()]
     names = ("pck_2d", "pck_mix_stage", "pck_s2g", "mode_f1", "fid_poses", "diversity", "w1_speed", "beat_align", "pck")
@@ -332,6 +337,7 @@ def corpus(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(corpus):
     clips = load_stored_clips(corpus / "store", split=None, raw=corpus / "raw")
     assert len(clips) > 2
@@ -345,6 +351,7 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
     assert load_metric("beat_align")([sample_of(clip) for clip in clips]).value > 0
 
 
+@pytest.mark.slow
 def test_a_store_without_its_corpus_is_mute(corpus):
     clips = load_stored_clips(corpus / "store", split=None)
     assert all(clip.speech is None for clip in clips)
@@ -358,6 +365,7 @@ def test_a_store_without_its_corpus_is_mute(corpus):
         load_stored_clips(corpus / "speech")
 
 
+@pytest.mark.slow
 def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     register(app)
@@ -380,6 +388,7 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
             CliRunner().invoke(app, [*wrong, *head[1:], "--metrics", "pck"], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_every_metric_can_be_asked_for():
     found = evaluate_clips({}, clips()[:2], metrics=tuple(METRICS))
     assert sum(score is not None for score in found.cells["ground truth"].values()) > 25
@@ -387,6 +396,7 @@ def test_every_metric_can_be_asked_for():
     assert isinstance(clips()[0].motion, Motion)
 
 
+@pytest.mark.slow
 def test_a_model_plays_the_recordings_of_a_store(corpus):
     """From the name of a model to its row of the table, with the sound of the corpus."""
 
@@ -399,6 +409,7 @@ def test_a_model_plays_the_recordings_of_a_store(corpus):
         evaluate_store({"rules": "rules"}, corpus / "store", metrics=("pck",))
 
 
+@pytest.mark.slow
 def test_the_public_call_takes_a_model_and_a_store(corpus):
     """As README and interface have it: a model, a corpus, metrics."""
     import cospeech

@@ -113,6 +113,7 @@ def test_level_does_not_depend_on_how_loud_the_recording_is():
     np.testing.assert_allclose(level(loud), level(replace(loud, samples=loud.samples * 0.03, duration=None)), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_lips_are_shut_in_pauses():
     assert SCORE["lip_closure"](samples()).value > 0.95
     open_ = [replace(s, face=s.face + 0.2) for s in samples()]
@@ -124,6 +125,7 @@ def test_lips_are_shut_in_pauses():
     assert score.note == f"in speech {0.5:.2f}"
 
 
+@pytest.mark.slow
 def test_agreement_is_perfect_for_a_copy_and_nothing_for_chance():
     true = samples()
     assert SCORE["lip_closure_agreement"](true, true).value == 1
@@ -148,6 +150,7 @@ def test_kappa_is_cohens():
 # jaws ---------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [-0.12, 0.0, 0.05, 0.2])
 def test_the_lag_is_found(lag):
     found = SCORE["jaw_lag"](samples(lag=lag))
@@ -167,6 +170,7 @@ def test_correlations_are_those_of_numpy():
         assert value == pytest.approx(a @ b / np.sqrt(a @ a * (b @ b)))
 
 
+@pytest.mark.slow
 def test_only_a_jaw_that_follows_correlates():
     rng = np.random.default_rng(0)
     noise = [replace(s, face=rng.random(s.face.shape)) for s in samples()]
@@ -185,6 +189,7 @@ EVEN = tuple(np.arange(1.0, SECONDS, 3.0))
 ODD = (1.0, 1.8, 2.6, 9.0, 9.9, 18.0, 21.0, 22.0)
 
 
+@pytest.mark.slow
 def test_blinks_are_counted_and_timed():
     found = blinks_of(face(0, blinks_at=EVEN), FPS)
     assert len(found.widths) == len(EVEN)
@@ -218,6 +223,7 @@ def test_blinks_do_not_depend_on_the_rate(fps):
     assert found.widths.mean() == pytest.approx(0.15, abs=0.03)
 
 
+@pytest.mark.slow
 def test_distance_of_blinks_is_0_for_a_copy_and_1_for_none():
     true = samples(blinks_at=ODD)
     assert SCORE["blinks"](true, true).value == 0
@@ -241,6 +247,7 @@ def clips() -> list[Clip]:
     return found
 
 
+@pytest.mark.slow
 def test_controls_have_faces_of_their_own():
     rows = control_rows(clips())
     true = np.concatenate([clip.motion.face for clip in rows[CONTROLS[0]]])
@@ -253,6 +260,7 @@ def test_controls_have_faces_of_their_own():
     np.testing.assert_array_equal(rows["another clip"][0].motion.face, clips()[1].motion.face)
 
 
+@pytest.mark.slow
 def test_they_put_the_control_rows_in_order():
     table = evaluate_clips({}, clips(), metrics=FACE, tools=Tools())
     assert table.cells["ground truth"]["face_mse"].value == 0
@@ -263,6 +271,7 @@ def test_they_put_the_control_rows_in_order():
     assert wrong["face_mse"]  # the mean face is nearer than another clip's
 
 
+@pytest.mark.slow
 def test_a_systems_face_is_fitted_to_the_recording():
     motions = {clip.name: clip.motion for clip in clips()}
     short = {name: motion[: len(motion) - 2] for name, motion in motions.items()}

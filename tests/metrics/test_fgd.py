@@ -34,6 +34,7 @@ def direct(mean_a, cov_a, mean_b, cov_b):
     return np.sum((mean_a - mean_b) ** 2) + np.trace(cov_a + cov_b) - 2 * np.sqrt(np.maximum(values, 0)).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_it_is_never_negative_and_zero_for_the_same(part):
     for seed in range(250 * part, 250 * (part + 1)):
@@ -95,6 +96,7 @@ def clips(seed: int, noise: float = 0.0, count: int = 6) -> list[Sample]:
     return made
 
 
+@pytest.mark.slow
 def test_the_metric_grows_with_corruption_whatever_the_order_of_clips():
     real = clips(0)
     tools = Tools(features=NET)
@@ -109,6 +111,7 @@ def test_the_metric_grows_with_corruption_whatever_the_order_of_clips():
     assert fgd_published(clips(0, 0.2), real, tools).value == pytest.approx(scores[2].value, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_poses_alone_do_not_see_movement():
     """Frames in any order have the same poses: that is what FID on raw poses cannot tell."""
     real = clips(1)

@@ -113,6 +113,7 @@ def test_heading_and_place_in_the_world_do_not_matter():
     assert b["hip path (1 Hz), m/min"] == pytest.approx(60 * np.hypot(0.3, 0.1), rel=0.02)
 
 
+@pytest.mark.slow
 def test_mirroring_exchanges_the_hands():
     a, b = (movement_statistics(m) for m in (talker(3), talker(3).mirror()))
     assert b["left 90 %"] == pytest.approx(a["right 90 %"], rel=1e-6)
@@ -156,12 +157,14 @@ def test_steps_are_counted_and_standing_feet_are_not():
     assert rows["foot speed 50 %, m/s"] == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_another_rate_gives_the_same_numbers():
     motion = talker(5)
     a, b = movement_statistics(motion), movement_statistics(motion.resample(60))
     assert [b[n] for n in a] == pytest.approx([a[n] for n in a], rel=0.05, abs=0.05)
 
 
+@pytest.mark.slow
 def test_windows():
     motion = talker(1, 75)
     windows = window_statistics(motion)

@@ -25,6 +25,7 @@ def made() -> dict[str, Motion]:
     return {style: RuleBasedModel().generate(Speech(babble(2, 6.0), 16000), style=style, seed=5, fps=20) for style in STYLES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES)
 def test_there_and_back_on_what_the_rules_make(made, style):
     motion = made[style]

@@ -58,6 +58,7 @@ def turn_between(a: Motion, b: Motion, joint: str) -> float:
     return float(np.degrees(quat_angle(*worlds)).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_turns_of_bones_are_told_from_the_motion(tmp_path, seed):
     motion = gesturing(120)
@@ -77,6 +78,7 @@ def test_a_tpose_that_fits_is_kept(tmp_path):
     assert np.abs(np.sum(read.skeleton.rest * humanoid().rest, -1)).min() > 1 - 1e-9
 
 
+@pytest.mark.slow
 def test_a_short_motion_keeps_the_zero_pose(tmp_path):
     motion = gesturing(120)
     save(rename(motion.retarget(along_x(0)))[:20], tmp_path / "short.bvh")

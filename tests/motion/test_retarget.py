@@ -107,6 +107,7 @@ def test_from_any_to_any(source, goal):
     assert np.abs(direct.positions() - through.positions()).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_t_pose_stays_the_t_pose():
     for source in SKELETONS:
         body = find_skeleton(source)

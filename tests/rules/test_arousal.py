@@ -93,6 +93,7 @@ def test_a_usual_voice_does_not_change_learned_poses_and_an_aroused_one_enlarges
     assert factors[0] < 0.7 < 1.1 < factors[4] < factors[5] <= 1.4
 
 
+@pytest.mark.slow
 def test_auto_plays_no_category_and_reports_both():
     speech = Speech(np.resize(Speech.load(EXAMPLE).samples, 12 * 16_000))
     session = RuleBasedModel().session(emotion="auto", parts=("face",))

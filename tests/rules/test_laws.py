@@ -48,6 +48,7 @@ def test_laws_of_the_body(group):
     assert broken == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(300, 306))
 def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
     speech, options = combination(number)
@@ -64,6 +65,7 @@ def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
     assert np.abs(joined.rotations - whole.rotations).max() <= 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", list(STYLES))
 def test_the_same_seed_gives_the_same_bytes_and_another_one_another_performance(style):
     speech = Speech(babble(400, 8.0), 16000)
@@ -176,6 +178,7 @@ def test_seated_hips_that_move_are_noticed():
     assert any("seated" in fault for fault in broken_laws(motion, stand=False))
 
 
+@pytest.mark.slow
 def test_babble_is_like_speech():
     for seed in range(5):
         samples = babble(seed)

@@ -222,6 +222,7 @@ class TestListening:
         soft, _, _ = listen(Speech(speech.samples * 0.1, RATE))
         assert np.abs(loud.loudness[200:] - soft.loudness[200:]).mean() < 0.06
 
+    @pytest.mark.slow
     def test_memory_stays_bounded(self):
         listener, chunk = EventDetector(), pulses(4, rhythm(5)).samples
         for _ in range(30):
@@ -232,6 +233,7 @@ class TestListening:
 
 
 class TestPerformance:
+    @pytest.mark.slow
     def test_strokes_come_before_accents_by_the_measured_lead(self):
         session = RuleBasedModel().session(style="restless", emotion="neutral", seed=3)
         at = rhythm()
@@ -242,6 +244,7 @@ class TestPerformance:
         distance = (np.array(at) - LEAD)[None] - strokes[:, None]
         assert np.median(np.abs(distance).min(1)) < 0.05
 
+    @pytest.mark.slow
     def test_words_call_for_their_own_gestures_with_a_semantic_score(self):
         at = rhythm(12, 1.2)
         words = [Word(w, t - 0.2, t + 0.25) for w, t in zip(["table", "huge", "stone", "tiny"] * 3, at, strict=True)]
@@ -256,6 +259,7 @@ class TestPerformance:
         assert acted["huge"].hands == "both"
         assert not {"table", "stone"} & set(acted)
 
+    @pytest.mark.slow
     def test_hands_rest_in_long_pauses(self):
         speech = pulses(16, [0.5, 0.9, 1.3, 1.7, 2.1])
         motion = RuleBasedModel().generate(speech, emotion="neutral", seed=2)
@@ -270,6 +274,7 @@ class TestPerformance:
         step = quat_angle(motion.rotations[0].astype(float), motion.rotations[1].astype(float))
         assert np.degrees(step.max()) < 25
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("fps", [12.0, 24.0, 29.97, 60.0])
     def test_the_frame_rate_samples_one_and_the_same_performance(self, fps):
         speech = pulses(5, rhythm(6))
@@ -279,6 +284,7 @@ class TestPerformance:
         nearest = np.minimum(np.rint(motion.times * 120).astype(int), len(reference) - 1)
         assert np.abs(motion.positions() - reference.positions()[nearest]).max() < 0.03
 
+    @pytest.mark.slow
     def test_long_pieces_and_short_ones_are_the_same_speech(self):
         speech = pulses(31, rhythm(48))
         whole = Motion.concatenate([m for m in RuleBasedModel().stream([speech], seed=1)])
@@ -286,6 +292,7 @@ class TestPerformance:
         assert np.abs(whole.positions() - parts.positions()).max() < 1e-5
         assert np.abs(whole.face - parts.face).max() < 1e-5
 
+    @pytest.mark.slow
     def test_a_stream_is_never_more_than_its_look_ahead_behind(self):
         given = 0.0
         got = 0.0
@@ -319,6 +326,7 @@ class TestPerformance:
         hands = RuleBasedModel().generate(speech, parts=("hands",))
         assert not np.allclose(hands.rotations[:, s.left_hand], [0, 0, 0, 1])
 
+    @pytest.mark.slow
     def test_intensity_scales_movement_down_to_idling(self):
         speech, wrists = pulses(20, rhythm(30)), []
         for intensity in (0.0, 0.5, 1.0, 1.5):
@@ -332,6 +340,7 @@ class TestPerformance:
         assert wrists[0] < 0.06
         assert wrists[1] < 0.8 * wrists[2]
 
+    @pytest.mark.slow
     def test_the_southpaw_uses_the_left_hand_and_the_default_does_not(self):
         def left_share(style: str) -> float:
             motion = RuleBasedModel().generate(pulses(40, rhythm(60)), style=style, emotion="neutral", seed=0)
@@ -349,6 +358,7 @@ class TestPerformance:
         motion = RuleBasedModel().generate(babble_speech(), style=style)
         assert np.isfinite(motion.rotations).all()
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("options", "said"),
         [
@@ -408,6 +418,7 @@ def babble_speech() -> Speech:
 
 
 class TestPosture:
+    @pytest.mark.slow
     def test_steps_lift_one_foot_at_a_time_and_the_weight_is_on_the_other(self):
         style = replace(STYLES["natural"], steps=40.0)
         posture = Posture(style, Random(1), 1.0)

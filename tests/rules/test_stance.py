@@ -67,6 +67,7 @@ class TestStance:
         knees = {s: 2 * np.degrees(np.arccos(rotations[1, humanoid().index[s + "LowerLeg"], 3])) for s in ("left", "right")}
         assert knees["right"] > knees["left"] + 5
 
+    @pytest.mark.slow
     def test_steps_per_minute_are_as_asked_and_none_while_seated(self):
         def steps(b: np.ndarray) -> int:
             up = b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1) > 0.01
@@ -76,11 +77,13 @@ class TestStance:
         assert 6 < counted < 14
         assert steps(stood(1, steps=0.0)) == 0
 
+    @pytest.mark.slow
     def test_one_foot_stands_whatever_the_steps(self):
         for seed in range(12):
             b = stood(seed, steps=40.0, sway=1.8)
             assert not ((b[:, Body.LEFT_LIFT] > 0.002) & (b[:, Body.RIGHT_LIFT] > 0.002)).any()
 
+    @pytest.mark.slow
     def test_breath_comes_twelve_to_eighteen_times_a_minute(self):
         breath = np.array([stood(seed)[:, Body.BREATH] for seed in range(6)])
         inward = ((breath[:, 1:] > 0.5) & (breath[:, :-1] <= 0.5)).sum(1)

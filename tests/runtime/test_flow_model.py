@@ -45,6 +45,7 @@ def source(style: object, seed: int = 0):
     return CodeSource(system, blend(style), seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pose", "fps", "audio"),
     [("expmap-humanoid", 20.0, "mel20-prosody"), ("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")],
@@ -159,6 +160,7 @@ def test_poses_that_add_up_are_refused(tmp_path):
 # a style that changes ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transfer", [CodeSource, SegmentSource, NormalSource])
 def test_changes_do_not_depend_on_the_pieces(transfer):
     speech, player = talk(4.0), TrainedModel(gesturer().system, transfer)
@@ -267,6 +269,7 @@ def test_a_wrong_change_changes_nothing():
     assert session.style_mixture is None
 
 
+@pytest.mark.slow
 def test_flows_hear_as_far_ahead_as_they_were_trained_to():
     with pytest.raises(InputError, match="look-ahead"):
         gesturer().session(look_ahead=1.0)

@@ -156,6 +156,7 @@ def test_without_a_classifier_nobody_is_heard():
     assert tracker(EmotionTrack.constant("anger"), judges=False).knows
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_and_forgetting_does_not_show():
     whole, short, rows = tracker(), tracker(), speech(6000)
     whole.push(rows)

@@ -85,6 +85,7 @@ def code(motion: Motion) -> np.ndarray:
 # what an example does ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_two_examples_give_two_motions(way):
     speech, left, right = talk(), acted(0.0), acted(1.0)
@@ -94,6 +95,7 @@ def test_two_examples_give_two_motions(way):
     assert len(a) == speech.frames(30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_streams_are_wholes_and_takes_are_seeds(way):
     speech, style = talk(3.3), {acted(0.0): 0.6, "ben": 0.4}
@@ -107,6 +109,7 @@ def test_streams_are_wholes_and_takes_are_seeds(way):
     assert not np.allclose(takes[0].rotations, takes[2].rotations, atol=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_nothing_of_an_example_is_the_default(way):
     speech = talk()
@@ -130,6 +133,7 @@ def test_weights():
     np.testing.assert_allclose(mixed.style, 0.7 * parts[0].code + 0.3 * parts[1].code, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_mixtures_lie_between():
     """Without movement what is left is the mean pose, which follows the examples even where nothing was learnt."""
     speech, low, high = talk(1.5), acted(1.0, -0.2), acted(1.0, 0.25)
@@ -146,6 +150,7 @@ def test_mixtures_lie_between():
     assert above[1][1] > above[1][0] + 0.05
 
 
+@pytest.mark.slow
 def test_five_minutes_with_an_example():
     began = time.process_time()
     motion = gesturer("segments").generate(talk(300.0), style=acted(0.0), fps=20, parts=BODY)
@@ -182,6 +187,7 @@ def test_segments_are_the_examples_latents_in_order_then_stretches_of_them():
     np.testing.assert_allclose(still, np.broadcast_to(z.mean(0), still.shape), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_normal_latents_have_the_examples_mean_and_covariance():
     embedding = space().by_example(acted(0.0, seconds=30.0))
     (z,) = space().latents(embedding, embedding.code)
@@ -221,6 +227,7 @@ def test_any_file(suffix, tmp_path):
     np.testing.assert_array_equal(known.blend(f"{plain}:0.25")[0][1].code, embedding.code)
 
 
+@pytest.mark.slow
 def test_rate_place_and_heading_do_not_matter():
     motion = acted(0.0)
     assert away(code(acted(0.0, fps=60.0)), code(motion)) < 0.15
@@ -235,6 +242,7 @@ def test_rate_place_and_heading_do_not_matter():
     assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
 
 
+@pytest.mark.slow
 def test_long_examples_are_seen_in_pieces():
     motion = acted(0.0)
     long = Motion.concatenate([motion] * 40)  # six minutes
@@ -248,6 +256,7 @@ def test_long_examples_are_seen_in_pieces():
     assert time.process_time() - began < 5
 
 
+@pytest.mark.slow
 def test_the_shortest_example():
     embedding = space().by_example(acted(0.0)[:30])
     assert np.isfinite(embedding.code).all()
@@ -258,6 +267,7 @@ def test_the_shortest_example():
         space().by_example(acted(0.0)[:29])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pose", "fps", "audio"), [("direction-vectors", 15.0, "mel29-linear"), ("expmap-upper", 20.0, "mel27")]
 )
@@ -322,6 +332,7 @@ def test_files_named_by_a_style(tmp_path):
     assert example_files(None) == example_files(acted(0.0)) == example_files(7) == []
 
 
+@pytest.mark.slow
 def test_generate_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_small(tmp_path / "small.cospeech")
@@ -381,6 +392,7 @@ def travel(path: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.diff(path, axis=0), axis=-1).mean(0) * 30
 
 
+@pytest.mark.slow
 def test_the_hand_of_the_example_gestures():
     """In every performance more than the other; how much more is left to chance, and mostly a great deal."""
     spread = [[np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(4)]
@@ -390,6 +402,7 @@ def test_the_hand_of_the_example_gestures():
     assert np.median(np.concatenate([left[:, 0] / left[:, 1], right[:, 1] / right[:, 0]])) > 1.7
 
 
+@pytest.mark.slow
 def test_size_follows_the_example():
     examples = [acted(1.0), replace(acted(1.0), rotations=np.repeat(acted(1.0).rotations[:1], 270, 0))]
     lively, still = (wrists(learnt().generate(talk(8.0), style=e, parts=BODY)) for e in examples)
@@ -399,6 +412,7 @@ def test_size_follows_the_example():
     assert 0.5 < lively[:, 1].std(0).max() / shown[:, 1].std(0).max() < 1.6
 
 
+@pytest.mark.slow
 def test_weights_lead_from_one_example_to_the_other():
     left, right = one_armed(0.0), one_armed(1.0)
     lean = []

@@ -119,6 +119,7 @@ def test_windows_slide_as_they_are_said_to(setting, frames):
     np.testing.assert_allclose(made, by_hand(rows, setting, [(0, np.array([0.7, 0, 0.3]))]), atol=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
 def test_pieces_do_not_show(setting):
     rows = speech(333)
@@ -214,6 +215,7 @@ def test_before_a_change_bits_stay_but_for_the_look_ahead(setting):
     assert made[:, settled:].tobytes() == later[:, settled:].tobytes()  # and is then as if it had always been so
 
 
+@pytest.mark.slow
 def test_changes_do_not_depend_on_the_pieces():
     rows, changes = speech(900), {100: BEN, 104: MIXED, 500: BEN, 503: ADA, 504: blend(cleo=1.0)}
     for setting in SETTINGS.values():
@@ -242,6 +244,7 @@ def test_of_two_changes_at_one_place_the_last_counts():
     assert made(BEN, ADA) == made()
 
 
+@pytest.mark.slow
 def test_a_thousand_changes_are_forgotten():
     who = player()
     for frame in range(1000):
@@ -374,6 +377,7 @@ def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
 # noise -------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_noise_is_gumbel_at_every_frame_and_draws_modes_as_softmax_has_them():
     rate = 2.0  # frames so far apart that there are many draws in few frames
     noise = SmoothGumbel(5, rate, seed=1).draw(40_000)
@@ -388,6 +392,7 @@ def test_noise_is_gumbel_at_every_frame_and_draws_modes_as_softmax_has_them():
     np.testing.assert_allclose(drawn, np.exp(logits) / np.exp(logits).sum(), atol=0.012)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [12.0, 15.0, 30.0])
 def test_noise_is_smooth_and_as_slow_at_any_rate(fps):
     noise = SmoothGumbel(400, fps, seed=2).draw(round(3 * fps) + 1).astype(float)

@@ -45,6 +45,7 @@ CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
 # as every gesturer -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look_ahead", [None, 0.0, 0.5, inf])
 def test_pieces_do_not_show(look_ahead):
     speech = talk()
@@ -66,6 +67,7 @@ def test_longer_look_aheads_come_nearer_to_the_whole():
     assert 0 < away(others[1], whole) < away(others[2], whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("look_ahead", "frames"), [(None, 4 + 12), (0.0, 4), (0.5, 14), (inf, 268)])
 def test_it_is_as_late_as_it_says(look_ahead, frames):
     speech, session = talk(15.0), gesturer().session(parts=BODY, look_ahead=look_ahead)
@@ -215,6 +217,7 @@ def test_stretches_overlap_by_half_and_reach_the_end():
 # a style that changes ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look_ahead", [None, inf])
 def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
     speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,cleo:0.5", 41_000: acted()}
@@ -225,6 +228,7 @@ def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
     assert away(plain, at_once) > 0.01
 
 
+@pytest.mark.slow
 def test_what_was_before_a_change_and_what_comes_after():
     speech, samples = talk(9.0), 64_000
     made = changed(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
@@ -266,6 +270,7 @@ def test_a_change_before_any_speech_fades_from_the_beginning():
 # from files --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_report_tells_the_mixture(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
@@ -284,6 +289,7 @@ def test_the_report_tells_the_mixture(tmp_path, monkeypatch):
     assert told["clip.bvh"]
 
 
+@pytest.mark.slow
 def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())

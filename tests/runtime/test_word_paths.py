@@ -102,6 +102,7 @@ class Listening:
         return StreamingFeatures(self._inner.session(options), self.heard)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_words_of_a_file_reach_the_system(tmp_path, monkeypatch, recording, name):
     (tmp_path / name).write_text(KINDS[name], "utf-8")
@@ -121,6 +122,7 @@ def test_words_of_a_file_reach_the_system(tmp_path, monkeypatch, recording, name
         assert all(chunk.start <= word.start < end for word in chunk.words or ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recording, name):
     (tmp_path / name).write_text(KINDS[name], "utf-8")
@@ -141,6 +143,7 @@ def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recordin
         assert live == word_ids(whole.words, 90, 15)
 
 
+@pytest.mark.slow
 def test_sessions_take_words_with_the_piece_in_which_they_start(recording, tmp_path):
     (tmp_path / "a.tsv").write_text(KINDS["a.tsv"], "utf-8")
     whole = Speech.load(recording, transcript=tmp_path / "a.tsv")

@@ -57,6 +57,7 @@ def test_like_words_share_rows():
     assert shared("gesture", "wonderful") <= 2
 
 
+@pytest.mark.slow
 @given(some.text(max_size=300))
 def test_any_text_has_subwords(text):
     rows = subwords(text)
@@ -122,6 +123,7 @@ def test_pieces_give_the_same_words(seconds, fps):
     assert stream.finish() == []
 
 
+@pytest.mark.slow
 @given(
     some.lists(some.tuples(some.integers(0, 4000), some.integers(1, 900)), max_size=30),
     some.lists(some.integers(1, 4000), min_size=1, max_size=40),

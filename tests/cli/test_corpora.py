@@ -16,7 +16,7 @@ from cospeech.errors import InputError
 
 
 @pytest.fixture
-def app():
+def app(monkeypatch):
     told = []
 
     @contextmanager
@@ -25,7 +25,8 @@ def app():
         yield None
 
     made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    register(made, progress)
+    monkeypatch.setattr("cospeech.cli.corpora.show_progress", progress)
+    register(made)
     made.told = told
     return made
 

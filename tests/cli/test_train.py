@@ -29,7 +29,7 @@ threads = 1
 
 
 @pytest.fixture
-def app():
+def app(monkeypatch):
     told = []
 
     @contextmanager
@@ -37,7 +37,8 @@ def app():
         yield None if quiet else lambda *what: told.append((title, *what))
 
     made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    register(made, progress)
+    monkeypatch.setattr("cospeech.cli.train.show_progress", progress)
+    register(made)
     made.told = told
     return made
 

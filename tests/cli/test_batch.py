@@ -236,4 +236,4 @@ def test_no_help_is_cut(columns):
         assert max(map(len, plain)) <= columns, command
 
 
-COMMANDS = "generate\nconvert\nrender\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle"
+COMMANDS = "generate\nstream\nconvert\nrender\nrobot\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle"

@@ -103,7 +103,7 @@ def test_it_waits_less_than_a_face_and_says_so(system):
     assert max(behind[200:]) > mouth.latency - 0.05  # what it says is no excuse
     with pytest.raises(RuntimeError, match="known until"):
         mouth.at(np.array([mouth.certain_until + 0.1]))
-    with pytest.raises(InputError, match=r"waits 1\.[4-9]"):
+    with pytest.raises(InputError, match=r"needs 1\.[4-9]"):
         BundleMouth(replace(system, smooth=60))
 
 

@@ -124,7 +124,7 @@ def test_a_bundle_whose_audio_is_of_another_width_is_refused(store, runs, tmp_pa
 
 def test_points_are_of_systems_of_points(tmp_path):
     gesturer = cospeech.load(write_small(tmp_path / "it.cospeech"))
-    with pytest.raises(InputError, match="no key points"):
+    with pytest.raises(InputError, match="not key points"):
         gesturer.points(talk(1.0))
 
 

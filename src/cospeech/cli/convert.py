@@ -55,7 +55,7 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Convert a motion file to another format, and edit it on the way.
+    """Convert a motion file to another format, and edit it.
 
     Edits happen in this order: --join, --from and --to, --face, --mirror, --loop, --skeleton, --fps.
 

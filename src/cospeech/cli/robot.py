@@ -41,7 +41,9 @@ def robot(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Turn a motion file into joint commands, within the robot's limits of position, speed and acceleration.
+    """Turn a motion file into commands for a robot.
+
+    Commands stay within the limits of position, speed and acceleration of its joints.
 
     \b
     cospeech robot talk.bvh talk.csv --robot pepper

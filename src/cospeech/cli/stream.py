@@ -90,14 +90,14 @@ def stream(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Generate motion live, and send each frame to avatars, game engines and programs.
+    """Generate motion live, for avatars, games and programs.
 
     Frames leave evenly, some time after their sound. The program prints this time when it starts: delay the sound by it.
 
     \b
-    cospeech stream --input mic --to vmc://127.0.0.1:39539 --to livelink://192.168.0.7:11111
+    cospeech stream --input mic --to vmc://127.0.0.1:39539
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
-    my_tts | cospeech stream --input - --rate 24000 --to vmc://127.0.0.1:39539?face=arkit
+    my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
     """
     from ..audio.live_sources import FORMATS, PIECE
     from ..export.live.pacing import MARGIN, FramePacer

@@ -94,7 +94,8 @@ def save_gif(frames: list[Image.Image], path: Path) -> None:
 def people(speech: cospeech.Speech, audio: Path, name: str) -> None:
     """Three styles side by side above the sound, and a strip of each."""
     model = cospeech.load("stylised-flow")
-    motions = [model.generate(speech, style=who, emotion="neutral", seed=SEED + k) for k, who in enumerate(PEOPLE)]
+    usual = {"emotion": "neutral", **model.for_files}
+    motions = [model.generate(speech, style=who, seed=SEED + k, **usual) for k, who in enumerate(PEOPLE)]
     for who, motion in zip(PEOPLE, motions, strict=True):
         motion.save(MEDIA / f"styles-{name}-{who}.png", audio=audio, words=list(speech.words or ()))
     parts = [motion[: round(SECONDS * motion.fps)] for motion in motions]
@@ -113,7 +114,7 @@ def chain(speech: cospeech.Speech, audio: Path, name: str) -> None:
     """Chain of Generation: moving and as a strip, and as strips in other moods."""
     model = cospeech.load("chain-of-generation")
     for emotion in ("auto", *MOODS):
-        motion = model.generate(speech, emotion=emotion, seed=SEED, look_ahead=float("inf"))
+        motion = model.generate(speech, emotion=emotion, seed=SEED, **model.for_files)
         stem = f"chain-{name}" if emotion == "auto" else f"chain-{name}-{emotion}"
         motion.save(MEDIA / f"{stem}.png", audio=audio, words=list(speech.words or ()))
         if emotion == "auto":

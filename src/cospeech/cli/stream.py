@@ -109,12 +109,12 @@ def stream(
     if not _RATES[0] <= rate <= _RATES[1]:
         raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
     tell = _say_nothing if quiet else _tell
+    wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
-        model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=parts,
+        model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
         face_gain=face_gain, fps=fps,
     )  # fmt: skip
     delay = session.latency + PIECE + MARGIN
-    wanted = tuple(part.strip() for part in parts.split(","))
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
         pieces = _pieces(stack, source, transcript, rate, samples, unpaced)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import InputError
+from .curves import smoothstep
 from .motion import Motion
 from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, quat_to_rotvec, rotvec_to_quat
 
@@ -33,7 +34,7 @@ class OffsetFade:
 
     def apply(self, rotations: Array, root: Array, left: Array) -> tuple[Array, Array]:
         """Rotations (n, J, 4) and places (n, 3) with the share ``left`` (n,) of what is missing; at 0 they are as they were."""
-        share = _smooth(left)
+        share = smoothstep(left)[:, None]
         turned = quat_multiply(rotvec_to_quat(share[..., None] * self.turns), rotations.astype(float))
         turned = np.where(share[..., None] > 0, turned, rotations).astype(rotations.dtype)
         return turned, (root + share * self.way).astype(root.dtype)
@@ -88,7 +89,7 @@ def loop(motion: Motion, *, blend: float = BLEND) -> Motion:
     rotations, root = fade.apply(motion.rotations, motion.root, left)
     face = motion.face
     if face is not None:
-        face = np.clip(face + _smooth(left) * (face[0] - face[-1]), 0, 1).astype(face.dtype)
+        face = np.clip(face + smoothstep(left)[:, None] * (face[0] - face[-1]), 0, 1).astype(face.dtype)
     return replace(motion, rotations=quat_continuous(rotations), root=root, face=face)
 
 
@@ -112,14 +113,10 @@ def _go_on(before: Motion, motion: Motion, blend: float) -> Motion:
     rotations, root = fade.apply(motion.rotations, motion.root, left)
     face = motion.face
     if face is not None and before.face is not None:
-        face = np.clip(face + _smooth(left) * (before.face[-1] - face[0]), 0, 1).astype(face.dtype)
+        face = np.clip(face + smoothstep(left)[:, None] * (before.face[-1] - face[0]), 0, 1).astype(face.dtype)
     return replace(motion, rotations=rotations, root=root, face=face)
 
 
 def _decay(frames: int, fps: float, blend: float) -> Array:
     """(frames,) share of an offset that is left: all of it a frame before the first, none after ``blend`` seconds."""
     return np.clip(1 - (np.arange(frames) + 1) / max(blend * fps, 1), 0, 1)
-
-
-def _smooth(left: Array) -> Array:
-    return (left * left * (3 - 2 * left))[:, None]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..motion.curves import smoothstep
 from ..motion.kinematics import arms
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
@@ -204,7 +205,7 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
             euler_to_quat(np.array([0.0, np.radians(0.6 * style.lean), 0.0]), "YXZ"), o["t:upperChest"] - o["t:hips"]
         )
         stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
-    crossed = _smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
+    crossed = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
     lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
     return _Frames(
         _both(to_hips, _MIRROR_Q),
@@ -241,10 +242,10 @@ def _arms(
     lift = (
         np.radians(h[..., Channel.SHRUG])
         + np.radians(b[:, Body.SHOULDERS])[:, None]
-        + np.radians(_LIFTED) * _smoothstep((raised + 1.0) / 1.3)
+        + np.radians(_LIFTED) * smoothstep((raised + 1.0) / 1.3)
         + np.radians(_RAISED) * breath[:, None]
     )
-    reach_out = np.radians(_REACHED) * _smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
+    reach_out = np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL])
@@ -270,11 +271,6 @@ def _limit(x: Array, low: float, high: float) -> Array:
     over = np.abs(u) - 0.8
     bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
     return middle + half * np.where(over > 0, bent, u)
-
-
-def _smoothstep(u: Array) -> Array:
-    u = np.clip(u, 0, 1)
-    return u * u * (3 - 2 * u)
 
 
 def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
@@ -334,7 +330,7 @@ def _push(point: Array, radius: float, frames: _Frames, style: Style) -> Array:
     upper = point + o["t:upperChest"]
     in_hips = quat_rotate(frames.to_hips, point) + frames.hips_at
     lower = in_hips + o["t:hips"]
-    mix = _smoothstep((upper[..., 1] - 1.02) / 0.20)[..., None]
+    mix = smoothstep((upper[..., 1] - 1.02) / 0.20)[..., None]
     both = upper * mix + lower * (1 - mix)
     push = push_from_torso(both, radius)
     push_low = quat_rotate(quat_conjugate(frames.to_hips), push)

@@ -39,6 +39,12 @@ class LiveLinkEncoder:
         identity = f"${uuid.uuid5(_NAMESPACE, subject)}".encode()
         self._head = struct.pack("<I", _VERSION) + identity + struct.pack("!i", len(name)) + name
 
+    def begin(self) -> bytes:
+        """Nothing: every frame says all."""
+        return b""
+
+    end = begin
+
     def frames(self, motion: Motion) -> Iterator[list[bytes]]:
         """The packet of each frame; its time counts from the beginning of the speech."""
         motion = as_humanoid(motion)

@@ -13,7 +13,6 @@ from urllib.parse import parse_qs, urlsplit
 
 from ...errors import InputError
 from ...motion.motion import Motion
-from .json_frames import JsonEncoder
 
 __all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire", "split_address"]
 
@@ -23,6 +22,12 @@ _RETRY = (0.25, 4.0)  # seconds between two attempts to connect: the first, and 
 
 class Encoder(Protocol):
     """Frames of motion → what a receiver takes."""
+
+    def begin(self) -> bytes:
+        """What comes before the first frame of a connection; nothing where it is empty."""
+
+    def end(self) -> bytes:
+        """What comes after the last frame."""
 
     def frames(self, motion: Motion) -> Iterator[list[bytes]]: ...
 
@@ -132,8 +137,8 @@ class Outlet:
             try:
                 if not connected:
                     self._wire.connect()
-                    if isinstance(self._encoder, JsonEncoder):
-                        self._wire.send(self._encoder.begin())
+                    if first := self._encoder.begin():
+                        self._wire.send(first)
                     if told:
                         self._note(f"{self.name} is back")
                     connected, told, wait = True, False, _RETRY[0]
@@ -150,9 +155,9 @@ class Outlet:
                 with self._changed:
                     self._changed.wait_for(lambda: self._over, wait)
                 wait = min(2 * wait, _RETRY[1])
-        if connected and isinstance(self._encoder, JsonEncoder):
+        if connected and (last := self._encoder.end()):
             with suppress(OSError):
-                self._wire.send(self._encoder.end())
+                self._wire.send(last)
 
 
 def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) -> tuple[str, int, dict[str, str]]:

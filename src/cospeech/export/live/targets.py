@@ -18,15 +18,6 @@ from .websocket import WebSocketServer, WebSocketWire
 
 __all__ = ["SCHEMES", "StreamSettings", "open_outlet"]
 
-SCHEMES = {
-    "vmc": "VMC protocol: VSeeFace, Warudo, VMC4UE, EVMC4U, VMC4B; vmc://127.0.0.1:39539?face=vrm0|vrm1|arkit&packet=1400",
-    "livelink": "Live Link Face, for Unreal: livelink://127.0.0.1:11111?subject=cospeech",
-    "ws": "JSON to a WebSocket server of yours: ws://127.0.0.1:8765",
-    "wss": "JSON to a WebSocket server with TLS: wss://example.org/motion",
-    "listen": "JSON to every WebSocket client that connects: listen://127.0.0.1:8765",
-    "-": "JSON on standard output, one frame per line",
-}
-"""Scheme → what it is."""
 _PACKET = range(200, 65_001)  # bytes of a datagram that can be asked for: one bone must fit (ours)
 
 
@@ -51,7 +42,7 @@ def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], No
     scheme = "-" if address == "-" else address.partition("://")[0].lower()
     if scheme not in SCHEMES or (scheme != "-" and "://" not in address):
         raise InputError(f"cannot send to {address!r}", f"known: {', '.join(s if s == '-' else s + '://' for s in SCHEMES)}")
-    encoder, wire = _OPEN[scheme](address, settings)
+    encoder, wire = SCHEMES[scheme](address, settings)
     return Outlet(address, encoder, wire, fps=settings.fps, note=note)
 
 
@@ -88,7 +79,8 @@ def _listen(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
     return _json(settings), WebSocketServer(host, port)
 
 
-_OPEN: dict[str, Callable[[str, StreamSettings], tuple[Encoder, Wire]]] = {
+SCHEMES: dict[str, Callable[[str, StreamSettings], tuple[Encoder, Wire]]] = {
     "vmc": _vmc, "livelink": _live_link, "ws": _websocket, "wss": _websocket, "listen": _listen,
     "-": lambda address, settings: (_json(settings), LineWire()),
 }  # fmt: skip
+"""Scheme → what opens a receiver of that kind."""

@@ -62,7 +62,15 @@ class VmcEncoder:
         names = [own.names[k] for k in self._bones]
         self._scale = float(offsets["hips"][1] / own.offsets[0][1])  # hips move as much further as the legs are longer
         self._heads = [osc.message("/VMC/Ext/Bone/Pos", _unity_name(name), *[0.0] * 7)[:-28] for name in names]
+        shapes = {"vrm0": _VRM0.values(), "vrm1": _VRM0, "arkit": [name[0].upper() + name[1:] for name in ARKIT]}[face]
+        self._shapes = [osc.message("/VMC/Ext/Blend/Val", name, 0.0)[:-4] for name in shapes]
         self._places = _unity_place(np.array([offsets[name] for name in names], float))
+
+    def begin(self) -> bytes:
+        """Nothing: every frame says all."""
+        return b""
+
+    end = begin
 
     def frames(self, motion: Motion) -> Iterator[list[bytes]]:
         """The datagrams of each frame.
@@ -73,8 +81,7 @@ class VmcEncoder:
         motion = as_humanoid(motion)
         turned = motion.rotations[:, self._bones] * np.array([1, -1, -1, 1], np.float32)
         root = _unity_place(motion.root * self._scale)
-        names, weights = self._weights(motion)
-        shapes = [osc.message("/VMC/Ext/Blend/Val", name, 0.0)[:-4] for name in names]
+        weights, shapes = self._weights(motion), [] if motion.face is None else self._shapes
         for k in range(len(motion)):
             messages = [
                 osc.message("/VMC/Ext/OK", 1),
@@ -89,16 +96,15 @@ class VmcEncoder:
             messages.append(osc.message("/VMC/Ext/Blend/Apply"))
             yield osc.split_bundles(messages, self._most)
 
-    def _weights(self, motion: Motion) -> tuple[list[str], list[list[float]]]:
-        """Names of blend shapes, and (T, S) their weights 0 … 1; none without a face."""
+    def _weights(self, motion: Motion) -> list[list[float]]:
+        """(T, S) weights of the blend shapes, 0 … 1; (T, 0) without a face."""
         if motion.face is None:
-            return [], [[] for _ in range(len(motion))]
+            return [[] for _ in range(len(motion))]
         face = np.clip(motion.face, 0, 1)
         if self._names == "arkit":
-            return [name[0].upper() + name[1:] for name in ARKIT], face.tolist()
-        presets = {name: value for name, value in vrm_presets(face).items() if name in _VRM0}
-        names = list(presets) if self._names == "vrm1" else [_VRM0[name] for name in presets]
-        return names, np.clip(np.stack(list(presets.values()), 1), 0, 1).tolist()
+            return face.tolist()  # type: ignore[no-any-return]
+        presets = vrm_presets(face)
+        return np.clip(np.stack([presets[name] for name in _VRM0], 1), 0, 1).tolist()  # type: ignore[no-any-return]
 
 
 def avatar_offsets(avatar: Avatar) -> dict[str, Array]:

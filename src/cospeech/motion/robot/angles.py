@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..curves import smoothstep
 from ..motion import Motion
-from ..rotations import Array, quat_multiply, quat_to_euler, quat_to_matrix
+from ..rotations import Array, axis_angle_to_quat, quat_multiply, quat_to_euler, quat_to_matrix
 
 __all__ = ["CHANNELS", "BodyAngles"]
 
@@ -35,9 +36,7 @@ _AXES = {
 }
 """Columns: along the bone, across it, along the elbow's hinge, in the T-pose; in our axes."""
 _FIST = np.radians(70.0)  # mean bend of the knuckles of a closed hand [ours]
-_FASTEST = (
-    12.0  # radians per second of pitch: the fastest gestures have 10 [ours], and past the side it could jump by half a turn
-)
+_FASTEST = 12.0  # radians per second of pitch, which could jump past the side; the fastest gestures have 10 [ours]
 _FREE = (0.10, 0.35)  # cosine of roll below which pitch stays, and above which it is free [ours: 84° and 70°]
 
 
@@ -79,11 +78,11 @@ class BodyAngles:
         sign = -1.0 if side == "left" else 1.0
         f = axes.T @ quat_to_matrix(lower) @ axes  # the forearm's frame in that of the upper arm
         bend = np.arctan2(np.hypot(f[:, 1, 0], f[:, 2, 0]), f[:, 0, 0])
-        off = np.arctan2(sign * f[:, 2, 0], sign * f[:, 1, 0]) * _smoothstep(np.sin(bend) / 0.3)  # a bend beside the hinge
-        yaw = np.arctan2(rest[:, 2, 1] - rest[:, 1, 2], rest[:, 1, 1] + rest[:, 2, 2]) + off
+        off = np.arctan2(sign * f[:, 2, 0], sign * f[:, 1, 0]) * smoothstep(np.sin(bend) / 0.3)  # a bend beside the hinge
+        yaw = _twist(rest) + off
         elbow = sign * bend
         forearm = np.swapaxes(_turn(0, off) @ _turn(2, elbow), 1, 2) @ f @ (axes.T @ quat_to_matrix(hand) @ axes)
-        turned = np.arctan2(forearm[:, 2, 1] - forearm[:, 1, 2], forearm[:, 1, 1] + forearm[:, 2, 2])
+        turned = _twist(forearm)
         return {
             "shoulder_pitch": pitch, "shoulder_roll": roll, "shoulder_yaw": self._unwrap(f"{side} arm", yaw), "elbow": elbow,
             "forearm_yaw": self._unwrap(f"{side} forearm", turned),
@@ -91,7 +90,7 @@ class BodyAngles:
 
     def _hold(self, side: str, pitch: Array, cosine: Array, most: float) -> Array:
         """Pitch follows as far as the arm's direction says it, and turns the short way."""
-        free = _smoothstep((cosine - _FREE[0]) / (_FREE[1] - _FREE[0]))
+        free = smoothstep((cosine - _FREE[0]) / (_FREE[1] - _FREE[0]))
         held, (last, behind) = np.empty_like(pitch), self._pitch.get(side, (None, False))
         for k, (wanted, share) in enumerate(zip(pitch.tolist(), free.tolist(), strict=True)):
             way = 0.0 if last is None else _short(wanted - last)
@@ -120,20 +119,14 @@ class BodyAngles:
 
 def _turn(axis: int, angle: Array) -> Array:
     """(T, 3, 3) rotations about x, y or z."""
-    c, s = np.cos(angle), np.sin(angle)
-    matrix = np.zeros((len(angle), 3, 3))
-    a, b = (axis + 1) % 3, (axis + 2) % 3
-    matrix[:, axis, axis] = 1
-    matrix[:, a, a] = matrix[:, b, b] = c
-    matrix[:, a, b], matrix[:, b, a] = -s, s
-    return matrix
+    return quat_to_matrix(axis_angle_to_quat(np.eye(3)[axis], angle))
+
+
+def _twist(m: Array) -> Array:
+    """(T,) how far rotations (T, 3, 3) turn about x, whatever their swing is."""
+    return np.arctan2(m[:, 2, 1] - m[:, 1, 2], m[:, 1, 1] + m[:, 2, 2])
 
 
 def _short(angle: float) -> float:
     """The same angle, −π … π."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
-
-
-def _smoothstep(u: Array) -> Array:
-    u = np.clip(u, 0, 1)
-    return u * u * (3 - 2 * u)

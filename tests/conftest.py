@@ -16,8 +16,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # As many workers as cores: torch and BLAS with threads of their own would stand in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# librosa judges a few seconds of sound: compiling its loops takes ten times as long as running them.
-os.environ.setdefault("NUMBA_DISABLE_JIT", "1")
 
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

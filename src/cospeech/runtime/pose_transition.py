@@ -2,7 +2,7 @@
 
 This is inertialisation (Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018). The new
 source is played at once. On top of it lies what is missing to the pose that was shown last. The offset and its speed die away
-along a polynomial of degree five, so that place and speed of every joint go on as they were.
+along a polynomial of degree five, so that place and speed of every joint go on as they were. Feet step from stance to stance.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT
+from .step_over import StepOver, decay, run_out
 
 __all__ = ["LIPS", "PoseTransition"]
 
@@ -24,8 +25,8 @@ LIPS = 0.2
 """Seconds in which a mouth comes to its new shape [ours: a pause's closure takes .1 to .2 s]."""
 _LIDS = 0.12  # s [ours]: lids close within about .1 s
 _ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
-_LEGS = 2.0  # s [ours]: feet of two stances lie some centimetres apart; so they slide as slowly as they sway
-_RUN_OUT = 0.35  # s in which the speed that a joint has dies away [ours: about a stroke]
+_HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
+_LENGTH = 2.0  # s until nothing is left [ours: the end of the steps]
 
 
 @cache
@@ -36,8 +37,7 @@ def _seconds() -> Array:
     parts = {("spine", "chest", "upperChest"): _TRUNK, ("neck", "head", "jaw"): _HEAD, ("leftEye", "rightEye"): _EYES}
     for members, value in parts.items():
         seconds[[k for k, name in enumerate(names) if name in members]] = value
-    legs = ("hips", "Leg", "Foot", "Toes")
-    seconds[[k for k, name in enumerate(names) if any(part in name for part in legs)]] = _LEGS
+    seconds[names.index("hips")] = _HIPS
     return seconds
 
 
@@ -64,16 +64,18 @@ class PoseTransition:
         self._moving: Array = moving[0] - moving[1]
         faces = shown.face is not None and new.face is not None
         self._face: Array | None = shown.face[-1].astype(float) - new.face[-1] if faces else None  # type: ignore[index]
+        self._steps = StepOver(shown)
         self._frame = 0
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames of the new source, with what is left of the offset."""
         times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
-        rest, run = _decay(times / _seconds()), _run_out(times)
+        rest, run = decay(times / _seconds()), run_out(times)
         turns = rest * self._turns + run * self._turning
         turned = quat_multiply(rotvec_to_quat(turns), motion.rotations.astype(float))
-        root = motion.root + _decay(times[:, 0] / _LEGS) * self._way + run[:, 0] * self._moving
+        root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run[:, 0] * self._moving
+        root = self._steps.apply(times[:, 0, 0], motion, turned, root)
         face = motion.face
         if face is not None and self._face is not None:
             left = smoothstep(np.clip(1 - times[:, 0] / _face_seconds(), 0, 1))
@@ -83,7 +85,7 @@ class PoseTransition:
 
     def is_over(self, fps: float) -> bool:
         """Whether nothing is left of it."""
-        return self._frame >= _LEGS * fps
+        return self._frame >= _LENGTH * fps
 
 
 def _speed(rotations: Array, fps: float) -> Array:
@@ -91,15 +93,3 @@ def _speed(rotations: Array, fps: float) -> Array:
     if len(rotations) < 2:
         return np.zeros(rotations.shape[1:-1] + (3,))
     return quat_to_rotvec(quat_multiply(rotations[-1], quat_conjugate(rotations[-2]))) * fps  # type: ignore[no-any-return]
-
-
-def _decay(u: Array) -> Array:
-    """From 1 at 0 to 0 at 1, at rest at both ends: a minimum-jerk reach (Flash & Hogan 1985)."""
-    u = np.clip(u, 0, 1)
-    return 1 - u**3 * (10 - 15 * u + 6 * u * u)  # type: ignore[no-any-return]
-
-
-def _run_out(times: Array) -> Array:
-    """Seconds of travel at the first speed: slope 1 at 0, back at 0 and at rest after `_RUN_OUT` (Bollo 2018)."""
-    u = np.clip(times / _RUN_OUT, 0, 1)
-    return _RUN_OUT * u * (1 - u * u * (6 - 8 * u + 3 * u * u))  # type: ignore[no-any-return]

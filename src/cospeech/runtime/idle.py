@@ -18,6 +18,7 @@ from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
 from ..rules.options import GenerationOptions
 from ..rules.session import Session
+from ..rules.styles import find_style
 
 __all__ = ["IdleSource", "nod_angles"]
 
@@ -26,6 +27,7 @@ _SLOT = 9.0  # seconds in which there is one row of nods, or none [ours: listene
 _CHANCE = 0.75  # that there is one [ours]
 _NOD, _LESS = 0.42, 0.65  # seconds of a nod, and the size of each after the first [ours, as nods on accents in the rules]
 _SIZE = (2.5, 5.5)  # degrees [ours: small nods of listeners]
+_BLINKS = 15.0  # a minute, and some more as the gaze moves: people at rest blink 17 times (Bentivoglio et al. 1997)
 _STREAM = 7703  # of the hash
 
 
@@ -38,7 +40,8 @@ class IdleSource:
 
     def __init__(self, options: GenerationOptions) -> None:
         self._seed, self._fps = options.seed, options.fps
-        self._session: Session = RuleBasedModel().session(options, aimed=False)
+        style = replace(find_style(options.style), blinks=_BLINKS)
+        self._session: Session = RuleBasedModel().session(options, style=style, aimed=False)
         self._nods = "body" in options.parts
         self._kept: list[Motion] = []
         self._frame = 0

@@ -131,6 +131,8 @@ def stream(
 
     if samples not in FORMATS:
         raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
+    if control == source:
+        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
     if not _RATES[0] <= rate <= _RATES[1]:
         raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
     tell = _say_nothing if quiet else _tell
@@ -144,7 +146,7 @@ def stream(
     delay = session.latency + PIECE + MARGIN
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
-        controls = _open_control(stack, control, source)
+        controls = _open_control(stack, control)
         pieces = _pieces(stack, source, transcript, rate, samples, unpaced, controls)
         outlets = []
         for address in to:
@@ -183,13 +185,11 @@ def _idle_after(source: str) -> float | None:
     return _SILENCE if live else None
 
 
-def _open_control(stack: ExitStack, control: str | None, source: str) -> SimpleQueue[str | bytes]:
+def _open_control(stack: ExitStack, control: str | None) -> SimpleQueue[str | bytes]:
     """Messages that steer, as they come: those of ``--control``; the input adds its own."""
     controls: SimpleQueue[str | bytes] = SimpleQueue()
     if control is None:
         return controls
-    if control == source:
-        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
     messages: Iterable[str | bytes]
     if control == "-":
         from ..audio.live_sources import read_lines

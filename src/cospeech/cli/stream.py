@@ -34,6 +34,7 @@ from .options import (
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
+    from ..export.live.pacing import FramePacer
     from ..runtime.live_session import LiveSession
 
 __all__ = ["register"]
@@ -124,17 +125,12 @@ def stream(
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
     my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
     """
-    from ..audio.live_sources import FORMATS, PIECE
+    from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, FramePacer
     from ..export.live.targets import StreamSettings, open_outlet
     from ..generate import open_live_session
 
-    if samples not in FORMATS:
-        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
-    if control == source:
-        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
-    if not _RATES[0] <= rate <= _RATES[1]:
-        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
+    _check_sources(source, control, rate, samples)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
@@ -156,14 +152,7 @@ def stream(
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
         over = False
         try:
-            for piece in pieces:
-                if not pacer.is_started:
-                    pacer.begin(float(piece.duration))
-                _steer(session, controls, tell)
-                for motion in session.push(piece):
-                    pacer.push(motion)
-            for motion in session.finish():
-                pacer.push(motion)
+            _play(session, pieces, controls, pacer, tell)
             over = True
         finally:
             pace = pacer.close(drop=not over)
@@ -178,6 +167,32 @@ def _tell(text: str) -> None:
 
 def _say_nothing(text: str) -> None:
     """With --quiet."""
+
+
+def _check_sources(source: str, control: str | None, rate: int, samples: str) -> None:
+    from ..audio.live_sources import FORMATS
+
+    if samples not in FORMATS:
+        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
+    if control == source:
+        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
+
+
+def _play(
+    session: LiveSession, pieces: Iterable[Speech], controls: SimpleQueue[str | bytes], pacer: FramePacer,
+    tell: Callable[[str], None],
+) -> None:  # fmt: skip
+    """From the first piece of sound to the last frame."""
+    for piece in pieces:
+        if not pacer.is_started:
+            pacer.begin(float(piece.duration))
+        _steer(session, controls, tell)
+        for motion in session.push(piece):
+            pacer.push(motion)
+    for motion in session.finish():
+        pacer.push(motion)
 
 
 def _idle_after(source: str) -> float | None:

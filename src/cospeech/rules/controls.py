@@ -28,7 +28,7 @@ class SessionControls:
     _ticks: int
 
     @property
-    def decided(self) -> float:
+    def planned_until(self) -> float:
         """Seconds up to which movement is planned."""
         return self._ticks * TICK
 
@@ -62,9 +62,9 @@ class SessionControls:
         Raises:
             InputError: there is no such emotion.
         """
-        self.mood.change(emotion_track(emotion), self.decided)
+        self.mood.change(emotion_track(emotion), self.planned_until)
 
     def _perform(self, style: Style, intensity: float) -> None:
-        now = self.decided
+        now = self.planned_until
         self.planner.restyle(now, style, intensity, self.modifier)
         self.manners.change(make_manner(style, intensity, seed=self.seed, gains=self.gains), now)

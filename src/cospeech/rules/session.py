@@ -178,11 +178,11 @@ class Session(SessionControls):
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
             heard = self.detector.certain_until + LEVEL_DELAY
-            while self.decided + LOOK_AHEAD <= heard:
+            while self.planned_until + LOOK_AHEAD <= heard:
                 self._decide()
-            if self.decided - self._frame / self.fps >= _MOST_AT_ONCE:
-                self._make(self.decided)
-        self._make(self.decided)
+            if self.planned_until - self._frame / self.fps >= _MOST_AT_ONCE:
+                self._make(self.planned_until)
+        self._make(self.planned_until)
         return self._next_frames()
 
     def finish(self) -> Iterator[Motion]:
@@ -205,7 +205,7 @@ class Session(SessionControls):
             self.mouth.finish()
         while self._frame < total:
             end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
-            while self.decided < end:
+            while self.planned_until < end:
                 self._decide()
             self._make(end, total)
         return self._next_frames()
@@ -230,7 +230,7 @@ class Session(SessionControls):
             self.mouth.push(samples)
 
     def _decide(self) -> None:
-        now = self.decided
+        now = self.planned_until
         visible = now + LOOK_AHEAD
         detector = self.detector
         accents = [a for a in detector.accents if now - 1.5 < a.time <= now + HORIZON]

@@ -189,12 +189,13 @@ def read_feet(rotations: Array, root: Array) -> Array:
     return np.stack([flat[..., 0], flat[..., 2], np.degrees(turn), flat[..., 1], tip], -1)
 
 
-def place_feet(hips: Array, place: Array, feet: Array) -> tuple[Array, Array, Array]:
+def place_feet(hips: Array, place: Array, feet: Array, soft: Array) -> tuple[Array, Array, Array]:
     """Legs for hips and feet that somebody else moved.
 
     Args:
         hips, place: (N, 4) rotations and (N, 3) places of the hips, metres; lowered where a leg would not reach its foot.
         feet: (N, 2, 5) as of `read_feet`.
+        soft: (N,) 0 … 1: how far hips begin to sink before a leg is stretched, so that no knee snaps.
 
     Returns:
         The eight joints, their local rotations (N, 8, 4), and the place (N, 3).
@@ -202,7 +203,8 @@ def place_feet(hips: Array, place: Array, feet: Array) -> tuple[Array, Array, Ar
     lift, tip = feet[..., 3], feet[..., 4]
     ankles = _ankles(feet[..., :3], lift, tip)
     place = place.copy()
-    place[:, 1] = np.minimum(place[:, 1], _height(place, hips, ankles))
+    width = np.maximum(_SOFT * soft, 1e-9)
+    place[:, 1] = -width * np.logaddexp(-place[:, 1] / width, -_height(place, hips, ankles) / width)
     legs = _legs(hips, place, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
     return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), place

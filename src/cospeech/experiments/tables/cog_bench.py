@@ -16,14 +16,11 @@ from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
 from .controls import faults_of
 from .figures import choose_excerpt, draw_poses
-from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, score_columns
 
-__all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "generate_clips"]
-
-COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
-"""Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
+__all__ = ["Chains", "Lacking", "cost_cells", "generate_clips"]
 
 
 def generate_clips(player: PlayableRun, data: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
@@ -141,6 +138,9 @@ def cost_cells(cells: Cells, whole: Cells) -> Cells:
         else:
             value = sign * (cells[metric]["value"] - whole[metric]["value"])
             found[name] = {"value": value, "interval": None, "note": ""}
+            draws = [side[metric].get("draws") or [] for side in (cells, whole)]
+            if draws[0] and len(draws[0]) == len(draws[1]):
+                found[name]["draws"] = (sign * np.subtract(*draws)).tolist()
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -21,11 +22,12 @@ from cospeech.errors import InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.report import summary, to_markdown
-from cospeech.experiments.tables.verdicts import NOT_ASSAYED, UNDECIDED
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
+from cospeech.experiments.tables.verdicts import NOT_ASSAYED, UNDECIDED
 from cospeech.metrics.clustering import silhouette_coefficient
 from cospeech.motion.points import Points
 from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
@@ -288,6 +290,27 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     with Image.open(tmp_path / "strip.png") as picture:
         assert picture.width == 1600
         assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
+
+
+def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path):
+    other = tmp_path / "ted"
+    shutil.copytree(store, other)
+    arrays = np.load(other / "pose.npy", mmap_mode="r+")
+    arrays[:] = arrays[::-1].copy()
+    arrays.flush()
+    heard: list[str] = []
+    table = make_table("flow-2", replace(table_runs, oracle=other), trained=False, tell=heard.append)
+    assert not any("row" in text.split(":")[0] and "seed" in text for text in heard)
+    assert all("cells" not in row for row in table["rows"].values())
+    assert table["verdicts"] == []
+    assert table["controls"][ORACLE]["pck"]["mean"] < 1
+    assert "frozen pose" in table["headroom"]["fgd"]
+    assert "headroom of FGD" in to_text(table)
+    pieces = [piece(f"{n}-x", n, s, 200, 1) for n in SPEAKERS for s in ("train", "test")]
+    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
+    write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
+    with pytest.raises(InputError, match="other clips"):
+        make_table("flow-2", replace(table_runs, oracle=tmp_path / "else"), trained=False, tell=heard.append)
 
 
 def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):

@@ -44,7 +44,9 @@ Table = Annotated[
     str | None,
     Option("--table", metavar="NAME", help="Reproduce a table of a paper: flow-1, mix-1, cog-1 and so on; see docs/tables.md."),
 ]
-Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed.")]
+Seeds = Annotated[
+    str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed. A verdict takes five.")
+]
 Rows = Annotated[
     list[str] | None,
     Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeatable."),
@@ -52,6 +54,18 @@ Rows = Annotated[
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="With --table: folder of the runs and of the table's files.")]
 Recipes = Annotated[
     Path | None, Option("--recipes", metavar="FOLDER", help="With --table: folder of recipes that replace those that ship.")
+]
+Oracle = Annotated[
+    Path | None,
+    Option(
+        "--oracle",
+        metavar="STORE",
+        help="With --table: store of the same synthetic speech with other gestures (`synthesise --gestures 1`), a control row.",
+    ),
+]
+Headroom = Annotated[
+    bool,
+    Option("--headroom", help="With --table: the control rows alone, and what each metric can tell apart; no row is trained."),
 ]
 Small = Annotated[bool, Option("--small", help="With --table: narrow networks and few steps, about two minutes per run.")]
 Change = Annotated[
@@ -83,12 +97,12 @@ def _numbers(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        raise InputError(f"--seeds {text!r}", "whole numbers separated by commas, such as 0,1,2") from None
+        raise InputError(f"--seeds {text!r}", "whole numbers separated by commas, such as 0,1,2,3,4") from None
 
 
 def _table(
     name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path | None, small: bool,
-    changes: list[str], threads: int, about: str, figure: Path | None,
+    changes: list[str], threads: int, oracle: Path | None, headroom: bool, about: str, figure: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a table of a paper, its files and its figure."""
     from ..experiments.tables import Runs, draw_table, make_table, write_table
@@ -97,8 +111,10 @@ def _table(
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
-    table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
-    table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
+    table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, oracle, about, tell)
+    table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, trained=not headroom, tell=tell)
+    if headroom:
+        return table
     for path in write_table(table, runs):
         tell(f"wrote {path}")
     if figure is not None:
@@ -107,7 +123,9 @@ def _table(
     return table
 
 
-_OF_TABLES = frozenset({"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "about", "figure"})
+_OF_TABLES = frozenset(
+    {"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "oracle", "headroom", "about", "figure"}
+)
 _OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
 
 
@@ -149,13 +167,15 @@ def register(app: typer.Typer) -> None:
         seed_frames: Given = 0,
         features: Features = None,
         table: Table = None,
-        seeds: Seeds = "0,1,2",
+        seeds: Seeds = "0,1,2,3,4",
         rows: Rows = None,
         runs: Runs = Path("runs/tables"),
         recipes: Recipes = None,
         small: Small = False,
         changes: Change = None,
         threads: Threads = 0,
+        oracle: Oracle = None,
+        headroom: Headroom = False,
         about: About = "",
         figure: Figure = None,
         out: Out = None,
@@ -179,7 +199,7 @@ def register(app: typer.Typer) -> None:
 
             made = _table(
                 table, corpus, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
-                changes=changes or [], threads=threads, about=about, figure=figure,
+                changes=changes or [], threads=threads, oracle=oracle, headroom=headroom, about=about, figure=figure,
             )  # fmt: skip
             _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
             return

@@ -14,7 +14,7 @@ from ...metrics import Tools
 from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
-from .controls import faults_of
+from .controls import ORACLE, check_oracle, faults_of, oracle_key
 from .figures import choose_excerpt, draw_poses
 from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
@@ -100,12 +100,16 @@ class Chains:
         """As in all tables."""
 
         def work() -> dict[str, Cells]:
-            rows = self.data.controls()
+            rows = {**self.data.controls()}
+            if self.runs.oracle is not None:
+                other = CogWindows(self.runs.oracle, self.data.raw)
+                check_oracle(self.data.store, other.store)
+                rows[ORACLE] = other.truth
             return {
                 name: score_columns(self.columns, samples, samples, self.data, self.tools) for name, samples in rows.items()
             }
 
-        found: dict[str, Cells] = self._cache(["controls"], work)
+        found: dict[str, Cells] = self._cache(["controls", *oracle_key(self.runs.oracle)], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
@@ -140,7 +144,7 @@ def cost_cells(cells: Cells, whole: Cells) -> Cells:
             found[name] = {"value": value, "interval": None, "note": ""}
             draws = [side[metric].get("draws") or [] for side in (cells, whole)]
             if draws[0] and len(draws[0]) == len(draws[1]):
-                found[name]["draws"] = (sign * np.subtract(*draws)).tolist()
+                found[name]["draws"] = (sign * np.subtract(draws[0], draws[1])).tolist()
     return found
 
 

@@ -19,7 +19,7 @@ from .mix import MIX
 from .paper_tables import Bench, Cells, PaperTable, TableSplit, TableSystem
 from .report import summary, to_markdown
 from .runs import Runs, make_folder
-from .verdicts import Evidence, below, judge
+from .verdicts import Evidence, below, headroom, judge
 
 __all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
 
@@ -103,8 +103,9 @@ def make_table(
     runs: Runs,
     *,
     raw: str | PathLike[str] | None = None,
-    seeds: Sequence[int] = (0, 1, 2),
+    seeds: Sequence[int] = (0, 1, 2, 3, 4),
     only: Sequence[str] = (),
+    trained: bool = True,
     tell: Tell,
 ) -> dict[str, Any]:
     """A table of `TABLES`, as a plain dictionary; `report.to_text` and so on tell it.
@@ -115,6 +116,7 @@ def make_table(
         raw: the corpus of the store, for metrics that hear.
         seeds: one run of every row with each.
         only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
+        trained: whether rows are trained and scored; False: control rows alone, and what each metric can tell apart.
         tell: told what is being done.
 
     Raises:
@@ -123,7 +125,7 @@ def make_table(
     paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
-    chosen = _choose_rows(part.rows, only)
+    chosen = _choose_rows(part.rows, only) if trained else set()
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
@@ -145,7 +147,8 @@ def make_table(
         "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
         "controls": {row: {metric: summary([cells], metric) for metric in paper_table.columns}
             for row, cells in controls.items()},
-        "faults": faults, "below": below(part.claims, evidence), "verdicts": judge(part.claims, evidence),
+        "faults": faults, "headroom": {} if trained else headroom(evidence), "below": below(part.claims, evidence),
+        "verdicts": judge(part.claims, evidence),
     }  # fmt: skip
 
 

@@ -167,7 +167,11 @@ def _make_table_1(speaker_set: SpeakerSet) -> TableSplit:
     ]
     rows.append(TableSystem(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(speaker_set.eight,)))
     orders = [(MIX_STAGE, STAGE, F1), (STAGE, MUNIT, F1), (MIX_STAGE, S2G, PCK), (MIX_STAGE, S2G, F1), (CMIX, S2G, F1)]
-    claims = tuple(Claim(m, f"{a}, {_size(8)}", f"{b}, {_size(8)}", True, "table 1") for a, b, m in orders)
+    expected = ("holds", "", "", "", "")  # 2026-11-22
+    claims = tuple(
+        Claim(m, f"{a}, {_size(8)}", f"{b}, {_size(8)}", True, "table 1", expected=word)
+        for (a, b, m), word in zip(orders, expected, strict=True)
+    )
     return TableSplit("pats", tuple(rows), claims, speakers=speaker_set.eight)
 
 

@@ -83,6 +83,7 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
             if "why" in cell:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
     notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
+    notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
     notes += [
         f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()

@@ -25,7 +25,7 @@ from .paper_tables import COSTS, Cells, Claim
 
 __all__ = [
     "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
-    "below_controls", "compare", "correct", "judge",
+    "below_controls", "compare", "correct", "headroom", "judge",
 ]  # fmt: skip
 
 HOLDS, CONTRADICTED, UNDECIDED, NOT_ASSAYED = WORDS = ("holds", "contradicted", "undecided", "not assayed")
@@ -158,10 +158,25 @@ def below(claims: Sequence[Claim], evidence: Evidence) -> dict[str, dict[str, st
     return found
 
 
-def _headroom(metric: str, evidence: Evidence) -> str | None:
+def _lack_headroom(metric: str, evidence: Evidence) -> str | None:
     """Why a metric cannot tell the recordings from a control row; None: it can."""
     told = [fault for fault in evidence.faults.get(metric, ()) if fault.endswith(CONTROLS[0])]
     return f"the metric has no headroom: {told[0]}" if told else None
+
+
+def headroom(evidence: Evidence) -> dict[str, str]:
+    """Metric → by how much the recordings, and an oracle, are from the best control row; or why the metric tells nothing."""
+    found = {}
+    for metric in evidence.heads:
+        known = {name: cells[metric]["value"] for name, cells in evidence.controls.items() if "value" in cells.get(metric, {})}
+        best = [name for name in known if name.startswith((CONTROLS[0], "oracle"))]
+        why = _lack_headroom(metric, evidence)
+        if why is None and best:
+            rivals = ", ".join(f"{name} {known[name]:.3g}" for name in _rivals(metric, evidence.controls) if name in known)
+            why = f"{', '.join(f'{name} {known[name]:.3g}' for name in best)} against {rivals}"
+        if why is not None:
+            found[metric] = why
+    return found
 
 
 def _whole(row: str, metric: str, evidence: Evidence) -> str:
@@ -172,7 +187,7 @@ def _whole(row: str, metric: str, evidence: Evidence) -> str:
 
 def _gate(claim: Claim, evidence: Evidence) -> str | None:
     """Why the systems of a claim are no fair test of it; None: they are."""
-    told = _headroom(claim.metric, evidence)
+    told = _lack_headroom(claim.metric, evidence)
     if told is not None:
         return told
     rows = [_whole(row, claim.metric, evidence) for row in (claim.better, claim.worse)]

@@ -129,12 +129,14 @@ _OF_TABLES = frozenset(
 _OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
 
 
-def _check_options(context: typer.Context, table: str | None) -> None:
-    """No option is given that would change nothing.
+def _check_options(context: typer.Context, table: str | None, systems: list[str]) -> None:
+    """No option is given that would change nothing, and no system beside a table.
 
     Raises:
         InputError: one is.
     """
+    if table is not None and systems:
+        raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
     idle = _OF_TABLES if table is None else _OF_CONTESTS
     for option in context.command.params:
         if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
@@ -191,10 +193,8 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
-        _check_options(context, table)
+        _check_options(context, table, systems or [])
         if table is not None:
-            if systems:
-                raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
             from ..experiments.tables import to_text
 
             made = _table(

@@ -210,7 +210,7 @@ def _text(claim: Claim, heads: Mapping[str, str]) -> str:
     return f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
 
 
-def _told(difference: Difference, p: float) -> str:
+def _reason(difference: Difference, p: float) -> str:
     low, high = difference.interval
     chance = "p < .001" if p < 0.001 else f"p = {p:.3f}"
     return (
@@ -264,5 +264,5 @@ def judge(claims: Sequence[Claim], evidence: Evidence) -> list[dict[str, Any]]:
     against = correct([p for *_, p in tested])
     for (claim, told, difference, *_), p, q in zip(tested, chances, against, strict=True):
         word = _decide(claim, difference, p, q)
-        told |= {"verdict": word, "because": _told(difference, q if word == CONTRADICTED and claim.alike else p)}
+        told |= {"verdict": word, "because": _reason(difference, q if word == CONTRADICTED and claim.alike else p)}
     return found

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
@@ -37,6 +38,10 @@ Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="Number of
 Features = Annotated[
     Path | None,
     Option("--features", metavar="RUN", help="Feature network of FGD: the folder of its run (recipe fgd_ted, for example)."),
+]
+HearingGain = Annotated[
+    bool,
+    Option("--hearing", help="Measure how much runs hear: their loss with another's speech, less that with their own."),
 ]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Also write the table as JSON to this file.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
@@ -101,11 +106,12 @@ def _numbers(text: str) -> list[int]:
 
 
 def _table(
-    name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path | None, small: bool,
-    changes: list[str], threads: int, oracle: Path | None, headroom: bool, about: str, figure: Path | None,
-) -> dict[str, Any]:  # fmt: skip
-    """Make a table of a paper, its files and its figure."""
-    from ..experiments.tables import Runs, draw_table, make_table, write_table
+    name: str, store: Path, out: Path | None, as_json: bool, *, raw: Path | None, seeds: str, rows: list[str], runs: Path,
+    recipes: Path | None, small: bool, changes: list[str], threads: int, oracle: Path | None, headroom: bool, about: str,
+    figure: Path | None,
+) -> None:  # fmt: skip
+    """Make a table of a paper, its files and its figure, and print it."""
+    from ..experiments.tables import Runs, draw_table, make_table, to_text, write_table
     from ..training.recipe import SHIPPED
 
     def tell(text: str) -> None:
@@ -113,20 +119,36 @@ def _table(
 
     table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, oracle, about, tell)
     table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, trained=not headroom, tell=tell)
-    if headroom:
-        return table
-    for path in write_table(table, runs):
+    for path in () if headroom else write_table(table, runs):
         tell(f"wrote {path}")
-    if figure is not None:
+    if figure is not None and not headroom:
         draw_table(table, table_runs, figure, raw=raw)
         tell(f"wrote {figure}")
-    return table
+    _show(json.dumps(table, indent=1, ensure_ascii=False), to_text(table), out, as_json)
+
+
+def _hearing(systems: Mapping[str, str], store: Path, split: str, out: Path | None, as_json: bool) -> None:
+    """Measure the hearing gain of runs, and print it."""
+    from ..experiments.hearing import describe_hearing, measure_hearing
+
+    if not systems:
+        raise InputError("--hearing without a run", "name the folders of some runs")
+    found = {name: measure_hearing(folder, store, split=split) for name, folder in systems.items()}
+    told = {name: [each._asdict() for each in terms] for name, terms in found.items()}
+    _show(json.dumps(told, indent=1), describe_hearing(found), out, as_json)
+
+
+def _names(metrics: str | None) -> list[str]:
+    """Names separated by commas; the default ones where none are given."""
+    from ..metrics.table import DEFAULT
+
+    return [*DEFAULT] if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()]
 
 
 _OF_TABLES = frozenset(
     {"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "oracle", "headroom", "about", "figure"}
 )
-_OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
+_OF_CONTESTS = frozenset({"hearing", "metrics", "split", "takes", "seed", "seed_frames", "features"})
 
 
 def _check_options(context: typer.Context, table: str | None, systems: list[str]) -> None:
@@ -168,6 +190,7 @@ def register(app: typer.Typer) -> None:
         seed: Seed = 0,
         seed_frames: Given = 0,
         features: Features = None,
+        hearing: HearingGain = False,
         table: Table = None,
         seeds: Seeds = "0,1,2,3,4",
         rows: Rows = None,
@@ -195,20 +218,18 @@ def register(app: typer.Typer) -> None:
         """
         _check_options(context, table, systems or [])
         if table is not None:
-            from ..experiments.tables import to_text
-
-            made = _table(
-                table, corpus, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
+            _table(
+                table, corpus, out, as_json, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
                 changes=changes or [], threads=threads, oracle=oracle, headroom=headroom, about=about, figure=figure,
             )  # fmt: skip
-            _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
+            return
+        if hearing:
+            _hearing(_parse_source(systems or []), corpus, split, out, as_json)
             return
         from ..evaluation import evaluate_store
-        from ..metrics.table import DEFAULT
 
         result = evaluate_store(
             _parse_source(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
-            metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
-            seed_frames=seed_frames, features=features,
+            metrics=_names(metrics), seed_frames=seed_frames, features=features,
         )  # fmt: skip
         _show(result.to_json(), result.to_text(), out, as_json)

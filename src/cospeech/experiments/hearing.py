@@ -86,11 +86,8 @@ def measure_hearing(
 
 def _losses(net: Any, arrays: Mapping[str, Any], step: int) -> dict[str, float]:
     """What a network measures of a batch itself, or all terms of its losses; the same random numbers for the same step."""
-    import torch
-
     from ..models.nn.objective import Batch, StepRandom
 
-    torch.manual_seed(step)
     batch = Batch(arrays, StepRandom(0, step))
     figures = {name: float(value) for name, value in net.validate(batch).items()}
     if figures:

@@ -19,6 +19,7 @@ _SWING = 0.45  # s that a foot is in the air [ours, as there]
 _OFF = 0.15  # share of the swing in which the foot leaves the floor, and in which it comes down [ours]
 _LIFT, _SHUFFLE, _NEAR = 0.035, 0.008, 0.015  # m of lift, and of a foot that goes less than the last [ours]
 _SINK = 0.015  # m that the hips sink while the feet go [ours: soft knees]
+_STILL = 1e-3  # m, m/s: less is rounding [ours]
 _LAND = 0.35  # s in which a foot that was in the air comes down where it was [ours]
 _OVER = (1.4, 2.0)  # s in which the legs become those of the new stance, to the bit [ours: both feet stand there by then]
 RUN_OUT = 0.35  # s in which the speed that a joint has dies away [ours: about a stroke]
@@ -70,7 +71,7 @@ class StepOver:
     def _land(self, times: Array) -> Array:
         """(n, 2, 2) lift and tip of feet that were in the air: they come down where they were, and never below the floor."""
         lift, speed = self._feet[:, 3:], self._moving[:, 3:]
-        falls = speed[:, :1] < 0
+        falls = (speed[:, :1] < -_STILL) & (lift[:, :1] > _STILL)
         soonest = 3 * lift[:, :1] / np.where(falls, -speed[:, :1], 1.0)  # a longer cubic would go below 0
         seconds = np.where(falls, np.clip(soonest, 1e-3, _LAND), _LAND)
         u = np.clip(times[:, None, None] / seconds, 0, 1)

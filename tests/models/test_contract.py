@@ -54,10 +54,10 @@ CHANGES = {
     "mix-stage-extended+played": _MIX
     | {"adversarial_loss": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
     "mix-stage+authors": _MIX | {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True},
-    "stage": _MIX,
+    "stage": _MIX | {"style_first": True},
     "cmix-gan": _MIX,
     "speaker-classifier+plain": {"plain": True},
-    "chain-of-generation": _CHAIN,
+    "chain-of-generation": _CHAIN | {"gesture_features": 6},
     "chain-of-generation-extended": _CHAIN,
     "chain-of-generation-extended+played": _CHAIN | _PLAYED,
     "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooling_window": 5},

@@ -2,7 +2,7 @@
 
 Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
 figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is
-kept.
+kept. Figures are those of the file; verdicts and the note below a table are made of them by the code of today.
 """
 
 from __future__ import annotations
@@ -12,20 +12,31 @@ import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.report import to_markdown
+from cospeech.experiments.tables.verdicts import verdicts
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
 BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
 
 
+def judge(table: dict[str, Any]) -> dict[str, Any]:
+    """A table that is kept, with the verdicts and the note of today."""
+    paper_table = TABLES[table["table"]]
+    parts = [part for part in paper_table.parts if part.corpus == table["corpus"]]
+    part = max(parts, key=lambda part: len({row.name for row in part.rows} & {*table["rows"]}))
+    judged = verdicts(paper_table, part, table["rows"], table["controls"])
+    return table | {"note": part.note, "verdicts": judged}
+
+
 def results() -> str:
     """The tables that are kept, as markdown."""
     parts = []
     for path in sorted(KEPT.glob("*.json")):
-        table = json.loads(path.read_text("utf-8"))
+        table = judge(json.loads(path.read_text("utf-8")))
         parts.append(to_markdown(table))
         if (MEDIA / f"{path.stem}.png").is_file():
             parts.append(f"![{TABLES[table['table']].shown}](media/{path.stem}.png)\n")

@@ -23,9 +23,10 @@ from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.paper_tables import Claim
-from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
+from cospeech.experiments.tables.verdicts import CONTRADICTED, HOLDS, NOT_ASSAYED, UNDECIDED, verdict
 from cospeech.metrics.clustering import silhouette_coefficient
 from cospeech.motion.points import Points
 from cospeech.motion.poses.direction_vectors import BONES, DIRECTION_VECTORS
@@ -155,11 +156,12 @@ CLAIM = Claim("fgd", "ours", "theirs", False, "table 0")
 @pytest.mark.parametrize(
     ("ours", "theirs", "expected", "word"),
     [
-        ((1.0, 1.1, 0.9), (3.0, 3.1, 2.9), REPRODUCED, "±"),
-        ((3.0, 3.1, 2.9), (1.0, 1.1, 0.9), NOT, "other way round"),
-        ((1.0, 2.0, 3.0), (2.0, 3.0, 4.0), NOT, "overlap"),
-        ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), NOT, "other way round"),
-        ((1.0, 1.1), (3.0, 3.1), OPEN, "fewer than 3 seeds"),
+        ((1.0, 1.1, 0.9), (3.0, 3.1, 2.9), HOLDS, "±"),
+        ((3.0, 3.1, 2.9), (1.0, 1.1, 0.9), CONTRADICTED, "other way round, beyond"),
+        ((1.0, 2.0, 3.0), (2.0, 3.0, 4.0), UNDECIDED, "overlap"),
+        ((2.0, 3.0, 4.0), (1.0, 2.0, 3.0), UNDECIDED, "other way round, but the intervals overlap"),
+        ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), UNDECIDED, "other way round"),
+        ((1.0, 1.1), (3.0, 3.1), UNDECIDED, "fewer than 3 seeds"),
     ],
 )
 def test_verdicts(ours, theirs, expected, word):
@@ -167,6 +169,18 @@ def test_verdicts(ours, theirs, expected, word):
     assert told["verdict"] == expected
     assert word in told["because"]
     assert told["claim"].startswith("FGD: ours < theirs")
+
+
+def test_systems_below_a_control_or_without_rhythm_test_nothing():
+    rows, heads = {"ours": row(1.0, 1.1, 0.9), "theirs": row(3.0, 3.1, 2.9)}, {"fgd": "FGD ↓"}
+    for better, found in ((9.0, HOLDS), (2.0, NOT_ASSAYED), (0.5, NOT_ASSAYED)):
+        told = verdict(CLAIM, rows, heads, {"white noise": row(better)["cells"], "another clip": row(0.0)["cells"]})
+        assert told["verdict"] == found
+        assert ("no better than white noise: theirs" in told["because"]) is (better == 2.0)
+    recorded = {"ground truth": {"beat_align": {"mean": 0.2, "values": [0.2]}}}
+    for lift, found in ((0.06, HOLDS), (0.04, NOT_ASSAYED)):
+        rows["ours"]["cells"]["beat_align"] = {"mean": lift, "values": [lift]}
+        assert verdict(CLAIM, rows, heads, recorded)["verdict"] == found
 
 
 def test_no_verdict_on_what_was_not_run():
@@ -289,7 +303,7 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     assert truth["pck"]["mean"] == 1
     assert "made up" in table["head"]
     assert any("step 2 of 2" in text for text in heard)
-    assert {told["verdict"] for told in table["verdicts"]} == {OPEN}  # two seeds
+    assert {told["verdict"] for told in table["verdicts"]} == {UNDECIDED}  # two seeds
 
     del heard[:]
     assert make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
@@ -300,15 +314,15 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
         k: v for k, v in part["rows"].items() if "cells" in v
     }
-    assert "(left out)" in to_text(part)
-    assert "(left out)" not in to_text(table)
+    assert "(not run)" in to_text(part)
+    assert "(not run)" not in to_text(table)
 
     data, page = write_table(table, tmp_path)
     assert json.loads(data.read_text()) == table
     for text in (page.read_text(), to_text(table)):
         assert "(4.62)" in text
         assert "not comparable" in text
-        assert OPEN in text
+        assert UNDECIDED in text
     draw_table(table, table_runs, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as picture:
         assert picture.width == 1600

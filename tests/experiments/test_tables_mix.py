@@ -24,8 +24,9 @@ from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, S
 from cospeech.experiments.tables.mix_scores import mean_cells, score_cells, score_target_style
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
 from cospeech.experiments.tables.paper_tables import Claim
-from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.runs import CLASSIFIER, SMALL, PlayableRun, of_speakers
+from cospeech.experiments.tables.verdicts import CONTRADICTED, HOLDS, UNDECIDED, verdict
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
@@ -286,7 +287,12 @@ def cells(*values: float) -> dict:
 
 @pytest.mark.parametrize(
     ("a", "b", "expected"),
-    [((1, 1.1, 1.2), (1.1, 1.2, 1.3), REPRODUCED), ((1, 1.1, 1.2), (3, 3.1, 3.2), NOT), ((3, 3.1, 3.2), (1, 1.1, 1.2), NOT)],
+    [
+        ((1, 1.001, 1.002), (1.001, 1.002, 1.003), HOLDS),
+        ((1, 1.1, 1.2), (1.1, 1.2, 1.3), UNDECIDED),  # overlap alone says nothing
+        ((1, 1.1, 1.2), (3, 3.1, 3.2), CONTRADICTED),
+        ((3, 3.1, 3.2), (1, 1.1, 1.2), CONTRADICTED),
+    ],
 )
 def test_a_claim_that_nothing_is_gained(a, b, expected):
     told = verdict(Claim("m", "a", "b", True, "t", alike=True), {"a": cells(*a), "b": cells(*b)}, {"m": "M ↑"})

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..motion.rotations import Array, quat_to_euler
 from .interval import bootstrap, mean_score
 from .metric import metric
-from .sample import Sample, Score, Tools, judged_vectors, pose_vectors
+from .sample import Sample, Score, Tools, select_vectors, pose_vectors
 
 __all__ = [
     "diversity", "diversity_gfge", "diversity_mix_stage", "l1_div", "l1_div_beat", "mean_pair_distance",
@@ -83,9 +83,9 @@ def diversity_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample]
     """Mix-StAGE's diversity: mean |coordinate − mean pose of the reference|; not of neck, nose and eyes of PATS."""
     if not reference:
         raise InputError("no reference clips", "the mean pose is theirs")
-    mean = np.concatenate([judged_vectors(sample) for sample in reference]).mean(0)
+    mean = np.concatenate([select_vectors(sample) for sample in reference]).mean(0)
     unit = MILLI if generated[0].positions is not None else 1.0
-    values = [float(np.abs(judged_vectors(sample) - mean).mean() * unit) for sample in generated]
+    values = [float(np.abs(select_vectors(sample) - mean).mean() * unit) for sample in generated]
     return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
 
 

@@ -19,7 +19,7 @@ from ..motion.rotations import Array
 from ._scipy import scipy
 from .interval import LEVEL
 from .metric import metric
-from .sample import FeatureNet, Sample, Score, Tools, judged_vectors
+from .sample import FeatureNet, Sample, Score, Tools, select_vectors
 
 __all__ = ["fgd", "fgd_published", "fid_poses", "frechet", "frechet_published", "moments"]
 
@@ -137,7 +137,7 @@ def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
 
     Neck, nose and eyes of PATS' key points do not count, as coded.
     """
-    a, b = ([judged_vectors(sample) for sample in side] for side in (generated, reference))
+    a, b = ([select_vectors(sample) for sample in side] for side in (generated, reference))
     joined = np.concatenate(b)
     mean, deviation = joined.mean(0), joined.std(0)
     moving = deviation > STILL * deviation.max(initial=0)

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .interval import mean_score
 from .metric import metric, pair_samples
-from .sample import Sample, Score, Tools, judged_points
+from .sample import Sample, Score, Tools, select_points
 
 __all__ = ["box_thresholds", "hits", "pck", "pck_2d", "pck_gfge", "pck_mix_stage", "pck_s2g"]
 
@@ -62,7 +62,7 @@ def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: To
 def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
     shares, sizes = [], []
     for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = judged_points(made.shape[1])
+        keep = select_points(made.shape[1])
         judged = hits(made, true, box_thresholds(true, alpha))[:, keep]
         shares.append(float(judged.mean()))
         sizes.append(judged.size)
@@ -94,7 +94,7 @@ def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
     """PCK of Speech2Gesture: α = .2 of the box around the kept points, the threshold itself a hit."""
     values, sizes = [], []
     for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = judged_points(made.shape[1])
+        keep = select_points(made.shape[1])
         threshold = box_thresholds(true[:, keep], ALPHAS[1])
         judged = hits(made, true, threshold, closed=True)[:, keep]
         values.append(float(judged.mean()))

@@ -13,7 +13,7 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from .movement import Track
 
-__all__ = ["FeatureNet", "Sample", "Score", "Tools", "judged_points", "judged_vectors", "pose_vectors"]
+__all__ = ["FeatureNet", "Sample", "Score", "Tools", "select_points", "select_vectors", "pose_vectors"]
 
 MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
 PATS = 52  # key points of PATS
@@ -100,13 +100,13 @@ def pose_vectors(sample: Sample) -> Array:
     return np.asarray(values[:, 1:] - values[:, :1], np.float64).reshape(len(values), -1)
 
 
-def judged_points(count: int) -> list[int]:
+def select_points(count: int) -> list[int]:
     """Which of ``count`` points Mix-StAGE judges: of PATS' 52 all but neck, nose and eyes; of others all but the root."""
     return [k for k in range(count) if k not in (MASKED if count == PATS else (0,))]
 
 
-def judged_vectors(sample: Sample) -> Array:
-    """(T, D) as of `pose_vectors`; where a sample has PATS' key points, without neck, nose and eyes (`judged_points`).
+def select_vectors(sample: Sample) -> Array:
+    """(T, D) as of `pose_vectors`; where a sample has PATS' key points, without neck, nose and eyes (`select_points`).
 
     Raises:
         InputError: as of `pose_vectors`.
@@ -114,7 +114,7 @@ def judged_vectors(sample: Sample) -> Array:
     poses = pose_vectors(sample)
     if sample.positions is not None or sample.points is None:
         return poses
-    kept = [k - 1 for k in judged_points(sample.points.shape[1])]
+    kept = [k - 1 for k in select_points(sample.points.shape[1])]
     return poses.reshape(len(poses), -1, 2)[:, kept].reshape(len(poses), -1)
 
 

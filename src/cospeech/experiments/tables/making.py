@@ -17,8 +17,9 @@ from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
 from .paper_tables import Bench, PaperTable, TableSplit, TableSystem
-from .report import summary, to_markdown, verdicts
+from .report import summary, to_markdown
 from .runs import Runs, make_folder
+from .verdicts import verdicts
 
 __all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
 
@@ -126,6 +127,7 @@ def make_table(
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
+    told = {row: {metric: summary([cells], metric) for metric in paper_table.columns} for row, cells in controls.items()}
     steps = count(1)
     rows = {
         row.name: _row(row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}")
@@ -137,9 +139,7 @@ def make_table(
         "table": name, "title": f"{name}: {paper_table.title} ({runs.store.corpus})", "columns": dict(paper_table.columns),
         "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
         "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
-        "controls": {row: {metric: summary([cells], metric) for metric in paper_table.columns}
-            for row, cells in controls.items()},
-        "faults": bench.faults(controls), "verdicts": verdicts(paper_table, part, rows),
+        "controls": told, "faults": bench.faults(controls), "verdicts": verdicts(paper_table, part, rows, told),
     }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ class TableSystem:
 
     Args:
         name: of the system, as the paper has it.
-        recipe: name of a recipe; None: not built yet, the row has published figures alone.
+        recipe: name of a recipe; None: not run here, the row has published figures alone.
         published: metric → the paper's figure.
         overrides: ``"model.modes=4"``, what is changed in the recipe.
         runs: speakers of each run that the row is made of; ``((),)``: one run of all.
@@ -48,7 +48,7 @@ class TableSystem:
 class Claim:
     """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it.
 
-    With ``alike`` the claim is that there is next to no difference.
+    With ``alike`` the claim is that there is next to no difference: within the margin of `verdicts`.
     """
 
     metric: str

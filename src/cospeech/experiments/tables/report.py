@@ -1,4 +1,4 @@
-"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts on the paper's claims.
+"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts (`verdicts`).
 
 The table is a plain dictionary, which is what the JSON file holds; text and markdown are made of it alone.
 """
@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from .paper_tables import Cells, Claim, PaperTable, TableSplit
+from .paper_tables import Cells
 
-__all__ = ["LEAST_SEEDS", "summary", "to_markdown", "to_text", "verdict", "verdicts"]
+__all__ = ["number_text", "summary", "to_markdown", "to_text"]
 
-LEAST_SEEDS = 3  # evidence of an order takes three seeds at least
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
       2.101, 2.093)  # fmt: skip
 """97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
 _NOTHING = 1e-9  # rounding of what is equal
-REPRODUCED, NOT, OPEN = "reproduced", "not reproduced", "not told"
 
 
 def _half(values: Sequence[float]) -> float | None:
@@ -40,44 +38,8 @@ def summary(runs: Sequence[Cells], metric: str) -> dict[str, Any]:
     return {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
 
 
-def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[str, str]) -> dict[str, Any] | None:
-    """Whether a claim's order holds, with intervals over seeds that do not overlap; None where a row was not run.
-
-    Args:
-        claim: of the paper.
-        rows: name → row of the table.
-        heads: metric → head of its column; a claim about another metric is left out.
-    """
-    names = (claim.better, claim.worse)
-    if claim.metric not in heads or any(not rows.get(name, {}).get("cells") for name in names):
-        return None
-    better, worse = (rows[name]["cells"][claim.metric] for name in names)
-    sign = "is about" if claim.alike else ">" if claim.higher else "<"
-    text = f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
-    if "mean" not in better or "mean" not in worse:
-        return {"claim": text, "verdict": OPEN, "because": better.get("why") or worse.get("why")}
-    told = f"{_number(better)} and {_number(worse)}"
-    if min(len(better["values"]), len(worse["values"])) < LEAST_SEEDS:
-        return {"claim": text, "verdict": OPEN, "because": f"{told}: fewer than {LEAST_SEEDS} seeds"}
-    gap = (better["mean"] - worse["mean"]) * (1 if claim.higher else -1)
-    if claim.alike:
-        near = abs(gap) <= better["half"] + worse["half"]
-        because = f"{told}: the intervals {'overlap' if near else 'do not overlap'}"
-        return {"claim": text, "verdict": REPRODUCED if near else NOT, "because": because}
-    if gap <= 0:
-        return {"claim": text, "verdict": NOT, "because": f"{told}: the order is the other way round"}
-    if gap <= better["half"] + worse["half"]:
-        return {"claim": text, "verdict": NOT, "because": f"{told}: the order holds, but the intervals overlap"}
-    return {"claim": text, "verdict": REPRODUCED, "because": told}
-
-
-def verdicts(paper_table: PaperTable, part: TableSplit, rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of all claims whose rows were run."""
-    found = (verdict(claim, rows, paper_table.columns) for claim in part.claims)
-    return [told for told in found if told is not None]
-
-
-def _number(cell: Mapping[str, Any]) -> str:
+def number_text(cell: Mapping[str, Any]) -> str:
+    """A mean with half of its interval, where it has one."""
     half = cell.get("half")
     if abs(cell["mean"]) < _NOTHING:
         return "0"
@@ -90,13 +52,12 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
     yield ["", *columns.values()]
     for name, row in table["rows"].items():
         if row.get("cells"):
-            yield [name, *(_number(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
+            yield [name, *(number_text(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
         if row["published"]:
-            why = "left out" if row["recipe"] else "not built yet"
-            label = f"{name}, published" if row.get("cells") else f"{name}, published ({why})"
+            label = f"{name}, published" if row.get("cells") else f"{name}, published (not run)"
             yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
     for name, cells in table["controls"].items():
-        yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
+        yield [f"control: {name}", *(number_text(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
 
 
 def _notes(table: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..motion.rotations import Array, quat_to_euler
 from .interval import bootstrap, mean_score
 from .metric import metric
-from .sample import Sample, Score, Tools, select_vectors, pose_vectors
+from .sample import Sample, Score, Tools, pose_vectors, select_vectors
 
 __all__ = [
     "diversity", "diversity_gfge", "diversity_mix_stage", "l1_div", "l1_div_beat", "mean_pair_distance",

@@ -2,7 +2,7 @@
 
 Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
 figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is
-kept. Figures are those of the file; verdicts and the note below a table are made of them by the code of today.
+kept.
 """
 
 from __future__ import annotations
@@ -16,28 +16,39 @@ from typing import Any
 
 from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.report import to_markdown
-from cospeech.experiments.tables.verdicts import verdicts
+from cospeech.experiments.tables.verdicts import Evidence, below, judge
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
 BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
 
 
-def judge(table: dict[str, Any]) -> dict[str, Any]:
-    """A table that is kept, with the verdicts and the note of today."""
-    paper_table = TABLES[table["table"]]
-    parts = [part for part in paper_table.parts if part.corpus == table["corpus"]]
+def judge_again(table: dict[str, Any]) -> dict[str, Any]:
+    """Verdicts and note of a table that is kept, by the code of today; of the figures with each seed, the clips are not kept."""
+    parts = [part for part in TABLES[table["table"]].parts if part.corpus == table["corpus"]]
     part = max(parts, key=lambda part: len({row.name for row in part.rows} & {*table["rows"]}))
-    judged = verdicts(paper_table, part, table["rows"], table["controls"])
-    return table | {"note": part.note, "verdicts": judged}
+    rows = {}
+    for name, row in table["rows"].items():
+        if row.get("cells"):
+            cells = row["cells"].items()
+            rows[name] = [
+                {metric: {"value": cell["values"][k]} if "values" in cell else {"why": cell["why"]} for metric, cell in cells}
+                for k in range(len(table["seeds"]))
+            ]
+    controls = {
+        name: {metric: {"value": cell["mean"]} for metric, cell in cells.items() if "mean" in cell}
+        for name, cells in table["controls"].items()
+    }
+    evidence = Evidence(rows, controls, table["columns"], table["faults"])
+    return {"note": part.note, "verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
 
 
 def results() -> str:
     """The tables that are kept, as markdown."""
     parts = []
     for path in sorted(KEPT.glob("*.json")):
-        table = judge(json.loads(path.read_text("utf-8")))
-        parts.append(to_markdown(table))
+        table = json.loads(path.read_text("utf-8"))
+        parts.append(to_markdown(table | judge_again(table)))
         if (MEDIA / f"{path.stem}.png").is_file():
             parts.append(f"![{TABLES[table['table']].shown}](media/{path.stem}.png)\n")
     return "\n".join(parts) if parts else "None yet.\n"

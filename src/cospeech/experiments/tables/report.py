@@ -1,4 +1,4 @@
-"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts (`verdicts`).
+"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts on the paper's claims.
 
 The table is a plain dictionary, which is what the JSON file holds; text and markdown are made of it alone.
 """
@@ -13,12 +13,13 @@ import numpy as np
 
 from .paper_tables import Cells
 
-__all__ = ["number_text", "summary", "to_markdown", "to_text"]
+__all__ = ["summary", "to_markdown", "to_text"]
 
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
       2.101, 2.093)  # fmt: skip
 """97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
 _NOTHING = 1e-9  # rounding of what is equal
+BELOW = "‡"
 
 
 def _half(values: Sequence[float]) -> float | None:
@@ -38,8 +39,7 @@ def summary(runs: Sequence[Cells], metric: str) -> dict[str, Any]:
     return {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
 
 
-def number_text(cell: Mapping[str, Any]) -> str:
-    """A mean with half of its interval, where it has one."""
+def _number(cell: Mapping[str, Any]) -> str:
     half = cell.get("half")
     if abs(cell["mean"]) < _NOTHING:
         return "0"
@@ -52,12 +52,14 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
     yield ["", *columns.values()]
     for name, row in table["rows"].items():
         if row.get("cells"):
-            yield [name, *(number_text(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
+            below = table.get("below", {}).get(name, {})
+            marks = {metric: f" {BELOW}" for metric in below}
+            yield [name, *(_number(c) + marks.get(m, "") if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
         if row["published"]:
             label = f"{name}, published" if row.get("cells") else f"{name}, published (not run)"
             yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
     for name, cells in table["controls"].items():
-        yield [f"control: {name}", *(number_text(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
+        yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
 
 
 def _notes(table: Mapping[str, Any]) -> list[str]:
@@ -67,6 +69,9 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
         "One seed: no intervals.",
         "Figures in brackets are the paper's, of its own data and feature networks: not comparable with ours.",
     ]  # fmt: skip
+    controls = dict.fromkeys(control for row in table.get("below", {}).values() for control in row.values())
+    if controls:
+        notes.append(f"{BELOW} not better than a control row: {', '.join(controls)}.")
     if table.get("note"):
         notes.append(table["note"])
     facts = {name: row["facts"] for name, row in table["rows"].items() if row.get("facts")}
@@ -77,6 +82,7 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
             if "why" in cell:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
     notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
+    notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
     notes += [
         f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()
@@ -85,7 +91,11 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
 
 
 def _verdict_lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{told['verdict']}: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+    return [f"{told['verdict']}: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
+
+
+def _claim(told: Mapping[str, str]) -> str:
+    return told["claim"] + (f" [expected: {told['expected']}]" if "expected" in told else "")
 
 
 def to_text(table: Mapping[str, Any]) -> str:
@@ -106,5 +116,5 @@ def to_markdown(table: Mapping[str, Any]) -> str:
     lines += ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     lines += ["", *(f"* {note}" for note in _notes(table)), ""]
-    lines += [f"* **{told['verdict']}**: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+    lines += [f"* **{told['verdict']}**: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
     return "\n".join(lines).rstrip() + "\n"

@@ -54,7 +54,7 @@ CHANGES = {
     "mix-stage-extended+played": _MIX
     | {"adversarial_loss": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5},
     "mix-stage+authors": _MIX | {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True},
-    "stage": _MIX | {"style_first": True},
+    "stage": _MIX,
     "cmix-gan": _MIX,
     "speaker-classifier+plain": {"plain": True},
     "chain-of-generation": _CHAIN | {"gesture_features": 6},

@@ -105,6 +105,14 @@ class PlayableRun:
         return sum(p.numel() for p in self.net.parameters())
 
     @property
+    def summary(self) -> str:
+        """What it was trained with, and its size, in a line."""
+        config, train = self.facts["config"], self.facts["recipe"]["train"]
+        units = next(f"{config[name]} {name}" for name in ("hidden", "channels") if name in config)
+        size = f"K {config['steps']}, {config['hidden']} units" if "steps" in config else units
+        return f"{train['steps']} steps of {train['batch']} windows, {size}, {self.parameters:,} parameters"
+
+    @property
     def context(self) -> tuple[int, int]:
         """Poses before a frame and frames of speech after it."""
         from ..playing import context_of

@@ -15,6 +15,9 @@ torch.set_num_threads(1)
 
 CASES: dict[str, dict[str, Any]] = {
     "multi-context": {"term": "generator.huber"},
+    "gesticulator": {"term": "gestures.pose"},
+    "gesticulator, words": {"term": "gestures.pose"},
+    "audio2gestures": {"term": "gestures.relaxed_position"},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

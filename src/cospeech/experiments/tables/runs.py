@@ -63,6 +63,11 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
     "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
     "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
+    "gesticulator": {
+        "model": {"hidden": 64, "context": 128, "speech": 32, "word_width": 32, "epoch": 20},
+        "train": {**_LSTM, "batch": 48},
+    },
+    "audio2gestures": {"model": {"channels": 64, "code": 8}, "train": _BRIEF},
     "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
     "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
     "speaker-classifier": {

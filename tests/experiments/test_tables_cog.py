@@ -41,6 +41,7 @@ TINY = {
     "multi-context": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "word_width": 4, "adversarial_from": 1},
     "speech2gesture": {"channels": 4, "discriminator_channels": 4},
     "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
+    "audio2gestures": {"channels": 8, "code": 2},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }  # fmt: skip
 
@@ -121,7 +122,7 @@ def test_every_row_has_a_recipe_that_builds(row):
 
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
-    assert config.frames == (64 if recipe.model == "speech2gesture" else FRAMES)
+    assert config.frames == (64 if recipe.model in ("speech2gesture", "audio2gestures") else FRAMES)
     small = build(
         network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
     )

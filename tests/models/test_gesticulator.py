@@ -11,7 +11,6 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.gesticulator import TEMPO, Gesticulator, GesticulatorConfig, word_timing  # noqa: E402
-from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from tests.models.test_contract import ROWS, batch, network, ready  # noqa: E402
 
 torch.set_num_threads(1)

@@ -17,7 +17,7 @@ CASES: dict[str, dict[str, Any]] = {
     "multi-context": {"term": "generator.huber"},
     "gesticulator": {"term": "gestures.pose"},
     "gesticulator, words": {"term": "gestures.pose"},
-    "audio2gestures": {"term": "gestures.relaxed_position"},
+    "audio2gestures": {"term": "gestures.relaxed_position", "steps": 120, "lr": 1e-2},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

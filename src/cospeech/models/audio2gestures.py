@@ -101,13 +101,12 @@ class _Block(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, dilation: int, dropout: float) -> None:
         super().__init__()
-        self.path = nn.Sequential(
-            nn.Conv1d(inputs, outputs, 3, padding=dilation, dilation=dilation), nn.ReLU(), nn.Dropout(dropout),
-            nn.Conv1d(outputs, outputs, 3, padding=dilation, dilation=dilation), nn.ReLU(), nn.Dropout(dropout),
-        )  # fmt: skip
-        self.skip = nn.Conv1d(inputs, outputs, 1) if inputs != outputs else nn.Identity()
-        for layer in (self.path[0], self.path[3]):
+        first, second = (nn.Conv1d(width, outputs, 3, padding=dilation, dilation=dilation) for width in (inputs, outputs))
+        for layer in (first, second):
             nn.init.kaiming_normal_(layer.weight)  # ours: with authors' deviation of 0.01 speech is hardly heard at first
+        drop = nn.Dropout(dropout)
+        self.path = nn.Sequential(first, nn.ReLU(), drop, second, nn.ReLU(), drop)
+        self.skip = nn.Conv1d(inputs, outputs, 1) if inputs != outputs else nn.Identity()
 
     def forward(self, x: Tensor) -> Tensor:
         return torch.relu(self.path(x) + self.skip(x))

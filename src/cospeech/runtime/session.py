@@ -20,9 +20,7 @@ from ..audio.emotions import Moods
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.points import Points
-from ..motion.poses import Pose, find_pose
-from ..motion.poses.lift import lift
+from ..motion.poses import find_pose
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
@@ -31,6 +29,7 @@ from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
 from .conditioning import Seam
 from .face_override import FaceOverride
+from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
@@ -139,7 +138,7 @@ class TrainedSession:
         stances: Sequence[StanceLayer] = (),
     ) -> None:
         self._stances = stances
-        self._pose: Pose = find_pose(system.pose)
+        self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
@@ -294,7 +293,7 @@ class TrainedSession:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
         for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
-            rotations, root = _moving(self._pose, vectors, self._fps)
+            rotations, root = self._poses[take].push(vectors)
             if "body" not in self._parts or "hands" not in self._parts:
                 rotations, root = _select_parts(rotations, root, self._parts)
             rotations = signs.push(rotations)
@@ -359,16 +358,6 @@ class _Waiting:
         rest = tuple(array[count:] for array in first)
         self._pieces[:1] = [rest] if len(rest[0]) else []
         return tuple(array[:count] for array in first)
-
-
-def _moving(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:
-    """Vectors of any representation as rotations and root of our humanoid, in float32."""
-    made = pose.decode(vectors, fps)
-    if isinstance(made, Points):
-        made = lift(made)
-    if made.skeleton != humanoid():
-        made = made.retarget("humanoid")
-    return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
 
 
 @cache

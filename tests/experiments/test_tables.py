@@ -22,7 +22,7 @@ from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
-from cospeech.experiments.tables.inputs import find_context
+from cospeech.experiments.tables.inputs import StoreInputs, find_context
 from cospeech.experiments.tables.paper_tables import Claim
 from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL, PlayableRun
@@ -298,6 +298,16 @@ def test_networks_of_every_kind_make_the_frames_of_a_window(store, name):
         np.testing.assert_allclose(generate_windows(player, excerpts, seed=4, which=which[1:]), made[1:], atol=1e-5)
     before, after = {"moglow": (4, 2), "gesticulator": (3, 4)}.get(name, (excerpts.protocol.given, 0))
     assert find_context(player, excerpts.protocol.given) == (before, after)
+
+    class Blind(StoreInputs):
+        """Knows no recorded pose but those before the frames that are made."""
+
+        def gather(self, *given):
+            found = super().gather(*given)
+            return found | {"pose": np.where(np.arange(found["pose"].shape[1])[:, None] < before, found["pose"], 0)}
+
+    excerpts.__dict__["inputs"] = Blind(excerpts.store)
+    np.testing.assert_array_equal(generate_windows(player, excerpts, seed=3, which=which), made)
 
 
 # the way as a whole -------------------------------------------------------------------------------------------------------

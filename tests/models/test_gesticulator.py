@@ -69,10 +69,10 @@ def test_the_schedule_is_that_of_the_authors_code():
     assert GesticulatorConfig(plain_epochs=0, forcing=2).forcing_at(10**9) == 2
 
 
-def test_after_two_of_so_many_frames_recorded_poses_are_fed_back():
+def test_after_two_of_so_many_frames_choose_poses_are_fed_back():
     net = network("gesticulator", dropout=0.0, pose_dropout=0.0)
     pose, tau = batch(net)["pose"], net.config.history
-    forced = net._forced(pose, 4)
+    forced = net._choose_poses(pose, 4)
     assert [*forced] == [t - tau for t in range(tau, tau + net.config.frames) if t % 4 in (0, 1)]
     for t, before in forced.items():
         last = [pose[:, t + tau - k] for k in range(3)]
@@ -83,7 +83,7 @@ def test_after_two_of_so_many_frames_recorded_poses_are_fed_back():
     assert made[2 * 10] == made[2 * 11]
     rows = torch.cat([data["audio"], net.embedding(data["text"])], -1)
     blank, true = torch.zeros(ROWS, 3 * net.pose), data["pose"][:, tau : tau + net.config.frames]
-    fed = net(rows, blank, net._forced(data["pose"], 2))
+    fed = net(rows, blank, net._choose_poses(data["pose"], 2))
     assert made[2 * 10] == pytest.approx((fed - true).square().mean().item(), rel=1e-6)
 
 

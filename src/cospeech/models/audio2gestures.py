@@ -245,8 +245,8 @@ class Audio2Gestures(Windowed):
         made = self.decode(torch.cat([s_m, s_a, s_a]), torch.cat([i_m, i_m, r]))
         true, *bodies = self._as_bodies(torch.cat([poses, made]).mT)
         s_x, i_x = (code.sample(chance) for code in self.encode(made[-len(poses) :]))
-        terms = self._distances("motion", bodies[0], true) | self._distances("audio", bodies[1], true)
-        terms |= self._relaxed_distances(bodies[2], true)
+        terms = self._compare("motion", bodies[0], true) | self._compare("audio", bodies[1], true)
+        terms |= self._compare_loosely(bodies[2], true)
         terms |= {
             "shared": c.shared * (s_a - s_m).abs().mean(),
             "cycle": c.cycle * ((i_x - r).abs().mean() + (s_x - s_m).abs().mean()),
@@ -265,26 +265,26 @@ class Audio2Gestures(Windowed):
         turns = self.bones.rotations(poses * self.pose_std + self.pose_mean)
         return [_Bodies(*pair) for pair in zip(turns.chunk(4), self.bones.places(turns).chunk(4), strict=True)]
 
-    def _distances(self, name: str, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
+    def _compare(self, name: str, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
         """Of what is to be as it was recorded."""
         c = self.config
-        return self._turned(f"{name}_rotation", made, true, c.rotation) | {
+        return self._compare_angles(f"{name}_rotation", made, true, c.rotation) | {
             f"{name}_position": c.position * (made.places - true.places).abs().mean(),
             f"{name}_speed": c.speed * _speed_distance(made, true),
         }
 
-    def _relaxed_distances(self, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
+    def _compare_loosely(self, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
         """Of what may be another motion for the same speech: of the places those count that are off by more than ρ."""
         c, off = self.config, (made.places - true.places).abs().flatten(1)
         counted = (off > c.tolerance).to(off)
         position = ((off * counted).sum(1) / counted.sum(1).clamp_min(1)).mean()
-        return self._turned("relaxed_rotation", made, true, c.relaxed_rotation) | {
+        return self._compare_angles("relaxed_rotation", made, true, c.relaxed_rotation) | {
             "relaxed_position": c.relaxed_position * position,
             "relaxed_speed": c.relaxed_speed * _speed_distance(made, true),
         }
 
     @staticmethod
-    def _turned(name: str, made: _Bodies, true: _Bodies, weight: float) -> dict[str, Tensor]:
+    def _compare_angles(name: str, made: _Bodies, true: _Bodies, weight: float) -> dict[str, Tensor]:
         """Mean angle between rotations, where there are some."""
         if made.turns is None or true.turns is None:
             return {}

@@ -217,14 +217,14 @@ class Gesticulator(Trainable):
         rows = torch.cat([batch["audio"], self.embedding(batch["text"])], -1)
         forcing = c.forcing_at(step) if self.training else 0
         blank = pose.new_zeros(len(pose), c.poses * self.pose)
-        made = self(rows, None if forcing is None else blank, self._forced(pose, forcing) if forcing else None)
+        made = self(rows, None if forcing is None else blank, self._choose_poses(pose, forcing) if forcing else None)
         true = pose[:, c.history : c.history + c.frames]
         return {
             "pose": (made - true).square().mean(),
             "velocity": c.velocity * (made.diff(dim=1) - true.diff(dim=1)).square().mean(),
         }
 
-    def _forced(self, pose: Tensor, every: int) -> dict[int, Tensor]:
+    def _choose_poses(self, pose: Tensor, every: int) -> dict[int, Tensor]:
         """What is fed back of a recording: after two of ``every`` frames, counted from the window's first, as authors' code."""
         tau = self.config.history
         times = [t for t in range(tau, tau + self.config.frames) if t % every < 2]

@@ -10,7 +10,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models.gesticulator import TEMPO, Gesticulator, GesticulatorConfig, word_timing  # noqa: E402
+from cospeech.models.gesticulator import TEMPO, Gesticulator, GesticulatorConfig, mark_words, word_timing  # noqa: E402
 from tests.models.test_contract import ROWS, batch, network, ready  # noqa: E402
 
 torch.set_num_threads(1)
@@ -36,9 +36,12 @@ def test_where_in_a_word_a_frame_is():
         for k in range(begin, end) if said[begin] else ():
             since, left, whole = TEMPO * (k - begin + 1), TEMPO * (end - k), TEMPO * (end - begin)
             expected[k] = since, left, whole, since / whole, 1 / whole
-    assert np.allclose(word_timing(vectors), expected, atol=1e-6)
-    assert np.allclose(word_timing(vectors.repeat(2, 3, 1, 1)), expected, atol=1e-6)
-    cut = word_timing(vectors[3:8])  # a stretch shows no more of a word than it holds
+    marks = mark_words(vectors[None])
+    assert marks[0, :, 0].tolist() == [float(word > 0) for word in said]
+    assert torch.equal(mark_words(vectors[None, 3:], vectors[None, 2:3]), marks[:, 3:])
+    assert np.allclose(word_timing(marks[0]), expected, atol=1e-6)
+    assert np.allclose(word_timing(marks.repeat(2, 3, 1, 1)), expected, atol=1e-6)
+    cut = word_timing(marks[0, 3:8])  # a stretch shows no more of a word than it holds
     assert np.allclose(cut[:2, :3], [[TEMPO, 2 * TEMPO, 2 * TEMPO], [2 * TEMPO, TEMPO, 2 * TEMPO]])
     assert np.allclose(cut[-1], [TEMPO, TEMPO, TEMPO, 1, 1 / TEMPO])
 
@@ -52,15 +55,18 @@ def test_a_pose_by_hand():
     data = batch(net)
     rows = torch.cat([data["audio"], net.embedding(data["text"])], -1).detach()
     stretch, before = rows[1, : net.length], torch.randn(3 * net.pose)
-    timed = np.concatenate([stretch, word_timing(stretch[:, net.audio :])], 1)
-    codes = [np.tanh(linear(net.frame[2], np.tanh(linear(net.entry, row)))) for row in timed]
+    timed = np.concatenate([stretch, word_timing(mark_words(stretch[None, :, net.audio :])[0])], 1)
+    first = torch.nn.Linear(net.rows + 5, 1)  # both halves of the first layer as one
+    first.weight = torch.nn.Parameter(torch.cat([net.entry.weight, net.timing.weight], 1))
+    first.bias = net.timing.bias
+    codes = [np.tanh(linear(net.frame[2], np.tanh(linear(first, row)))) for row in timed]
     h = np.tanh(linear(net.stretch[3], np.tanh(linear(net.stretch[0], np.concatenate(codes)))))
     gain, shift = np.split(np.tanh(linear(net.film[0], before.numpy())), 2)
     expected = linear(net.out[3], np.tanh(linear(net.out[0], h * (1 + gain) + shift)))
-    made = net.move(net.hear(stretch[None]), before[None])[0].detach()
+    made = net.move(net.hear(net.enter(stretch[None])), before[None])[0].detach()
     assert np.allclose(made, expected, atol=1e-5)
     plain = linear(net.out[3], np.tanh(linear(net.out[0], h)))
-    assert np.allclose(net.move(net.hear(stretch[None]), None)[0].detach(), plain, atol=1e-5)
+    assert np.allclose(net.move(net.hear(net.enter(stretch[None])), None)[0].detach(), plain, atol=1e-5)
 
 
 def test_the_schedule_is_that_of_the_authors_code():

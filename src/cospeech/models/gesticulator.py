@@ -38,7 +38,7 @@ from .nn.settings import check_least
 from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
-__all__ = ["TIMING", "Gesticulator", "GesticulatorConfig", "word_timing"]
+__all__ = ["TIMING", "Gesticulator", "GesticulatorConfig", "mark_words", "word_timing"]
 
 TIMING = 5  # numbers that say where in a word a frame is; section 4.1
 TEMPO = 0.5  # tenths of a second in a frame at 20 per second, the unit in which the authors' code counts time within a word
@@ -98,22 +98,34 @@ class GesticulatorConfig(ModelConfig):
         return None if epoch < 0 else max(2, self.forcing >> min(epoch, 60))
 
 
-def word_timing(words: Tensor) -> Tensor:
-    """Where in its word each frame of a stretch is, as far as the stretch shows: (…, K, W) vectors of words → (…, K, 5).
+def mark_words(words: Tensor, last: Tensor | None = None) -> Tensor:
+    """Whether a word is said, and whether another one begins, 1 or 0: (B, T, W) vectors of words → (B, T, 2).
+
+    A word is a run of the same vector, zeros are silence.
+
+    Args:
+        words: of frames that follow each other.
+        last: (B, 1, W) the word of the frame before them; None: silence.
+    """
+    words = words.detach()
+    before = torch.cat([words[:, :1] * 0 if last is None else last, words[:, :-1]], 1)
+    return (LARGE * torch.stack([words.abs().amax(-1), (words - before).abs().amax(-1)], -1)).clamp(0, 1)
+
+
+def word_timing(marks: Tensor) -> Tensor:
+    """Where in its word each frame of a stretch is, as far as the stretch shows: (…, K, 2) of `mark_words` → (…, K, 5).
 
     Tenths of a second since the word began, this one included; until it ends, this one included; both together; the share of
-    it that is over; words per tenth of a second. A word is a run of the same vector, zeros are silence, where all five are 0.
-    Computed with operators that a bundle may hold.
+    it that is over; words per tenth of a second. All five are 0 in silence. Computed with operators that a bundle may hold.
     """
-    words, length = words.detach(), words.shape[-2]
-    said = (LARGE * words.abs().amax(-1)).clamp(0, 1)
-    differs = (LARGE * (words[..., 1:, :] - words[..., :-1, :]).abs().amax(-1)).clamp(0, 1)
-    begins = torch.cat([differs[..., :1] * 0 + 1, differs], -1)
-    place = torch.arange(length, device=words.device)
+    said, begins = (x.flatten(-2) for x in marks.split(1, -1))
+    length = said.shape[-1]
+    begins = torch.cat([begins[..., :1] * 0 + 1, begins[..., 1:]], -1)
+    place = torch.arange(length, device=marks.device)
     since = (place + 1) * (place[:, None] >= place)  # [k, j]: j + 1 for frames j up to k
     until = (length - place) * (place[:, None] < place)  # K − j for those after it
-    first = (begins.unsqueeze(-2) * since.to(words)).amax(-1)  # 1 + where the word of frame k began
-    after = length - (begins.unsqueeze(-2) * until.to(words)).amax(-1)  # where the next one begins
+    first = (begins.unsqueeze(-2) * since.to(marks)).amax(-1)  # 1 + where the word of frame k began
+    after = length - (begins.unsqueeze(-2) * until.to(marks)).amax(-1)  # where the next one begins
     begun, left = TEMPO * (place + 2 - first), TEMPO * (after - place)
     whole = begun + left - TEMPO
     return torch.stack([begun, left, whole, begun / whole, said / whole], -1) * said.unsqueeze(-1)
@@ -148,7 +160,7 @@ class Gesticulator(Trainable):
         self.embedding = word_embedding(text, config.word_width)
         self.rows, self.length = audio + self.embedding.width, config.history + 1 + config.look_ahead
         drop = nn.Dropout(config.dropout)
-        self.entry = nn.Linear(self.rows + TIMING, 2 * config.speech)
+        self.entry, self.timing = nn.Linear(self.rows, 2 * config.speech, bias=False), nn.Linear(TIMING, 2 * config.speech)
         self.frame = nn.Sequential(nn.Tanh(), drop, nn.Linear(2 * config.speech, config.speech), nn.Tanh(), drop)
         self.stretch = nn.Sequential(
             nn.Linear(self.length * config.speech, config.context), nn.Tanh(), drop,
@@ -164,10 +176,17 @@ class Gesticulator(Trainable):
         """Frames of a training window: history, trained frames, look-ahead."""
         return self.config.history + self.config.frames + self.config.look_ahead
 
-    def hear(self, rows: Tensor) -> Tensor:
-        """h: (…, K, A + W) stretches of speech and words, of K frames around a pose's own, → (…, hidden)."""
-        timed = torch.cat([rows, word_timing(rows[..., self.audio :])], -1)
-        heard: Tensor = self.stretch(self.frame(self.entry(timed)).flatten(-2))
+    def enter(self, rows: Tensor, last: Tensor | None = None) -> Tensor:
+        """A frame as it is in any stretch: (B, T, A + W) → (B, T, 2 · speech + 2), by the first layer without timing.
+
+        For ``last`` see `mark_words`, whose marks are the last two numbers.
+        """
+        return torch.cat([self.entry(rows), mark_words(rows[..., self.audio :], last)], -1)
+
+    def hear(self, entered: Tensor) -> Tensor:
+        """h: (…, K, 2 · speech + 2) stretches of `enter`, of K frames around a pose's own, → (…, hidden)."""
+        codes, marks = entered.split([2 * self.config.speech, 2], -1)
+        heard: Tensor = self.stretch(self.frame(codes + self.timing(word_timing(marks))).flatten(-2))
         return heard
 
     def move(self, heard: Tensor, before: Tensor | None) -> Tensor:
@@ -200,7 +219,7 @@ class Gesticulator(Trainable):
 
     def _hear_all(self, rows: Tensor) -> Tensor:
         """(B, F, hidden) of all stretches. In training at once; else one by one, since nobody wants their gradients."""
-        stretches = frame_windows(rows, self.length)
+        stretches = frame_windows(self.enter(rows), self.length)
         if torch.is_grad_enabled():
             return self.hear(stretches)
         return torch.stack([self.hear(stretches[:, t]) for t in range(stretches.shape[1])], 1)
@@ -263,20 +282,23 @@ class Gesticulator(Trainable):
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``live``: a frame of speech and words (1, A + W) → the pose that lies ``look_ahead`` frames before it."""
-        states = {"heard": self.length * self.rows, "before": self.config.poses * self.pose}
+        width = 2 * self.config.speech + 2
+        states = {"heard": self.length * width, "word": self.rows - self.audio, "before": self.config.poses * self.pose}
         rows, poses = {"rows": (1, self.rows)}, {"poses": (1, self.pose)}
         return {"live": ExportGraph(_Frame(self), rows, poses, states, look_ahead=self.config.look_ahead)}
 
 
 class _Frame(nn.Module):
-    """``live``; its states are the last frames of speech, the oldest first, and the last poses, the last one first."""
+    """``live``; states: the last frames of speech, the oldest first; the last word; the last poses, the last one first."""
 
     def __init__(self, net: Gesticulator) -> None:
         super().__init__()
         self.net = net
 
-    def forward(self, rows: Tensor, heard: Tensor, before: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, rows: Tensor, heard: Tensor, word: Tensor, before: Tensor) -> tuple[Tensor, ...]:
         net = self.net
-        heard = torch.cat([heard[:, net.rows :], rows], 1)
-        made = net.move(net.hear(heard.unflatten(1, (net.length, net.rows))), before)
-        return made, heard, torch.cat([made, before[:, : -net.pose]], 1)
+        entered = net.enter(rows.unsqueeze(1), word.unsqueeze(1))
+        width = entered.shape[2]
+        heard = torch.cat([heard[:, width:], entered.flatten(1)], 1)
+        made = net.move(net.hear(heard.unflatten(1, (net.length, width))), before)
+        return made, heard, rows[:, net.audio :], torch.cat([made, before[:, : -net.pose]], 1)

@@ -320,8 +320,8 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
         k: v for k, v in part["rows"].items() if "cells" in v
     }
-    assert "(left out)" in to_text(part)
-    assert "(left out)" not in to_text(table)
+    assert "(not run)" in to_text(part)
+    assert "(not run)" not in to_text(table)
 
     data, page = write_table(table, tmp_path)
     assert json.loads(data.read_text()) == table

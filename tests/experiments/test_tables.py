@@ -28,8 +28,10 @@ from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
 from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
+from cospeech.experiments.tables.inputs import StoreInputs, find_context
 from cospeech.experiments.tables.report import summary, to_markdown
-from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
+from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL, PlayableRun
+from cospeech.experiments.tables.scores import generate_windows
 from cospeech.experiments.tables.tsne import tsne
 from cospeech.experiments.tables.verdicts import NOT_ASSAYED, UNDECIDED
 from cospeech.metrics.clustering import silhouette_coefficient
@@ -131,8 +133,11 @@ def test_every_row_has_a_recipe_that_builds(name):
 
     recipe = load_recipe(SHIPPED / f"{name}.toml")
     config = build(network(recipe.model).Config, recipe.config, "model")
-    assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
-    assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
+    if name == "gesticulator_trinity":
+        assert (config.frames, config.history, config.look_ahead) == (40, 10, 19)
+    else:
+        assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
+        assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
     small = dict(SMALL[recipe.model]["model"])
     kind = network(small.pop("name", recipe.model))
     assert build(kind.Config, {**recipe.config, **small}, "model").hidden < config.hidden
@@ -250,6 +255,40 @@ def test_codes_lead_back_to_the_poses():
     codes = playing.codes(flow(), pose, audio)
     made = flow().sample(torch.from_numpy(codes), torch.from_numpy(pose[:, :5]), torch.from_numpy(audio))
     np.testing.assert_allclose(made.numpy(), pose[:, 5:], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["moglow", "gesticulator", "seq2seq", "speech2gesture"])
+def test_networks_of_every_kind_make_the_frames_of_a_window(store, name):
+    """A flow; one that feeds poses back, with history and look-ahead; one of words; one of windows of speech."""
+    from cospeech.training.checkpoint import network
+
+    kind, excerpts = network(name), Excerpts(store)
+    config = kind.Config.tiny(**({"history": 4, "look_ahead": 2} if name == "moglow" else {}))
+    with torch.random.fork_rng():
+        torch.random.manual_seed(0)
+        net = kind(config, pose=27, audio=len(AUDIO_NAMES)).eval()
+    flat = {f"{what}_{moment}": np.full(width, value) for what, width in (("pose", 27), ("audio", len(AUDIO_NAMES)))
+            for moment, value in (("mean", 0.0), ("std", 1.0))}  # fmt: skip
+    facts = {"config": vars(config), "recipe": {"data": {}}, "store": {"speakers": SPEAKERS}}
+    player = PlayableRun(net, facts, flat, name, np.zeros((3, 1, 64, 27)))
+    which = np.array([0, 20, 41])
+    made = generate_windows(player, excerpts, seed=3, which=which)
+    assert made.shape == (3, excerpts.protocol.made, 27)
+    assert np.isfinite(made).all()
+    if name != "moglow":  # which draws
+        np.testing.assert_allclose(generate_windows(player, excerpts, seed=4, which=which[1:]), made[1:], atol=1e-5)
+    before, after = {"moglow": (4, 2), "gesticulator": (3, 4)}.get(name, (excerpts.protocol.given, 0))
+    assert find_context(player, excerpts.protocol.given) == (before, after)
+
+    class Blind(StoreInputs):
+        """Knows no recorded pose but those before the frames that are made."""
+
+        def gather(self, *given):
+            found = super().gather(*given)
+            return found | {"pose": np.where(np.arange(found["pose"].shape[1])[:, None] < before, found["pose"], 0)}
+
+    excerpts.__dict__["inputs"] = Blind(excerpts.store)
+    np.testing.assert_array_equal(generate_windows(player, excerpts, seed=3, which=which), made)
 
 
 # the way as a whole -------------------------------------------------------------------------------------------------------

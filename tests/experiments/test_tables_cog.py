@@ -42,6 +42,7 @@ TINY = {
     "multi-context": {"hidden": 4, "layers": 1, "audio": 4, "text": 4, "word_width": 4, "adversarial_from": 1},
     "speech2gesture": {"channels": 4, "discriminator_channels": 4},
     "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
+    "audio2gestures": {"channels": 8, "code": 2},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }  # fmt: skip
 
@@ -122,7 +123,7 @@ def test_every_row_has_a_recipe_that_builds(row):
 
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
-    assert config.frames == (64 if recipe.model == "speech2gesture" else FRAMES)
+    assert config.frames == (64 if recipe.model in ("speech2gesture", "audio2gestures") else FRAMES)
     small = build(
         network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
     )
@@ -275,7 +276,7 @@ def test_costs_are_differences_to_all_inputs():
 def test_a_table_from_nothing(table_runs, name, tmp_path):
     table = make_table(name, table_runs, seeds=(0,), tell=quiet)
     made = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
-    assert len(made) == {"cog-1": 5, "cog-2": 5, "cog-4": 8}[name]
+    assert len(made) == {"cog-1": 6, "cog-2": 5, "cog-4": 8}[name]
     for row, cells in made.items():
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])

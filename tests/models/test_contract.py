@@ -18,6 +18,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 from cospeech.audio.features.words import BUCKETS, GRAMS  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models import ENTRIES, NETWORKS  # noqa: E402
+from cospeech.models.audio2gestures import Audio2Gestures  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
@@ -64,6 +65,8 @@ CHANGES = {
     "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooling_window": 5},
     "speech-classifier": {"frames": 10},
     "seq2seq": {"frames": 10},
+    "gesticulator": {},
+    "audio2gestures": {},
     "camn": _MANY,
     "camn+alone": _MANY | {"semantic": False, "seed_dropout": 0.5},
     "multi-context": _CONTEXT,
@@ -298,7 +301,7 @@ def trained_windowed(name: str, **options):
 def test_the_networks_that_make_windows_are_these():
     known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
     known |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
-    known |= {"chain-of-generation-extended", "mix-stage-extended"}
+    known |= {"chain-of-generation-extended", "mix-stage-extended", "audio2gestures"}
     assert {name.partition("+")[0] for name in windowed()} == known
     for name in windowed():
         net = network(name)
@@ -310,7 +313,9 @@ def test_the_networks_that_make_windows_are_these():
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
         assert (net.styles > 0) is (net.encodes_style or net.literal)
-        assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
+        assert name == "audio2gestures" or net.modes == (
+            net.config.modes if getattr(net, "mode_logits", None) is not None else 0
+        )
 
 
 @pytest.mark.parametrize("name", windowed())
@@ -352,7 +357,7 @@ def test_rows_of_speech_are_made_apart(name):
     assert changed[[0, 2]].max() < 1e-6
 
 
-@pytest.mark.parametrize("name", [name for name in windowed() if name not in ("cmix-gan", "speech2gesture")])
+@pytest.mark.parametrize("name", [name for name in windowed() if name not in ("cmix-gan", "speech2gesture", "audio2gestures")])
 def test_styles_and_mixtures_of_them_differ(name):
     net = trained_windowed(name)
     audio, (one, other) = speech(net, 1, 64), torch.eye(net.styles)[:2]
@@ -386,7 +391,7 @@ def test_mode_noise_moves_the_modes_and_only_them(name):
         if not net.modes:
             assert made.shape == (1, 64, POSE)
             return
-        if isinstance(net, ManyInputs | ChainOfGeneration):  # noise that it gets beside its inputs
+        if isinstance(net, ManyInputs | ChainOfGeneration | Audio2Gestures):  # noise that it gets beside its inputs
             assert (net.make(audio, style, torch.ones(1, 64, net.modes)) - made).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))

@@ -12,13 +12,17 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
-from cospeech.motion.skeleton import humanoid
+from cospeech.motion.poses import find_pose
+from cospeech.motion.poses.expmap import walk
+from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply
+from cospeech.motion.skeleton import find_skeleton, humanoid
 from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
+from cospeech.runtime.pose_decoder import PoseDecoder
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.styles.space import style_space
 from cospeech.runtime.styles.style import Styles
@@ -151,10 +155,47 @@ def test_resampling_keeps_poses_and_holds_ends(fps):
     assert (np.diff(made[0, :, 0]) >= -1e-4).all()
 
 
-def test_poses_that_add_up_are_refused(tmp_path):
-    path = write_small(tmp_path / "a.cospeech", "expmap-full", "mel27")
-    with pytest.raises(InputError, match="expmap-full"):
-        TrainedModel.open(path)
+def walking(seconds: float = 6.0, fps: float = 20.0) -> Motion:
+    """Trinity's skeleton in a T-pose, on a curve: 0.5 m a second, a turn of 20 degrees a second."""
+    skeleton, at = find_skeleton("trinity"), np.arange(round(seconds * fps)) / fps
+    turn = np.radians(20) * at
+    rotations = np.broadcast_to(skeleton.rest, (len(at), len(skeleton), 4)).copy()
+    rotations[:, 0] = quat_multiply(axis_angle_to_quat(np.array([0.0, 1.0, 0.0]), turn), skeleton.rest[0])
+    steps = 0.5 / fps * np.stack([np.sin(turn), 0 * turn, np.cos(turn)], -1)
+    return Motion(fps, rotations, skeleton.offsets[0] + np.cumsum(steps, 0), skeleton=skeleton)
+
+
+def test_a_body_that_walks_goes_on_where_it_was():
+    """In pieces as in the whole, to the bit; and at another rate as far in the same time."""
+    pose, motion = find_pose("expmap-full"), walking()
+    vectors, (place, turn) = pose.encode(motion), walk(motion)
+    start = (*place[0, [0, 2]], turn[0])
+    back = pose.decode(vectors, 20.0, start=start)
+    np.testing.assert_allclose(back.root, motion.root, atol=1e-6)
+    assert np.allclose(pose.end_of_walk(vectors, start), (*place[-1, [0, 2]], turn[-1]), atol=1e-9)
+    whole, pieces = (PoseDecoder(pose, 20.0, 1.0) for _ in range(2))
+    root = whole.push(vectors)[1]
+    made = [pieces.push(piece) for piece in np.split(vectors, [1, 17, 18, 90])]
+    np.testing.assert_array_equal(np.concatenate([r for _, r in made]), root)
+    twice = PoseDecoder(pose, 40.0, 0.5).push(np.repeat(vectors, 2, 0))[1]
+    np.testing.assert_allclose(twice[1::2], root, atol=0.03)
+    gone = np.linalg.norm(np.diff(root[:, [0, 2]], axis=0), axis=1).sum()
+    assert 2.0 < gone < 4.0  # 3 m, as far as the smoothing of the walk and the humanoid's legs have it
+
+
+@pytest.mark.parametrize("fps", [20.0, 30.0])
+def test_a_whole_body_of_trinity_plays_and_walks(tmp_path, fps):
+    player = TrainedModel.open(write_small(tmp_path / "a.cospeech", "expmap-full", "mel27"))
+    speech, options = talk(2.5), {"seed": 3, "fps": fps, "parts": ("body", "hands")}
+    motion = player.generate(speech, **options)
+    assert len(motion) == speech.frames(fps)
+    assert np.ptp(motion.root[:, [0, 2]], axis=0).max() > 0.02
+    feet = [motion.skeleton.index[name] for name in ("leftUpperLeg", "rightLowerLeg")]
+    assert motion.rotations[:, feet].std(0).max() > 1e-3
+    for edges in ([1, 9000, 20_001], [400 * k for k in range(1, 90)]):
+        assert same(Motion.concatenate([*player.stream(cut(speech, edges), **options)]), motion)
+    motion.save(tmp_path / "walk.bvh")
+    np.testing.assert_allclose(Motion.load(tmp_path / "walk.bvh").root, motion.root, atol=1e-4)
 
 
 # a style that changes ----------------------------------------------------------------------------------------------------

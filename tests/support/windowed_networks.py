@@ -20,6 +20,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "stage": _MIX | {"modes": 1, "style_first": True},
     "cmix-gan": {name: value for name, value in _MIX.items() if name != "style"},
     "speech2gesture": {"frames": 64, "channels": 8, "depth": 4, "decoder": 2, "discriminator_channels": 4},
+    "audio2gestures": {"frames": 64, "channels": 16, "code": 3},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 2},
     "speech-to-face": {"frames": 64, "channels": 8, "dilations": [1, 3], "ahead": [2, 1]},
 }
@@ -37,8 +38,9 @@ def make_network(name: str, *, pose: int = 6, audio: int = 20, speakers: int = 3
             if isinstance(part, nn.BatchNorm1d):
                 part.running_mean.normal_(0, 0.3)
                 part.running_var.uniform_(1, 5)
-                nn.init.uniform_(part.weight, 0.5, 1.5)
-                nn.init.normal_(part.bias, 0, 0.3)
+                if part.affine:
+                    nn.init.uniform_(part.weight, 0.5, 1.5)
+                    nn.init.normal_(part.bias, 0, 0.3)
             elif isinstance(part, nn.Conv1d | nn.Conv2d) and name != "munit":
                 nn.init.kaiming_normal_(part.weight)
     return net.eval()

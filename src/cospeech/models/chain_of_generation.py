@@ -49,7 +49,7 @@ from .nn.recurrent import BothWays
 from .nn.speech_encoders import SPEECH_ENCODERS
 from .nn.temporal import Memory, SameConv
 from .nn.windowed import Windowed
-from .nn.words import word_embedding
+from .nn.words import SubwordTable, WordEmbedding, word_embedding
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "ChainConfig", "ChainOfGeneration"]
@@ -199,6 +199,11 @@ class ChainOfGeneration(Windowed):
     def accepts_seeds(self) -> bool:
         """Whether it was trained to be given seed poses."""
         return self.config.seeds > 0
+
+    @property
+    def word_embedding(self) -> SubwordTable | WordEmbedding:
+        """What makes numbers of words."""
+        return self.word
 
     # equations 1 to 5 -----------------------------------------------------------------------------------------------
 

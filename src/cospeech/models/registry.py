@@ -124,6 +124,16 @@ _OURS = {
         "Seq2seq (Yoon et al. 2019): poses from words alone",
         "Yoon et al. 2019", plays=False, needs=("words",),
     ),
+    "gesticulator": ModelEntry(
+        "cospeech.models.gesticulator:Gesticulator",
+        "Gesticulator (Kucherenko et al. 2020): one motion for one speech, from sound and words, each pose of those before it",
+        "Kucherenko et al. 2020", needs=("words",),
+    ),
+    "audio2gestures": ModelEntry(
+        "cospeech.models.audio2gestures:Audio2Gestures",
+        "Audio2Gestures (Li et al. 2021): many motions for one speech, by a code that it shares with them and one of their own",
+        "Li et al. 2021",
+    ),
     "gesture-autoencoder": ModelEntry(
         "cospeech.models.gesture_autoencoder:GestureAutoencoder",
         "Feature network of the gesture perceptual loss (Ye et al. 2022)",

@@ -47,15 +47,12 @@ class TrainedModel:
         mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
 
     Raises:
-        InputError: poses of a kind that cannot be decoded in pieces, or a transfer for a system that is no flow.
+        InputError: a transfer for a system that is no flow.
     """
 
     takes_at_once = 8  # ours: of a flow they cost 1.4 times one (docs/runtime.md); more would hold memory and files for little
 
     def __init__(self, system: System, transfer: Transfer | None = None, mouth: MouthMaker = open_default_mouth) -> None:
-        if system.pose in _WHOLE:
-            hint = "each of its frames depends on all before; train on another representation"
-            raise InputError(f"a model of {system.pose!r} poses cannot be played", hint)
         self.system = system
         self.styles, self.default_style = system.styles, system.style
         self.makes = ("face",) if system.pose == POSE else PARTS
@@ -229,8 +226,6 @@ class TrainedModel:
         return stream_motion(self.session(**options), chunks)
 
 
-_WHOLE = frozenset({"expmap-full"})
-"""Representations whose rows add up: a frame does not follow from its own row."""
 _MOST_TAKES = 64  # ours, of one pass
 
 

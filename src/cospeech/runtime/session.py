@@ -19,7 +19,7 @@ from ..audio.emotions import Moods, emotion_track
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.poses import Pose, find_pose
+from ..motion.poses import find_pose
 from ..motion.rotations import Array, QuatStream
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
@@ -30,8 +30,9 @@ from ..rules.stance_layer import StanceLayer
 from .conditioning import Seam
 from .crossfade import Crossfade
 from .face_override import FaceOverride
+from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
-from .session_frames import WaitingFrames, decode_poses, eye_joints, resting_joints, select_parts
+from .session_frames import WaitingFrames, eye_joints, resting_joints, select_parts
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
@@ -144,7 +145,7 @@ class TrainedSession:
         stances: Sequence[StanceLayer] = (),
     ) -> None:
         self._stances = stances
-        self._pose: Pose = find_pose(system.pose)
+        self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
@@ -328,7 +329,7 @@ class TrainedSession:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
         for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
-            rotations, root = decode_poses(self._pose, vectors, self._fps)
+            rotations, root = self._poses[take].push(vectors)
             if "body" not in self._parts or "hands" not in self._parts:
                 rotations, root = select_parts(rotations, root, self._parts)
             rotations = signs.push(rotations)

@@ -1,4 +1,4 @@
-"""What a trained session's frames go through: poses decoded, parts left out, and frames that wait for others."""
+"""What a trained session's frames go through: parts left out, and frames that wait for others."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ from functools import cache
 
 import numpy as np
 
-from ..motion.points import Points
-from ..motion.poses import Pose
-from ..motion.poses.lift import lift
 from ..motion.rotations import Array, quat_identity
 from ..motion.skeleton import humanoid
 
-__all__ = ["WaitingFrames", "decode_poses", "eye_joints", "resting_joints", "select_parts"]
+__all__ = ["WaitingFrames", "eye_joints", "resting_joints", "select_parts"]
 
 _EYES = ("leftEye", "rightEye")
 
@@ -40,16 +37,6 @@ class WaitingFrames:
         rest = tuple(array[count:] for array in first)
         self._pieces[:1] = [rest] if len(rest[0]) else []
         return tuple(array[:count] for array in first)
-
-
-def decode_poses(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:
-    """Vectors of any representation as rotations and root of our humanoid, in float32."""
-    made = pose.decode(vectors, fps)
-    if isinstance(made, Points):
-        made = lift(made)
-    if made.skeleton != humanoid():
-        made = made.retarget("humanoid")
-    return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
 
 
 @cache

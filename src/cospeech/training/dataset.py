@@ -163,9 +163,11 @@ DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = 
     "hands": lambda store, data, standards: hand_columns(store.names["pose"]),
     "text": lambda store, data, standards: 0 if data.words is None else int(store.arrays["text"].shape[1]),
     "louder": _louder,
+    "representation": lambda store, data, standards: store.pose,
 }
 """Keyword that a network may be built by → what the store says of it: D, A, S, different words, the columns of a pose that are
-hands, the width of a word vector (0: ids of subwords), and how the speech grows with its level."""
+hands, the width of a word vector (0: ids of subwords), how the speech grows with its level, and the name of the poses'
+representation."""
 _ALWAYS = ("pose", "audio", "speakers", "words")  # what every run keeps, whatever its network is built by
 
 

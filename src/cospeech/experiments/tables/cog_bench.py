@@ -91,10 +91,7 @@ class Chains:
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Of one network, played without what the row lacks."""
         player = self._player(row, seed)
-        config, train = player.facts["config"], player.facts["recipe"]["train"]
-        size = next(f"{config[name]} {name}" for name in ("hidden", "channels") if name in config)
-        facts = f"{train['steps']} steps of {train['batch']} windows, {size}, {player.parameters:,} parameters"
-        return self._cells(player, row.lacks), facts
+        return self._cells(player, row.lacks), player.summary
 
     def controls(self) -> dict[str, Cells]:
         """As in all tables."""

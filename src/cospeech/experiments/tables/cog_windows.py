@@ -12,23 +12,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property
 from os import PathLike
 
 import numpy as np
 
 from ...corpora.clip import Clip
 from ...corpora.samples import load_stored_clips, sample_of
-from ...corpora.store import Store, gather
+from ...corpora.store import Store
 from ...errors import InputError
 from ...metrics import Sample
 from ...metrics.controls import control_rows
 from ...motion.motion import Motion
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
-from ...training.texts import with_text
 from .controls import order_apart
 from .excerpts import restrict_joints
+from .inputs import StoreInputs
 from .runs import PlayableRun
 
 __all__ = ["FRAMES", "GIVEN", "CogWindows"]
@@ -63,7 +63,7 @@ class CogWindows:
         self.windows = (counts - 1) // STRIDE + 1
         first = [offset + STRIDE * np.arange(n) for offset, n in zip(offsets, self.windows, strict=True)]
         self.starts, self._whose = np.concatenate(first), np.repeat(np.arange(len(numbers)), self.windows)
-        self._with_text = cache(partial(with_text, self.store))
+        self._inputs = StoreInputs(self.store)
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -86,17 +86,7 @@ class CogWindows:
         Raises:
             InputError: the store lacks an input of it.
         """
-        names, found = [name for name in player.net.arrays if name != "semantic"], {}
-        store = self._with_text(player.facts["recipe"]["data"].get("words")) if "text" in names else self.store
-        for name in names:
-            if name not in store.arrays:
-                raise InputError(f"{type(player.net).__name__} wants {name!r}, which the store lacks", "prepare it from BEAT")
-            found[name] = gather(store.arrays[name], self.starts, FRAMES)
-        known = player.speakers
-        whose = [known.index(clip.speaker) if clip.speaker in known else -1 for clip in self.entries]
-        found["speaker"] = np.array(whose)[self._whose]
-        standards = {"pose": player.pose, "audio": player.audio}
-        return found | {name: standard(found[name]) for name, standard in standards.items() if name in found}
+        return self._inputs.gather(player, self.starts, FRAMES, [self.entries[k].speaker for k in self._whose])
 
     def audio_of(self, k: int) -> Array:
         """(T, A) rows of the frames of a clip that are scored."""

@@ -25,6 +25,7 @@ from ...motion.motion import Motion
 from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from .controls import far_rows
+from .inputs import StoreInputs
 
 __all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol", "restrict_joints"]
 
@@ -107,9 +108,23 @@ class Excerpts:
         Raises:
             InputError: a system wants more than there is.
         """
+        self.check_context(before, after)
+        return gather(self.store.arrays[array], self.starts - before, before + self.protocol.made + after)
+
+    @staticmethod
+    def check_context(before: int, after: int) -> None:
+        """Whether every window has so many frames before and after what is made.
+
+        Raises:
+            InputError: a system wants more than there is.
+        """
         if before > BEFORE or after > AFTER:
             raise InputError(f"a history of {before} and a look-ahead of {after} frames", f"{BEFORE} and {AFTER} at most")
-        return gather(self.store.arrays[array], self.starts - before, before + self.protocol.made + after)
+
+    @cached_property
+    def inputs(self) -> StoreInputs:
+        """What systems are given of the store."""
+        return StoreInputs(self.store)
 
     def speakers(self) -> list[str]:
         """(N,) who speaks."""

@@ -41,7 +41,7 @@ _TED_1 = TableSplit(
 _TRINITY_1 = TableSplit(
     "trinity",
     rows=(
-        TableSystem("Gesticulator", None, _figures(9.95, 0.701, 3.50, 0.844)),
+        TableSystem("Gesticulator", "gesticulator_trinity", _figures(9.95, 0.701, 3.50, 0.844)),
         TableSystem(MOGLOW, "moglow_trinity", _figures(7.61, 0.726, 3.81, 0.852, 2.12)),
         TableSystem(OURS, "flow_trinity", _figures(6.76, 0.730, 4.34, 0.875, 1.60)),
     ),

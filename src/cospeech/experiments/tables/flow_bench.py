@@ -14,20 +14,12 @@ from ...metrics import Tools
 from .controls import ORACLE, check_oracle, faults_of, oracle_key
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import choose_excerpt, draw_latents, draw_poses
+from .inputs import generate_rows
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
 
 __all__ = ["Latents", "Performances"]
-
-
-def _facts(player: PlayableRun) -> str:
-    """What a row was trained with, in a line."""
-    config, train = player.facts["config"], player.facts["recipe"]["train"]
-    return (
-        f"{train['steps']} steps of {train['batch']} windows, K {config['steps']}, {config['hidden']} units, "
-        f"{player.parameters:,} parameters"
-    )
 
 
 class _Flows:
@@ -82,7 +74,7 @@ class Performances(_Flows):
         def work() -> Cells:
             return score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=runs.threads)
 
-        return self._cache(self.features, [player.fingerprint, seed], work), _facts(player)
+        return self._cache(self.features, [player.fingerprint, seed], work), player.summary
 
     def controls(self) -> dict[str, Cells]:
         """As in all tables."""
@@ -106,17 +98,14 @@ class Performances(_Flows):
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
         """Poses above speech, as figure 5."""
-        from ..playing import perform
-
-        store, made = self.excerpts.store, {}
+        store, seed = self.excerpts.store, table["seeds"][0]
         clips = [clip for clip in store.clips if clip.split == "test" and "audio" in clip.has]
         entry, frames = choose_excerpt(clips, store.fps, BEFORE, AFTER)
-        first = entry.offset + BEFORE
-        for label, player in self._players(table).items():
-            before, after = player.context
-            history = player.pose(np.asarray(store.arrays["pose"][first - before : first])[None])
-            heard = player.audio(np.asarray(store.arrays["audio"][first - before : first + frames + after])[None])
-            made[label] = player.unpose(perform(player.net, history, heard, seed=table["seeds"][0]))[0]
+        first, given = np.array([entry.offset + BEFORE]), self.excerpts.protocol.given
+        made = {
+            name: generate_rows(player, self.excerpts.inputs, first, frames, [entry.speaker], given=given, seed=seed)[0]
+            for name, player in self._players(table).items()
+        }
         return draw_poses(made, self.excerpts, entry, BEFORE)
 
 
@@ -133,7 +122,7 @@ class Latents(_Flows):
         def work() -> Cells:
             return score_latents(self.columns, latents(player, self.excerpts), self.excerpts, "latents")
 
-        return self._cache("latents", [player.fingerprint], work), _facts(player)
+        return self._cache("latents", [player.fingerprint], work), player.summary
 
     def controls(self) -> dict[str, Cells]:
         """Mean poses themselves, and numbers that know nothing."""

@@ -63,6 +63,11 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
     "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
     "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
+    "gesticulator": {
+        "model": {"hidden": 64, "context": 128, "speech": 32, "word_width": 32, "epoch": 20},
+        "train": {**_LSTM, "batch": 48},
+    },
+    "audio2gestures": {"model": {"channels": 64, "code": 8}, "train": _BRIEF},
     "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
     "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
     "speaker-classifier": {
@@ -103,6 +108,14 @@ class PlayableRun:
     def parameters(self) -> int:
         """How many the network has."""
         return sum(p.numel() for p in self.net.parameters())
+
+    @property
+    def summary(self) -> str:
+        """What it was trained with, and its size, in a line."""
+        config, train = self.facts["config"], self.facts["recipe"]["train"]
+        units = next(f"{config[name]} {name}" for name in ("hidden", "channels") if name in config)
+        size = f"K {config['steps']}, {config['hidden']} units" if "steps" in config else units
+        return f"{train['steps']} steps of {train['batch']} windows, {size}, {self.parameters:,} parameters"
 
     @property
     def context(self) -> tuple[int, int]:

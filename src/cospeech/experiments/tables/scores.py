@@ -15,6 +15,7 @@ from ...files import atomic
 from ...metrics import FeatureNet, Sample, Tools, load_metric
 from ...motion.rotations import Array
 from .excerpts import Excerpts
+from .inputs import find_context, generate_rows
 from .paper_tables import Cells
 from .runs import PlayableRun, make_folder
 from .tsne import tsne
@@ -106,14 +107,14 @@ def score_columns(
 
 
 def generate_windows(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
-    """(N, made, D) what a system makes of the windows, in the units of the store, from latents drawn with ``seed``."""
-    from ..playing import perform
-
-    before, after = player.context
-    chosen = np.arange(len(excerpts)) if which is None else which
-    history = player.pose(excerpts.rows("pose", before, 0)[chosen, :before])
-    audio = player.audio(excerpts.rows("audio", before, after)[chosen])
-    return player.unpose(perform(player.net, history, audio, seed=seed))
+    """(N, made, D) what a system makes of the windows, in the units of the store, with ``seed``; see `generate_rows`."""
+    chosen, given = np.arange(len(excerpts)) if which is None else which, excerpts.protocol.given
+    excerpts.check_context(*find_context(player, given))
+    everyone = excerpts.speakers()
+    speakers = [everyone[k] for k in chosen]
+    return generate_rows(
+        player, excerpts.inputs, excerpts.starts[chosen], excerpts.protocol.made, speakers, given=given, seed=seed
+    )
 
 
 def score(

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ...errors import InputError
 from .export import ExportGraph
 from .objective import Batch, Objective
+from .words import SubwordTable, WordEmbedding
 
 __all__ = ["Trainable"]
 
@@ -66,6 +67,12 @@ class Trainable(nn.Module):
     def window(self) -> int:
         """Frames of a training window: ``frames`` of the settings, and what is heard after them."""
         return int(self.config.frames) + self.delay
+
+    @property
+    def word_embedding(self) -> SubwordTable | WordEmbedding | None:
+        """What makes numbers of words: its part ``embedding``; None: it reads none."""
+        found = self._modules.get("embedding")
+        return found if isinstance(found, SubwordTable | WordEmbedding) else None
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
         """Learn what its inputs are standardised by, before training begins; by default it need not know.

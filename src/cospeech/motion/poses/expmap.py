@@ -71,12 +71,18 @@ def _encode_hips(motion: Motion) -> Array:
     return np.concatenate([hips, to_rotvecs(own), step[:, [0, 2]], np.diff(turn, prepend=turn[:1])[:, None]], -1)
 
 
+def _add_steps(vectors: Array, start: tuple[float, float, float]) -> tuple[Array, Array]:
+    """(T, 3) places and (T,) turns of the walking point from the nine numbers; in pieces as in the whole, to the bit."""
+    turn = np.cumsum(np.concatenate([start[2:], vectors[:, 8]]))[1:]
+    step = np.stack([vectors[:, 6], 0 * vectors[:, 6], vectors[:, 7]], -1)
+    steps = quat_rotate(axis_angle_to_quat(_UP, turn), step)
+    return np.cumsum(np.concatenate([[[start[0], 0.0, start[1]]], steps]), 0)[1:], turn
+
+
 def _decode_hips(vectors: Array, start: tuple[float, float, float]) -> tuple[Array, Array]:
     """(T, 4) rotations and (T, 3) places of the hips from the nine numbers."""
-    turn = start[2] + np.cumsum(vectors[:, 8])
+    place, turn = _add_steps(vectors, start)
     heading = axis_angle_to_quat(_UP, turn)
-    step = np.stack([vectors[:, 6], 0 * vectors[:, 6], vectors[:, 7]], -1)
-    place = np.array([start[0], 0.0, start[1]]) + np.cumsum(quat_rotate(heading, step), 0)
     rotations = quat_multiply(heading, to_rotations(vectors[:, 3:6]))
     return rotations, place + quat_rotate(heading, vectors[:, :3])
 
@@ -131,6 +137,19 @@ class ExpMap:
         hips, root = _decode_hips(vectors[:, count:], start)
         joints = (skeleton.names[0], *self.joints)
         return build_motion(fps, skeleton, joints, np.concatenate([hips[:, None], rotations], 1), root)
+
+    def end_of_walk(self, vectors: Array, start: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, float, float]:
+        """Where the walking point is after some vectors: what `decode` takes as ``start`` for those that follow."""
+        if not (self.hips and len(vectors)):
+            return start
+        place, turn = _add_steps(size(vectors, self.dimensions, self.name)[:, -9:], start)
+        return float(place[-1, 0]), float(place[-1, 2]), float(turn[-1])
+
+    def at_rate(self, vectors: Array, ratio: float) -> Array:
+        """Vectors for another rate: the walking point's steps from frame to frame are ``ratio`` times as long."""
+        if not self.hips:
+            return vectors
+        return np.concatenate([vectors[:, :-3], ratio * vectors[:, -3:]], 1)
 
 
 UPPER = ExpMap("expmap-upper", UPPER_BODY, hips=False)

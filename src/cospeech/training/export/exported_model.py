@@ -13,7 +13,6 @@ from ...errors import InputError
 from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
-from ...models.nn.modalities import ManyInputs
 from ...models.nn.words import SubwordTable
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
@@ -46,27 +45,43 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
-    words = _check_inputs(model, name) if isinstance(model, ChainOfGeneration | ManyInputs) else np.zeros(0, np.float32)
+    whole = _check_chain(model, name) if isinstance(model, ChainOfGeneration) else model
+    words = _word_rows(whole, name)
     exported = export_graphs(model.export_module())
     return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
 
 
-def _check_inputs(model: Any, name: str) -> Array:
-    """Rows of subwords of a network of many inputs, of which a bundle can hold all that it needs."""
+def _check_chain(model: Any, name: str) -> Any:
+    """The network that reads for a Chain of Generation: itself, or its teacher.
+
+    Raises:
+        InputError: it is no whole system.
+    """
     whole = model
     if isinstance(model, ChainLive):
         if model.teacher is None:
             raise InputError(f"the run of {name!r} has no teacher", "train it with [needs] teacher = …")
         whole = model.teacher
-    if whole.encoder_for(whole.config) is not None:
-        raise InputError(
-            f"the run of {name!r} needs the speech encoder {whole.config.speech_encoder}, which bundles cannot hold",
-            "bundles play without PyTorch; train it without one",
-        )
     chains = [net.config for net in (model, whole) if isinstance(net, ChainOfGeneration)]
     if not all(config.attention and config.style_injection for config in chains):
         raise InputError(f"the run of {name!r} lacks attention or style, and cannot become a bundle", "train the whole network")
-    words = whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding
+    return whole
+
+
+def _word_rows(model: Any, name: str) -> Array:
+    """Rows of the subwords of a network; none where it reads no words.
+
+    Raises:
+        InputError: a bundle cannot hold all that it needs.
+    """
+    if model.encoder_for(model.config) is not None:
+        raise InputError(
+            f"the run of {name!r} needs the speech encoder {model.config.speech_encoder}, which bundles cannot hold",
+            "bundles play without PyTorch; train it without one",
+        )
+    words = model.word_embedding
+    if words is None:
+        return np.zeros(0, np.float32)
     if not isinstance(words, SubwordTable):
         raise InputError(f"the run of {name!r} uses ready-made word vectors", "leave out data.words, and train again")
     rows: Tensor = words.table.weight.detach().clone()

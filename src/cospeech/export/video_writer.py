@@ -50,9 +50,9 @@ class MovingWriter(Writer):
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
         self._subject, view, colour = Subject(avatar), find_view(camera), background_of(background)
-        self._blank = draw_backdrop(*self.size, colour)
         look = Look(*self.size, self._subject.fit(view), colour, self._subject.path)
         self._frame_stream = FrameStream(look, self.fps, self.rate, self._subject.character)
+        self._blank = draw_backdrop(*self.size, colour)
 
     @abstractmethod
     def _open(self, temporary: Path) -> None: ...

@@ -288,10 +288,15 @@ def test_film_is_as_long_as_the_motion(look, monkeypatch, fps, rate, count):
     assert len(frames_of(gesturing(17, fps), (5,), look, rate)) == count == np.ceil(17 / fps * rate - 1e-6)
 
 
+BLANK = Patch(0, 0, np.zeros((40, 48, 3), np.uint8))
+
+
 def test_film_shows_the_frame_of_its_time(look, monkeypatch):
     seen = []
     monkeypatch.setattr(
-        FrameRenderer, "draw", lambda self, rows: seen.append(rows[0, :220].copy()) or [Patch(0, 0, np.zeros((2, 2, 3), np.uint8))]
+        FrameRenderer,
+        "draw",
+        lambda self, rows: seen.append(rows[0, :220].copy()) or [Patch(0, 0, np.zeros((2, 2, 3), np.uint8))],
     )
     motion = gesturing(20, 60)
     frames_of(motion, (), look, 20)

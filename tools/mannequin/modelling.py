@@ -96,12 +96,11 @@ def _face_parts() -> list[Part]:
 
 
 def _ease_parts(parts: list[Part]) -> list[Part]:
-    """The parts whose skin and cloth bend most, with the weights that stretch them least."""
+    """The parts with bare skin, with weights that stretch it less; cloth keeps its folds, and thighs their girth."""
     body, poses, found = humanoid(), build_poses(), {part.name: part for part in parts}
     rise, out = ({p.name: p.vertices[:, axis] for p in parts} for axis in (1, 0))
     wrist = body.tpose[body.index["leftHand"]][0]
     free = {
-        "trousers": smoothstep(0.99, 0.93, rise["trousers"]),  # the belt stays at the shirt's hem
         "face": smoothstep(1.530, 1.500, rise["face"]),  # what makes faces follows the head alone
         "leftHand": smoothstep(wrist - 0.10, wrist - 0.04, out["leftHand"]),  # the forearm stays in its sleeve
     }

@@ -12,6 +12,17 @@ from cospeech.motion.skeleton import humanoid
 __all__ = ["build_poses"]
 
 _STYLES = {"natural": 8, "lively": 12, "seated": 6}  # frames of each; ours
+_TURNS = (  # of neck and head about x, then y, then z, radians; ours
+    (0.5, 0.0, 0.0),
+    (-0.45, 0.0, 0.0),
+    (0.0, 0.7, 0.0),
+    (0.0, -0.7, 0.0),
+    (0.0, 0.0, 0.4),
+    (0.0, 0.0, -0.4),
+    (0.3, 0.5, 0.2),
+    (0.3, -0.5, -0.2),
+)
+_FAN = {"Index": -0.2, "Ring": 0.3, "Little": 0.6}  # of spread fingers about y, radians; ours
 _BENT = 0.75  # of the bend of the outermost pose; ours
 
 
@@ -28,14 +39,19 @@ def build_poses() -> Array:
 
 
 def _end_poses() -> list[Array]:
-    """Heads turned and bent, people that sit, and fists, on the T-pose."""
+    """Heads turned and bent, fists and spread fingers, on the T-pose."""
     found = []
-    for turn in ((0.5, 0, 0), (-0.45, 0, 0), (0, 0.7, 0), (0, -0.7, 0), (0, 0, 0.4), (0, 0, -0.4), (0.3, 0.5, 0.2), (0.3, -0.5, -0.2)):
-        found += [_pose(neck=turn, head=turn), _pose(head=turn)]
-    for bend in (1.0, 1.5, 1.7):
-        legs = {f"{side}UpperLeg": (-bend, 0, sign * 0.15) for side, sign in (("left", 1), ("right", -1))}
-        knees = {f"{side}LowerLeg": (bend, 0, 0) for side in ("left", "right")}
-        found.append(_pose(**legs, **knees))
+    for turn in (
+        (0.5, 0, 0),
+        (-0.45, 0, 0),
+        (0, 0.7, 0),
+        (0, -0.7, 0),
+        (0, 0, 0.4),
+        (0, 0, -0.4),
+        (0.3, 0.5, 0.2),
+        (0.3, -0.5, -0.2),
+    ):
+        found += [_pose(neck=turn, head=turn), _pose(head=turn), _pose(head=tuple(2 * angle for angle in turn))]
     fist = [(1.0, 1.2, 0.8), (0.6, 0.7, 0.5), (1.2, 0.3, 0.2)]
     for bends in fist:
         curls = {}
@@ -44,6 +60,11 @@ def _end_poses() -> list[Array]:
                 for joint, bend in zip(("Proximal", "Intermediate", "Distal"), bends, strict=True):
                     curls[f"{side}{finger}{joint}"] = (0, 0, sign * bend * _BENT)
         found.append(_pose(**curls))
+    for wide in (0.6, 1.2):
+        spread = {}
+        for side, sign in (("left", 1), ("right", -1)):
+            spread |= {f"{side}{finger}Proximal": (0, sign * wide * turn, -sign * 0.4) for finger, turn in _FAN.items()}
+        found.append(_pose(**spread))
     return found
 
 

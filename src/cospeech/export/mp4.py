@@ -31,9 +31,9 @@ _AUDIO_BITS = 128_000  # bit/s; mono speech is transparent at this
 # the clock in which the film's length is written is fine enough for 24, 25, 30, 60 Hz and the sound; usually it is 1/1000 s
 _CONTAINER = {"movflags": "+faststart", "movie_timescale": "720000"}
 _THREADS = 1  # of the encoder; a second one takes a third more processor time. Fixed, because the bytes depend on it
-# without the macroblock tree, whose AVX code does not give the same bytes every time (2 films of 100 differ); CRF 21 then: no visible loss on this material. "veryfast" without what looks ahead, for cuts or for fades, and
-# with one picture to predict from, coarse search and whole blocks: of a figure before a backdrop the file is a third larger
-# and looks the same, in half the time
+# without the macroblock tree, whose AVX code does not give the same bytes every time (2 films of 100 differ); CRF 21 then: no
+# visible loss on this material. "veryfast" without what looks ahead, for cuts or for fades, with one picture to predict from,
+# coarse search and whole blocks: of a figure before a backdrop the file is a third larger and looks the same, in half the time
 _X264 = "scenecut=0:b-adapt=0:rc-lookahead=0:weightp=0:ref=1:me=dia:subme=1:partitions=none"
 _ENCODERS = {
     "libx264": {"crf": "21", "preset": "veryfast", "tune": "animation", "mbtree": "0", "x264-params": _X264},

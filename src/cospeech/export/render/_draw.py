@@ -1,7 +1,7 @@
 """A process of its own that draws pictures, so that several cores draw.
 
-`cospeech.audio.worker` starts it for `cospeech.export.render.worker`. A request ``R`` is a batch of rows of float32. Each row is
-answered by a ``P``: the top row, the left column, the height and the width of a patch (uint32), and its RGB bytes.
+`cospeech.audio.worker` starts it for `cospeech.export.render.worker`. A request ``R`` is a batch of rows of float32. Each row
+is answered by a ``P``: the top row, the left column, the height and the width of a patch (uint32), and its RGB bytes.
 """
 
 from __future__ import annotations

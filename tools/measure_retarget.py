@@ -42,7 +42,7 @@ def directions(motion: Motion, names: Mapping[str, str], joints: tuple[str, ...]
     places = {joint: skeleton.index[names[joint]] for joint in joints if joint in names}
     found = {}
     for joint, k in places.items():
-        along = lengths[joint] if joint in PALMS and joint in lengths else np.zeros(3)
+        along = lengths[joint] / np.linalg.norm(lengths[joint]) if joint in PALMS and joint in lengths else np.zeros(3)
         across = rest - (rest @ along) * along
         found[joint] = quat_rotate(quat_multiply(world[:, k], quat_conjugate(still[k])), across / np.linalg.norm(across))
     return found

@@ -34,7 +34,7 @@ def thin(motion: Motion, step: int) -> Motion:
 
 
 def directions(motion: Motion, names: Mapping[str, str], joints: tuple[str, ...], rest: Array) -> dict[str, Array]:
-    """(T, 3) where each joint points that points to ``rest`` in the T-pose, or, of a hand, at right angles to its own length."""
+    """(T, 3) where joints point that point to ``rest`` in the T-pose; hands, to what is nearest it and across their length."""
     skeleton = motion.skeleton
     lengths = tpose.directions(skeleton, names)
     world = skeleton.forward(motion.rotations, motion.root)[1]

@@ -21,6 +21,7 @@ from cospeech.corpora.clip import Clip
 from cospeech.corpora.faces import read
 from cospeech.export.render.camera import find_view
 from cospeech.export.render.frames import FrameStream
+from cospeech.export.render.light import draw_backdrop
 from cospeech.export.render.worker import Look
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
@@ -39,7 +40,9 @@ def pictures(weights: np.ndarray) -> list[Image.Image]:
     root = np.broadcast_to(body.offsets[0], (len(weights), 3)).astype(np.float32)
     motion = Motion(RATE, rotations.copy(), root.copy(), weights.astype(np.float32), body)
     with FrameStream(Look(side, side, find_view("face"), BACKDROP), RATE, RATE) as stream:
-        drawn = [Image.fromarray(frame) for batch in (*stream.push(motion), *stream.flush()) for frame in batch]
+        patches = [*stream.push(motion), *stream.flush()]
+    blank = draw_backdrop(side, side, BACKDROP)
+    drawn = [Image.fromarray(patch.paste(blank.copy())) for patch in patches]
     x, y = (round(share * side) for share in CORNER)
     return [picture.crop((x, y, x + SIDE, y + SIDE)) for picture in drawn[: len(weights)]]
 

@@ -22,6 +22,7 @@ import cospeech
 from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
 from cospeech.export.render.camera import find_view
 from cospeech.export.render.frames import FrameStream
+from cospeech.export.render.light import draw_backdrop
 from cospeech.export.render.worker import Look
 
 MEDIA = Path(__file__).resolve().parents[1] / "docs" / "media"
@@ -38,8 +39,9 @@ BACKDROP, INK, PALE, MARK = (205, 212, 222), (52, 64, 82), (150, 166, 188), (214
 def pictures(motion: cospeech.Motion, camera: str, width: int, height: int) -> Iterator[Image.Image]:
     """The motion as seen by one camera, at `RATE`."""
     with FrameStream(Look(width, height, find_view(camera), BACKDROP), motion.fps, RATE) as frames:
-        for batch in (*frames.push(motion), *frames.flush()):
-            yield from map(Image.fromarray, batch)
+        blank = draw_backdrop(width, height, BACKDROP)
+        for patch in (*frames.push(motion), *frames.flush()):
+            yield Image.fromarray(patch.paste(blank.copy()))
 
 
 def sound(speech: cospeech.Speech, at: float, width: int, height: int) -> Image.Image:

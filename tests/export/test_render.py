@@ -19,7 +19,8 @@ from cospeech.export.render.camera import CAMERAS, Camera, find_view
 from cospeech.export.render.frames import BACKDROP, FrameStream
 from cospeech.export.render.framing import FramedPose, Framing, PoseStage, box_of
 from cospeech.export.render.keyframes import Keyframes
-from cospeech.export.render.light import develop, from_srgb
+from cospeech.export.render.light import develop, draw_backdrop, from_srgb
+from cospeech.export.render.patch import Patch
 from cospeech.export.render.points import find_points
 from cospeech.export.render.scene import Scene
 from cospeech.export.render.worker import FrameRenderer, Helper, Look, pack
@@ -259,8 +260,9 @@ def frames_of(motion, pieces, look, rate):
     with FrameStream(look, motion.fps, rate) as frames:
         out = []
         for a, b in zip((0, *pieces), (*pieces, len(motion)), strict=True):
-            out += [picture for batch in frames.push(motion[a:b]) for picture in batch]
-        return np.array(out + [picture for batch in frames.flush() for picture in batch])
+            out += frames.push(motion[a:b])
+        blank = draw_backdrop(look.width, look.height, look.background)
+        return np.array([patch.paste(blank.copy()) for patch in (*out, *frames.flush())])
 
 
 @pytest.fixture(scope="module")
@@ -281,15 +283,20 @@ def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
 @pytest.mark.parametrize(("fps", "rate", "count"), [(30, 30, 17), (60, 30, 9), (25, 30, 21), (30, 12.5, 8), (29.97, 29.97, 17)])
 def test_film_is_as_long_as_the_motion(look, monkeypatch, fps, rate, count):
     monkeypatch.setattr(
-        "cospeech.export.render.frames.FrameRenderer.draw", lambda self, rows: np.zeros((len(rows), 40, 48, 3), np.uint8)
+        "cospeech.export.render.frames.FrameRenderer.draw", lambda self, rows: [Patch(0, 0, np.zeros((40, 48, 3), np.uint8))]
     )
     assert len(frames_of(gesturing(17, fps), (5,), look, rate)) == count == np.ceil(17 / fps * rate - 1e-6)
+
+
+BLANK = Patch(0, 0, np.zeros((40, 48, 3), np.uint8))
 
 
 def test_film_shows_the_frame_of_its_time(look, monkeypatch):
     seen = []
     monkeypatch.setattr(
-        FrameRenderer, "draw", lambda self, rows: seen.append(rows[0, :220].copy()) or np.zeros((1, 40, 48, 3), np.uint8)
+        FrameRenderer,
+        "draw",
+        lambda self, rows: seen.append(rows[0, :220].copy()) or [Patch(0, 0, np.zeros((2, 2, 3), np.uint8))],
     )
     motion = gesturing(20, 60)
     frames_of(motion, (), look, 20)
@@ -447,6 +454,6 @@ def test_a_row_says_all_about_a_picture(look):
     placed = stage.place(gesturing(2))
     poses = list(map(FramedPose, *placed))
     box = box_of(look.view, humanoid(), placed.positions)
-    pictures = FrameRenderer(look).draw(np.stack([pack(pose, box) for pose in poses]))
+    pictures = FrameRenderer(look).pictures(np.stack([pack(pose, box) for pose in poses]))
     assert pictures.shape == (2, 40, 48, 3)
     assert pictures.std(axis=(1, 2)).min() > 5

@@ -15,7 +15,7 @@ from cospeech.errors import InputError
 from cospeech.motion.bone_mapping import by_names, load_map, recognise
 from cospeech.motion.bone_mapping_by_shape import by_shape
 from cospeech.motion.motion import Motion
-from cospeech.motion.retarget import positions_to_rotations, retarget
+from cospeech.motion.retarget import retarget
 from cospeech.motion.rotations import (
     axis_angle_to_quat,
     quat_angle,
@@ -28,7 +28,6 @@ from cospeech.motion.rotations import (
 from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from cospeech.motion.skeletons import SKELETONS
 from cospeech.motion.soles import find_soles
-from tests.support.motions import gesturing
 
 BONES = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"),
          ("Hand", "MiddleProximal"), ("IndexProximal", "IndexIntermediate"), ("LittleIntermediate", "LittleDistal"),
@@ -493,52 +492,3 @@ def test_maps_with_unknown_names(tmp_path):
         load_map(tmp_path / "absent.toml")
     with pytest.raises(InputError, match="cannot read"):
         load_map(Path(tmp_path))
-
-
-# --- from positions
-
-
-@pytest.mark.parametrize("kind", ["humanoid", "mixamo", "beat", "smplx"])
-def test_positions_give_rotations_that_give_the_positions(kind):
-    motion = wild().retarget(kind)
-    rotations = positions_to_rotations(motion.positions(), motion.skeleton)
-    again = replace(motion, rotations=rotations)
-    assert np.abs(again.positions() - motion.positions()).max() < 1e-6
-
-
-def test_positions_make_up_no_twist():
-    body = humanoid()
-    still = positions_to_rotations(body.tpose, body)
-    assert np.allclose(still, quat_identity(55), atol=1e-6)
-    motion = gesturing(20)  # swings only, below the shoulders
-    rotations = positions_to_rotations(motion.positions(), body)
-    for name in ("rightUpperArm", "rightLowerArm", "leftUpperArm"):
-        k = body.index[name]
-        assert np.degrees(quat_angle(rotations[:, k], motion.rotations[:, k])).max() < 0.5
-
-
-def test_positions_of_other_proportions_turned_and_in_one_frame():
-    motion = wild(8, amount=0.03)
-    body = replace(humanoid(), offsets=humanoid().offsets * np.linspace(0.8, 1.2, 55)[:, None])
-    points = body.forward(motion.rotations, motion.root)[0]
-    first = positions_to_rotations(points, humanoid())
-    assert np.array_equal(positions_to_rotations(points[3], humanoid()), first[3])
-    turn = rotvec_to_quat(np.array([0.3, 2.0, -0.4]))
-    turned = positions_to_rotations(quat_rotate(turn, points), humanoid())
-    assert np.degrees(quat_angle(turned[:, 1:], first[:, 1:])).max() < 1e-3
-    assert np.degrees(quat_angle(turned[:, 0], quat_multiply(turn, first[:, 0]))).max() < 1e-3
-    aimed = replace(motion, rotations=first, face=None)
-    for name, direction in bone_directions(
-        Motion(fps=30, rotations=motion.rotations, root=motion.root, skeleton=body), BONES[:4]
-    ).items():
-        assert degrees_apart(bone_directions(aimed, BONES[:4])[name], direction) < 1e-3, name
-
-
-def test_positions_that_are_none():
-    body = humanoid()
-    with pytest.raises(InputError, match="54"):
-        positions_to_rotations(np.zeros((3, 54, 3)), body)
-    with pytest.raises(InputError, match="not finite"):
-        positions_to_rotations(np.full((3, 55, 3), np.nan), body)
-    heap = positions_to_rotations(np.zeros((2, 55, 3)), body)  # all joints in one point: nothing to go by, but no nan
-    assert np.allclose(np.linalg.norm(heap, axis=-1), 1)

@@ -11,12 +11,14 @@ from cospeech.motion.rotations import Array
 from cospeech.motion.skeleton import humanoid
 
 from .clothes import clothes
+from .ease import ease
 from .face_shapes import Shapes, brow_shapes, jaw_shapes, tongue_shapes
 from .features import Piece, brows, ears, eyeball, hair, teeth, tongue
 from .hands import hands
 from .head import NOSTRIL, Head, head_net, head_normals
 from .net import smoothstep
-from .sculpture import DARK, SKIN, make_part, srgb, weights_of
+from .poses import build_poses
+from .sculpture import DARK, SKIN, make_part, mirror_part, srgb, weights_of
 
 __all__ = ["sculpt"]
 
@@ -93,7 +95,21 @@ def _face_parts() -> list[Part]:
     return [make_part("face", head.net, normals, weights, colour, 0.7, shapes), *parts]
 
 
+def _ease_parts(parts: list[Part]) -> list[Part]:
+    """The parts with bare skin, with weights that stretch it less; cloth keeps its folds, and thighs their girth."""
+    body, poses, found = humanoid(), build_poses(), {part.name: part for part in parts}
+    rise, out = ({p.name: p.vertices[:, axis] for p in parts} for axis in (1, 0))
+    wrist = body.tpose[body.index["leftHand"]][0]
+    free = {
+        "face": smoothstep(1.530, 1.500, rise["face"]),  # what makes faces follows the head alone
+        "leftHand": smoothstep(wrist - 0.10, wrist - 0.04, out["leftHand"]),  # the forearm stays in its sleeve
+    }
+    found |= {name: ease(found[name], body, poses, share) for name, share in free.items()}
+    found["rightHand"] = mirror_part(found["leftHand"], "rightHand")
+    return list(found.values())
+
+
 def sculpt() -> Character:
-    """Model the character from nothing (some seconds); `cospeech.export.mannequin.build` loads the kept result instead."""
-    parts = [*_face_parts(), *hands(), *clothes()]
+    """Model the character from nothing (a minute); `cospeech.export.mannequin.build` loads the kept result instead."""
+    parts = _ease_parts([*_face_parts(), *hands(), *clothes()])
     return Character(humanoid(), tuple(replace(p, morphs={k: v for k, v in p.morphs.items() if v.any()}) for p in parts))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..motion.skeleton import Skeleton
+from .render.patch import Patch
 from .render.worker import Pictures
 from .video_writer import MovingWriter
 
@@ -67,11 +68,12 @@ class Writer(MovingWriter):
     def _open(self, temporary: Path) -> None:
         self._file = temporary.open("wb")
 
-    def _picture(self, picture: Pictures) -> None:
+    def _picture(self, patch: Patch) -> None:
+        picture = patch.paste(self._blank.copy())
         if self._before is not None:
             self._append(picture)
             return
-        self._held.append(picture.copy())
+        self._held.append(picture)
         if len(self._held) == _PALETTE_FROM:
             self._head()
 

@@ -19,7 +19,7 @@ import numpy as np
 from ..audio.speech import SpeechSource, open_speech
 from ..errors import InputError
 from ..motion.skeleton import Skeleton
-from .render.worker import Pictures
+from .render.patch import Patch
 from .video_writer import MovingWriter
 
 __all__ = ["Writer"]
@@ -30,11 +30,11 @@ _AUDIO_RATE = 48_000  # Hz; what every player expects beside video
 _AUDIO_BITS = 128_000  # bit/s; mono speech is transparent at this
 # the clock in which the film's length is written is fine enough for 24, 25, 30, 60 Hz and the sound; usually it is 1/1000 s
 _CONTAINER = {"movflags": "+faststart", "movie_timescale": "720000"}
-_THREADS = 2  # of the encoder; fixed, because the bytes it writes depend on it
-# without the macroblock tree, whose AVX code does not give the same bytes every time (2 films of 100 differ with one thread,
-# 30 with two); CRF 21 then: no visible loss on this material. "veryfast" without what looks ahead, for cuts or for fades, and
-# with one picture to predict from: of a figure before a backdrop the file is as small, in two thirds of the time
-_X264 = "scenecut=0:b-adapt=0:rc-lookahead=0:weightp=0:ref=1:me=dia"
+_THREADS = 1  # of the encoder; a second one takes a third more processor time. Fixed, because the bytes depend on it
+# without the macroblock tree, whose AVX code does not give the same bytes every time (2 films of 100 differ); CRF 21 then: no
+# visible loss on this material. "veryfast" without what looks ahead, for cuts or for fades, with one picture to predict from,
+# coarse search and whole blocks: of a figure before a backdrop the file is a third larger and looks the same, in half the time
+_X264 = "scenecut=0:b-adapt=0:rc-lookahead=0:weightp=0:ref=1:me=dia:subme=1:partitions=none"
 _ENCODERS = {
     "libx264": {"crf": "21", "preset": "veryfast", "tune": "animation", "mbtree": "0", "x264-params": _X264},
     "libopenh264": {"b": "2500000"},
@@ -84,6 +84,7 @@ class Writer(MovingWriter):
         # the name of the temporary file ends as the path's does, in upper case perhaps: hence the format by name
         self._container = self._av.open(str(temporary), "w", format="mp4", options=_CONTAINER)
         self._video = self._add_video()
+        self._bare = [plane.copy() for plane in self._planes_of(self._blank)]
         self._voice: Any = None
         if self._speech is not None:
             self._voice = self._container.add_stream("aac", rate=_AUDIO_RATE, layout="mono")
@@ -102,15 +103,26 @@ class Writer(MovingWriter):
         video.codec_context.color_primaries, video.codec_context.color_trc = 1, 1
         return video
 
-    def _picture(self, picture: Pictures) -> None:
+    def _picture(self, patch: Patch) -> None:
+        frame = self._av.VideoFrame(self._video.width, self._video.height, "yuv420p")
+        changed = self._planes_of(patch.pixels) if patch.pixels.size else ()
+        for k, (plane, bare) in enumerate(zip(_views(frame), self._bare, strict=True)):
+            plane[:] = bare
+            if changed:
+                top, left = (patch.top, patch.left) if k == 0 else (patch.top // 2, patch.left // 2)
+                height, width = changed[k].shape
+                plane[top : top + height, left : left + width] = changed[k]
+        frame.pts, frame.duration, frame.time_base = self.pictures, 1, self._video.codec_context.time_base
+        self._container.mux(self._video.encode(frame))
+        self._speak(Fraction(self.pictures + 1) * self._video.codec_context.time_base)
+
+    def _planes_of(self, picture: np.ndarray) -> list[np.ndarray]:
+        """Brightness (H, W) and the two colour planes, half as high and wide, of (h, w, 3) sRGB; odd sides grow by a pixel."""
         odd = [(0, side % 2) for side in picture.shape[:2]]
         if odd != [(0, 0), (0, 0)]:
             picture = np.pad(picture, [*odd, (0, 0)], mode="edge")
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
-        frame = self._reformatter.reformat(frame, format="yuv420p", dst_colorspace=1, dst_color_range=1)
-        frame.pts, frame.duration, frame.time_base = self.pictures, 1, self._video.codec_context.time_base
-        self._container.mux(self._video.encode(frame))
-        self._speak(Fraction(self.pictures + 1) * self._video.codec_context.time_base)
+        return _views(self._reformatter.reformat(frame, format="yuv420p", dst_colorspace=1, dst_color_range=1))
 
     def _speak(self, until: Fraction) -> None:
         """Encode speech up to a time in seconds, so that sound and picture lie side by side in the file."""
@@ -142,6 +154,12 @@ class Writer(MovingWriter):
             with suppress(self._av.FFmpegError):
                 self._container.close()
             self._container = None
+
+
+def _views(frame: Any) -> list[np.ndarray]:
+    """The planes of a picture of PyAV, (height, width) each, in its own memory."""
+    rows = ((np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size), plane) for plane in frame.planes)
+    return [whole[: plane.height, : plane.width] for whole, plane in rows]
 
 
 def _pyav() -> ModuleType:

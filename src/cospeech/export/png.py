@@ -85,7 +85,7 @@ class Writer(BaseWriter):
         boxes = boxes_of(self._view, self._subject.skeleton, poses)
         look = Look(*layout.cell, self._view, self._background, self._subject.path)
         renderer = FrameRenderer(look, self._subject.character)
-        drawn = renderer.draw(np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)]))
+        drawn = renderer.pictures(np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)]))
         times = [frame / self.fps for frame, _ in moments]
         duration = self._moments.frames / self.fps
         sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)

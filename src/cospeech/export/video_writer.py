@@ -14,7 +14,9 @@ from . import Writer
 from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
 from .render.frames import FrameStream
-from .render.worker import Look, Pictures
+from .render.light import draw_backdrop
+from .render.patch import Patch
+from .render.worker import Look
 
 __all__ = ["MovingWriter"]
 
@@ -22,7 +24,7 @@ __all__ = ["MovingWriter"]
 class MovingWriter(Writer):
     """A Writer of pictures that follow each other.
 
-    Subclasses implement ``_open(temporary)`` and ``_picture(rgb)``, and end their file in ``_close()``.
+    Subclasses implement ``_open(temporary)`` and ``_picture(patch)``, and end their file in ``_close()``.
 
     Args:
         size: (width, height) in pixels.
@@ -50,12 +52,13 @@ class MovingWriter(Writer):
         self._subject, view, colour = Subject(avatar), find_view(camera), background_of(background)
         look = Look(*self.size, self._subject.fit(view), colour, self._subject.path)
         self._frame_stream = FrameStream(look, self.fps, self.rate, self._subject.character)
+        self._blank = draw_backdrop(*self.size, colour)
 
     @abstractmethod
     def _open(self, temporary: Path) -> None: ...
 
     @abstractmethod
-    def _picture(self, picture: Pictures) -> None: ...
+    def _picture(self, patch: Patch) -> None: ...
 
     @abstractmethod
     def _close(self) -> None: ...
@@ -70,11 +73,10 @@ class MovingWriter(Writer):
         self._take(self._frame_stream.flush())
         self._close()
 
-    def _take(self, batches: Iterable[Pictures]) -> None:
-        for batch in batches:
-            for picture in batch:
-                self._picture(picture)
-                self.pictures += 1
+    def _take(self, patches: Iterable[Patch]) -> None:
+        for patch in patches:
+            self._picture(patch)
+            self.pictures += 1
 
     def _discard(self) -> None:
         with suppress(OSError):

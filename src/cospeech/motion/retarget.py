@@ -20,21 +20,19 @@ from .bone_mapping import load_map, recognise
 from .motion import Motion
 from .rotations import (
     Array,
-    matrix_to_quat,
     quat_between,
     quat_conjugate,
     quat_continuous,
     quat_identity,
     quat_multiply,
     quat_normalize,
-    quat_rotate,
     quat_slerp,
 )
 from .skeleton import Skeleton, find_skeleton
 from .soles import Soles, find_soles
 from .tpose import directions
 
-__all__ = ["load_map", "positions_to_rotations", "recognise", "retarget", "skeleton"]
+__all__ = ["load_map", "recognise", "retarget", "skeleton"]
 
 skeleton = find_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELETONS`
 
@@ -140,10 +138,17 @@ class _Plan:
                     quat_multiply(turned[:, parent], self.target.rest[joint]) if parent >= 0 else self.target.rest[joint]
                 )
         local = quat_continuous(quat_normalize(local))
-        return local, self._root(points, world, local, scale_root)
+        return local, self._root(points, world, quat_normalize(turned), scale_root)
 
-    def _root(self, points: Array, world: Array, local: Array, scale_root: bool) -> Array:
-        """Root positions that bring the target's hips where they should be, and its soles as high as the source's are."""
+    def _root(self, points: Array, world: Array, turned: Array, scale_root: bool) -> Array:
+        """Root positions that bring the target's hips where they should be, and its soles as high as the source's are.
+
+        Args:
+            points: (T, J, 3) positions of the source's joints, metres.
+            world: (T, J, 4) their world rotations.
+            turned: (T, J', 4) world rotations of the target's joints.
+            scale_root: as `retarget` takes it.
+        """
         ends = (self.source, self.hips[0]), (self.target, self.hips[1])
         have, want = (float(skeleton.tpose[hips, 1]) - skeleton.floor for skeleton, hips in ends)
         scale = want / have if scale_root and have > 1e-3 and want > 1e-3 else 1.0
@@ -151,7 +156,7 @@ class _Plan:
         place = hips * scale + (0.0, self.target.floor + (0.0 if scale_root else want - have), 0.0)
         if self.hips[1] == 0 and not (scale_root and self.soles):
             return place
-        made, turned = self.target.forward(local, np.zeros(3))
+        made = self.target.place(turned)
         root = place - made[:, self.hips[1]]
         if scale_root and self.soles is not None:
             above = (self.soles[0].heights(points, world) - self.source.floor) * scale
@@ -197,56 +202,3 @@ def _spread(target: Skeleton, goal: Mapping[str, str], paired: set[int]) -> tupl
         for k in range(low + 1, high):
             found.append((chain[k], chain[low], chain[high], (k - low) / (high - low)))
     return tuple(found)
-
-
-def positions_to_rotations(positions: Array, skeleton: Skeleton) -> Array:
-    """Local rotations that make a skeleton's bones point as joint positions say.
-
-    A joint with two or more bones in different directions is turned as a rigid body that fits them best (Kabsch 1976); one
-    with a single bone takes its parent's turn and swings the shortest way, so that no twist is made up; the last of a chain
-    keeps its rest. Lengths of bones do not matter.
-
-    Args:
-        positions: (..., J, 3) world positions in metres.
-        skeleton: its J joints.
-
-    Returns:
-        (..., J, 4) local rotations.
-
-    Raises:
-        InputError: shapes disagree, or a position is not finite.
-    """
-    positions = np.asarray(positions, float)
-    if positions.shape[-2:] != (len(skeleton), 3):
-        raise InputError(f"positions of shape {positions.shape} for a skeleton of {len(skeleton)} joints")
-    if not np.isfinite(positions).all():
-        raise InputError("joint positions hold values that are not finite", "fill gaps first")
-    points, rest = skeleton.forward(skeleton.rest, skeleton.offsets[0])
-    change = np.zeros((*positions.shape[:-1], 4))  # world rotation since the T-pose
-    for joint, parent in enumerate(skeleton.parents):
-        above = change[..., parent, :] if parent >= 0 else np.broadcast_to(quat_identity(), change[..., 0, :].shape)
-        bones = [k for k in skeleton.children[joint] if np.linalg.norm(skeleton.offsets[k]) > 1e-6]
-        was = points[bones] - points[joint]
-        now = positions[..., bones, :] - positions[..., joint, None, :]
-        if len(bones) > 1 and np.linalg.matrix_rank(was, tol=0.1 * np.abs(was).max()) > 1:
-            change[..., joint, :] = _fit(was, now)
-        elif bones:
-            swing = quat_between(quat_rotate(above, was[0]), now[..., 0, :])
-            gone = np.linalg.norm(now[..., 0, :], axis=-1, keepdims=True) < 1e-9
-            change[..., joint, :] = np.where(gone, above, quat_multiply(swing, above))
-        else:
-            change[..., joint, :] = above
-    world = quat_multiply(change, rest)
-    above = world[..., [max(p, 0) for p in skeleton.parents], :]
-    above[..., 0, :] = quat_identity()
-    return quat_normalize(quat_multiply(quat_conjugate(above), world))
-
-
-def _fit(was: Array, now: Array) -> Array:
-    """Rotation (..., 4) that takes directions ``was (n, 3)`` to ``now (..., n, 3)`` with the least squared error."""
-    was = was / np.linalg.norm(was, axis=-1, keepdims=True)
-    now = now / np.maximum(np.linalg.norm(now, axis=-1, keepdims=True), 1e-9)
-    u, _, v = np.linalg.svd(np.einsum("...ni,nj->...ij", now, was))
-    turn = np.ones((*u.shape[:-2], 3))
-    turn[..., 2] = np.sign(np.linalg.det(u @ v))
-    return matrix_to_quat(u * turn[..., None, :] @ v)

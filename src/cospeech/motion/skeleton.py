@@ -144,6 +144,13 @@ class Skeleton:
             positions[..., joints, :] = positions[..., parents, :] + quat_rotate(above, self.offsets[joints])
         return positions, world
 
+    def place(self, world: Array) -> Array:
+        """(..., J, 3) positions of the joints in metres, from their world rotations (..., J, 4); the root is at the origin."""
+        positions = np.zeros((*world.shape[:-1], 3))
+        for joints, parents in self._levels:
+            positions[..., joints, :] = positions[..., parents, :] + quat_rotate(world[..., parents, :], self.offsets[joints])
+        return positions
+
     @cached_property
     def tpose(self) -> Array:
         """(J, 3) joint positions in the T-pose, metres."""

@@ -1,7 +1,7 @@
 """A process of its own that draws pictures, so that several cores draw.
 
-`cospeech.audio.worker` starts it for `cospeech.export.render.worker`. A request ``R`` is a batch of rows of float32; the answer
-``P`` is the pictures, one after the other, as bare RGB bytes.
+`cospeech.audio.worker` starts it for `cospeech.export.render.worker`. A request ``R`` is a batch of rows of float32. Each row
+is answered by a ``P``: the top row, the left column, the height and the width of a patch (uint32), and its RGB bytes.
 """
 
 from __future__ import annotations
@@ -23,4 +23,6 @@ def serve(look: str) -> None:
     values |= {"view": View(**values["view"]), "background": tuple(values["background"])}
     renderer = FrameRenderer(Look(**values))
     for _, rows in requests():
-        send(b"P", renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)).data.cast("B"))
+        for patch in renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)):
+            place = np.array([patch.top, patch.left, *patch.pixels.shape[:2]], "<u4")
+            send(b"P", np.concatenate([place.view(np.uint8), patch.pixels.ravel()]).data)

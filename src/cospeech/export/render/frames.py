@@ -18,7 +18,8 @@ from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
 from ..mannequin.character import Character
 from .framing import FramedPose, Framing, PoseStage
-from .worker import FrameRenderer, Helper, Look, Pictures, pack
+from .patch import Patch
+from .worker import FrameRenderer, Helper, Look, pack
 
 __all__ = ["BACKDROP", "FrameStream", "cores"]
 
@@ -57,14 +58,14 @@ class FrameStream:
         self._framing = Framing(look.view, skeleton, fps)
         self._taken = self._drawn = 0
         self._rows: list[Array] = []
-        self._orders: deque[Future[Pictures]] = deque()
+        self._orders: deque[Future[list[Patch]]] = deque()
         self._renderer: FrameRenderer | None = None
         self._helpers: queue.SimpleQueue[Helper] = queue.SimpleQueue()
         self._all_helpers: list[Helper] = []
         self._threads: ThreadPoolExecutor | None = None
 
-    def push(self, motion: Motion) -> Iterator[Pictures]:
-        """Take a piece of motion; give the pictures, (N, H, W, 3) at a time, that are ready."""
+    def push(self, motion: Motion) -> Iterator[Patch]:
+        """Take a piece of motion; give what is not the bare backdrop of the pictures that are ready."""
         for pose in map(FramedPose, *self._stage.place(motion)):
             while int(self._drawn * self._step) == self._taken:
                 self._drawn += 1
@@ -73,16 +74,16 @@ class FrameStream:
             if self._threads is not None or len(self._rows) >= _ALONE:
                 yield from self._order(_BATCH)
 
-    def flush(self) -> Iterator[Pictures]:
+    def flush(self) -> Iterator[Patch]:
         """The rest of the pictures."""
         self._rows.extend(pack(*framed) for framed in self._framing.flush())
         if self._threads is None and len(self._rows) < _ALONE:
             yield from self._draw_here()
         yield from self._order(1)
         while self._orders:
-            yield self._orders.popleft().result()
+            yield from self._orders.popleft().result()
 
-    def _order(self, least: int) -> Iterator[Pictures]:
+    def _order(self, least: int) -> Iterator[Patch]:
         """Hand waiting rows, if at least so many, to helpers; give the oldest pictures where many are under way."""
         if cores() == 1 or not sys.executable:  # an embedded Python, Blender's say, cannot start another
             yield from self._draw_here()
@@ -93,13 +94,13 @@ class FrameStream:
             batch, self._rows = np.stack(self._rows[:_BATCH]), self._rows[_BATCH:]
             self._orders.append(self._threads.submit(self._ask, batch))
             if len(self._orders) > 2 * len(self._all_helpers) + 1:
-                yield self._orders.popleft().result()
+                yield from self._orders.popleft().result()
 
-    def _draw_here(self) -> Iterator[Pictures]:
+    def _draw_here(self) -> Iterator[Patch]:
         self._renderer = self._renderer or FrameRenderer(self.look, self._character)
         rows, self._rows = self._rows, []
         for row in rows:
-            yield self._renderer.draw(row[None])
+            yield from self._renderer.draw(row[None])
 
     def _hire(self) -> None:
         count = min(cores(), _MOST_HELPERS)
@@ -108,7 +109,7 @@ class FrameStream:
             self._all_helpers.append(Helper(self.look))
             self._helpers.put(self._all_helpers[-1])
 
-    def _ask(self, batch: Array) -> Pictures:
+    def _ask(self, batch: Array) -> list[Patch]:
         helper = self._helpers.get()
         try:
             return helper.draw(batch)

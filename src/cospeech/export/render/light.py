@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KEY", "backdrop", "develop", "from_srgb", "scatter", "shade"]
+__all__ = ["KEY", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade"]
 
 Floats = NDArray[np.float32]
 
@@ -83,6 +83,11 @@ def backdrop(width: int, height: int, colour: tuple[int, int, int]) -> Floats:
     fall = 0.90 + 0.20 * np.exp(-(((y - 0.42) / 0.50) ** 2))
     column = from_srgb(np.array(colour, np.float32) / 255)[:, None] * fall
     return np.ascontiguousarray(np.broadcast_to(column[:, :, None], (3, height, width)), np.float32)
+
+
+def draw_backdrop(width: int, height: int, colour: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """The bare `backdrop` as a picture (H, W, 3), 8-bit sRGB."""
+    return np.ascontiguousarray(develop(backdrop(width, height, colour)).transpose(1, 2, 0))
 
 
 def from_srgb(value: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -94,12 +94,10 @@ def _edges(middles: VisiblePixels, part: Ints, fine: Bools, veils: VisiblePixels
         shown.ravel()[pixel] = _FARTHEST + 1 + before.take(nearer)
         edge.ravel()[pixel] = True
     beside, below = _differ(shown[:, 1:], shown[:, :-1]), _differ(shown[1:], shown[:-1])
-    between = beside[1:] | beside[:-1]  # among four middles
-    between |= below[:, 1:]
-    between |= below[:, :-1]
-    for down in (slice(None, -1), slice(1, None)):
-        for across in (slice(None, -1), slice(1, None)):
-            edge[down, across] |= between
+    edge[:, 1:] |= beside
+    edge[:, :-1] |= beside
+    edge[1:] |= below
+    edge[:-1] |= below
     return np.flatnonzero(edge)
 
 

@@ -169,7 +169,7 @@ class Raster:
         for k in range(2):  # the left and the right samples of pixels
             first = before.take(row + (runs.start + (1 - k) >> 1))
             length = before.take(row + (runs.stop + (1 - k) >> 1)) - first
-            kept = np.flatnonzero(length)
+            kept = np.flatnonzero(length > 0)
             first, length = first.take(kept), length.take(kept)
             of, past = _spread(length)
             number, run = np.arange(len(of)) + (first - past).take(of), kept.take(of)

@@ -16,6 +16,7 @@ from ...motion.rotations import Array
 from ..mannequin import Character, skin_with_normals
 from . import light, raster
 from .camera import Camera
+from .patch import Patch
 from .points import ShownPoints, find_points
 from .shadow import FloorShadow, floor_shadow, measure_light, openness
 from .texture import SurfaceTable
@@ -24,6 +25,8 @@ __all__ = ["Scene"]
 
 _PENUMBRA = 0.05  # metres: blur of the key's shadows; ours, as of a large soft box, and no finer than the mesh
 _SLIVER = 1e-2  # pixels²; ours: below half this area a triangle has one colour
+_COARSE = 0.024  # metres: side of the cubes in which one vertex casts the shadow of all; ours, half the penumbra
+_STEP = 32  # pixels by which patches grow; ours: even, as films want, and so long that most pictures have patches of one size
 _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
 
 
@@ -66,13 +69,17 @@ class Scene:
         self._glossy = np.array([p.roughness < _GLOSSY for p in parts])[self._part]
         self._surfaces = SurfaceTable(character)
         self._exact = self._glossy | self._surfaces.textured
-        self._casting = self._corners[:, _casting(character)]
+        self._casting = _casters(character)
         self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
-        self._blank = light.develop(self._backdrop).transpose(1, 2, 0).copy()
+        self.blank = light.draw_backdrop(width, height, background)
 
     def draw(self, camera: Camera, rotations: Array, positions: Array, face: Array | None = None) -> NDArray[np.uint8]:
-        """One picture (H, W, 3), 8-bit sRGB.
+        """One picture (H, W, 3), 8-bit sRGB; arguments as of `draw_part`."""
+        return self.draw_part(camera, rotations, positions, face).paste(self.blank.copy())
+
+    def draw_part(self, camera: Camera, rotations: Array, positions: Array, face: Array | None = None) -> Patch:
+        """The part of a picture that is not the bare backdrop.
 
         Args:
             camera: of the size of the pictures.
@@ -82,14 +89,11 @@ class Scene:
         """
         posed, turned = skin_with_normals(self.character, rotations, positions, face)
         vertices, normals = np.concatenate(posed), np.concatenate(turned)
-        screen, picture = camera.project(vertices), self._blank.copy()
-        shadow = floor_shadow(camera, vertices)
-        if shadow is not None:
-            rows, columns = shadow.rows, shadow.columns
-            picture[rows, columns] = light.develop(self._backdrop[:, rows, columns] * shadow.left).transpose(1, 2, 0)
+        screen, shadow = camera.project(vertices), floor_shadow(camera, vertices)
         window = _window(screen, camera.width, camera.height)
+        patch = self._bare_patch(window, shadow)
         if window is None:
-            return picture
+            return patch
         rows, columns = window
         screen[:, :2] -= columns.start, rows.start
         size = columns.stop - columns.start, rows.stop - rows.start
@@ -101,13 +105,26 @@ class Scene:
         colour = self._shade(points, _Posed(screen, self._shine(camera, vertices, normals, points.triangle), levels))
         behind = self._behind(points.mixed // size[0] + rows.start, points.mixed % size[0] + columns.start, shadow)
         wholes = len(points.whole)
-        part = picture[rows, columns].reshape(-1, 3)
         mixed = _average(colour[:, wholes:], points.covered, behind)
+        across = patch.pixels.shape[1]
+        part, first = patch.pixels.reshape(-1, 3), (rows.start - patch.top) * across + columns.start - patch.left
         for pixel, values in ((points.whole, colour[:, :wholes]), (points.mixed, mixed)):
+            at = pixel + (pixel // size[0] * (across - size[0]) + first)
             for channel, value in zip(part.T, values, strict=True):  # several times faster than all at once
-                channel[pixel] = light.develop(value)
-        picture[rows, columns] = part.reshape(*size[::-1], 3)
-        return picture
+                channel[at] = light.develop(value)
+        return patch
+
+    def _bare_patch(self, window: tuple[slice, slice] | None, shadow: FloorShadow | None) -> Patch:
+        """The backdrop where the character in its ``window`` and its shadow on the floor are in the picture."""
+        parts = [] if window is None else [window]
+        if shadow is not None:
+            parts.append((shadow.rows, shadow.columns))
+        (top, bottom), (left, right) = (_span([part[axis] for part in parts]) for axis in range(2))
+        pixels = self.blank[top:bottom, left:right].copy()
+        if shadow is not None:
+            dark = light.develop(self._backdrop[:, shadow.rows, shadow.columns] * shadow.left).transpose(1, 2, 0)
+            Patch(shadow.rows.start - top, shadow.columns.start - left, dark).paste(pixels)
+        return Patch(top, left, pixels)
 
     def _behind(self, row: raster.Indices, column: raster.Indices, shadow: FloorShadow | None) -> raster.Floats:
         """(3, N) linear colours of the backdrop at pixels."""
@@ -177,6 +194,12 @@ class Scene:
         return colour
 
 
+def _span(parts: list[slice]) -> tuple[int, int]:
+    """Where the first of some parts of a row begins and the last ends, in whole steps of `_STEP`."""
+    start, stop = min((part.start for part in parts), default=0), max((part.stop for part in parts), default=0)
+    return start // _STEP * _STEP, -(-stop // _STEP) * _STEP
+
+
 def _window(screen: raster.Floats, width: int, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of the part of the picture that the points (V, 3) may lie in; None where there is none."""
     x, y, inverse = np.ascontiguousarray(screen.T)
@@ -198,17 +221,32 @@ def _corners(character: Character) -> raster.Indices:
     return np.concatenate(rows).T.astype(np.intp)
 
 
-def _casting(character: Character) -> NDArray[np.bool_]:
-    """(F,) which triangles keep light away: all but those that are seen through in proportion."""
+@lru_cache(2)
+def _casters(character: Character) -> raster.Indices:
+    """(3, F) vertices of the triangles that keep light away.
+
+    Surfaces that are seen through in proportion keep none away. Shadows are soft: a coarser mesh is enough. Of the vertices
+    in a cube of `_COARSE` that follow the same joint most, one stands for all; what is no triangle then is left out.
+    """
+    corners, stands, start = _corners(character), [], 0
+    for number, part in enumerate(character.parts):
+        joint = part.joints[np.arange(len(part.joints)), part.weights.argmax(1)]
+        cell = np.floor(part.vertices / _COARSE).astype(np.int64)
+        key = np.column_stack([np.full(len(cell), number), joint, cell])
+        _, first, of = np.unique(key, axis=0, return_index=True, return_inverse=True)
+        stands.append(start + first.take(of.ravel()))
+        start += len(part.vertices)
     solid = [part.surface is None or part.surface.cutoff is not None for part in character.parts]
-    return np.repeat(solid, [len(part.triangles) for part in character.parts])
+    corners = np.concatenate(stands).take(corners[:, np.repeat(solid, [len(part.triangles) for part in character.parts])])
+    a, b, c = corners
+    return np.ascontiguousarray(corners[:, (a != b) & (b != c) & (c != a)])
 
 
 @lru_cache(2)
 def _openness(character: Character) -> raster.Floats:
     """`shadow.openness` of the character in its T-pose; kept, because it takes a third of a second."""
     vertices, normals = (np.concatenate([getattr(p, what) for p in character.parts]) for what in ("vertices", "normals"))
-    return openness(vertices, normals, _corners(character)[:, _casting(character)])
+    return openness(vertices, normals, _casters(character))
 
 
 def _weights(screen: Array, corner: NDArray[np.integer], x: raster.Floats, y: raster.Floats) -> raster.Floats:
@@ -239,6 +277,9 @@ def _slant(values: raster.Floats, screen: raster.Floats, corner: raster.Indices,
 
     On triangles of some pixels this looks as with weights in perspective, and is several times as fast.
     """
+    shown = np.zeros(corner.shape[1], bool)
+    shown[points.triangle] = True
+    corner, triangle = corner[:, shown], (shown.cumsum() - 1).take(points.triangle)
     (x0, x1, x2), (y0, y1, y2) = np.ascontiguousarray(screen[:, :2].T).take(corner, axis=1)
     x1, x2, y1, y2 = x1 - x0, x2 - x0, y1 - y0, y2 - y0
     area = x1 * y2 - x2 * y1
@@ -249,9 +290,9 @@ def _slant(values: raster.Floats, screen: raster.Floats, corner: raster.Indices,
         v0, v1, v2 = value.take(corner)
         v1, v2 = v1 - v0, v2 - v0
         across, down = (v1 * y2 - v2 * y1) * per_area, (v2 * x1 - v1 * x2) * per_area
-        np.multiply(across.take(points.triangle), points.x, out=row)
-        row += down.take(points.triangle) * points.y
-        row += (v0 - x0 * across - y0 * down).take(points.triangle)
+        np.multiply(across.take(triangle), points.x, out=row)
+        row += down.take(triangle) * points.y
+        row += (v0 - x0 * across - y0 * down).take(triangle)
         np.maximum(row, 0, out=row)
     return out
 

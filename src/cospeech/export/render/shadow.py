@@ -18,11 +18,11 @@ Bools = NDArray[np.bool_]
 
 __all__ = ["FloorShadow", "floor_shadow", "measure_light", "openness"]
 
-_CELL = 0.008  # metres per pixel of the picture that a light "takes"; ours
+_CELL = 0.010  # metres per pixel of the picture that a light "takes"; ours
 _MARGIN = 2  # cells around what matters: points are held off their surface by less
 _LIFT = 0.006  # metres along the normal, and again towards the light, by which a point is held off its own surface; ours
 _NEAREST = 0.4  # 1 + 0.4 / m · height towards the light stands for inverse depth: positive within 2.5 m of the middle
-_TAPS = 24  # looks per vertex; ours
+_TAPS = 16  # looks per vertex; ours
 _STEEPEST = 2.0  # rise over run of the surface that a look beside the point allows for; ours
 _DIRECTIONS = 36  # over the sphere; ours: about 18 of them matter to each vertex
 _DARKEST = 0.30  # ours: some light finds its way even into a closed mouth

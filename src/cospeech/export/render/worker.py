@@ -6,7 +6,7 @@ Such a process (`_draw.py`) gets the look of the pictures in JSON as its argumen
 from __future__ import annotations
 
 import json
-import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -21,12 +21,14 @@ from ...motion.skeletons.arkit import ARKIT
 from ..mannequin.character import Character
 from .camera import Camera, View
 from .framing import FramedPose
+from .patch import Patch
 
 __all__ = ["ROW", "FrameRenderer", "Helper", "Look", "find_character", "pack"]
 
 Pictures = NDArray[np.uint8]
 _WIDTHS = (4 * len(humanoid()), 3 * len(humanoid()), len(ARKIT), 6)  # of a row: rotations, positions, face, box
 _ENDS = np.cumsum(_WIDTHS)
+_PLACE = np.dtype("<u4")  # of each number that says where a patch lies
 ROW = sum(_WIDTHS)
 """Numbers in a row of `pack`."""
 
@@ -86,41 +88,48 @@ class FrameRenderer:
         self._camera: Camera | None = None
         self._box = np.empty(0)
 
-    def draw(self, rows: Array) -> Pictures:
+    def pictures(self, rows: Array) -> Pictures:
         """Rows (N, …) of `pack` → (N, H, W, 3) 8-bit sRGB."""
+        whole = [patch.paste(self._scene.blank.copy()) for patch in self.draw(rows)]
+        return np.stack(whole)
+
+    def draw(self, rows: Array) -> Iterator[Patch]:
+        """Rows (N, …) of `pack` → of each picture what is not the bare backdrop."""
         look = self._look
-        pictures = np.empty((len(rows), look.height, look.width, 3), np.uint8)
-        for picture, row in zip(pictures, rows, strict=True):
+        for row in rows:
             rotations, positions, face, box = np.split(row, _ENDS[:-1])
             if self._camera is None or not np.array_equal(box, self._box):  # mostly it stands still
                 self._camera, self._box = look.view.camera(box[:3], box[3:], look.width, look.height), box
-            picture[:] = self._scene.draw(self._camera, rotations.reshape(-1, 4), positions.reshape(-1, 3), face)
-        return pictures
+            yield self._scene.draw_part(self._camera, rotations.reshape(-1, 4), positions.reshape(-1, 3), face)
 
 
 class Helper:
     """A renderer in a process of its own."""
 
     def __init__(self, look: Look) -> None:
-        self._shape = (look.height, look.width, 3)
+        self._longest = _PLACE.itemsize * 4 + 3 * look.height * look.width
         # memory of big arrays is kept instead of given back to the system (glibc), which saves a sixth of the time
         settings = {"MALLOC_TRIM_THRESHOLD_": "500000000", "MALLOC_MMAP_THRESHOLD_": "500000000"}
         command = worker_command(Path(__file__).with_name("_draw.py"), json.dumps(asdict(look)))
         self._worker = Worker(command, settings, quiet=False)
 
-    def draw(self, rows: Array) -> Pictures:
+    def draw(self, rows: Array) -> list[Patch]:
         """As `FrameRenderer.draw`.
 
         Raises:
             InternalError: the process died.
         """
-        shape = (len(rows), *self._shape)
         self._worker.request(b"R", rows.astype("<f4").tobytes())
+        return [self._receive() for _ in rows]
+
+    def _receive(self) -> Patch:
         try:
-            _, pictures = self._worker.receive(longest=math.prod(shape))
+            _, answer = self._worker.receive(self._longest)
         except WorkerEnded as ended:
             raise InternalError(f"a process that draws pictures ended early (code {ended.code})", "is memory short?") from None
-        return np.frombuffer(pictures, np.uint8).reshape(shape)
+        top, left, height, width = np.frombuffer(answer, _PLACE, 4).tolist()
+        pixels = np.frombuffer(answer, np.uint8, offset=4 * _PLACE.itemsize)
+        return Patch(top, left, pixels.reshape(height, width, 3))
 
     def close(self) -> None:
         """End the process, at work or not."""

@@ -42,6 +42,10 @@ from .windows import Windows
 __all__ = ["ARRAY_SOURCES", "DIMENSIONS", "ArraySource", "TrainingSet", "check_same", "open_set"]
 
 
+QUANTILES = 1001
+"""[ours] Quantiles of a speaker's poses: a lip that moves in 1 of 100 frames has ten of them."""
+
+
 @dataclass(frozen=True)
 class TrainingSet:
     """Facts of a run, its statistics, the trained models that it needs, and its batches."""
@@ -124,6 +128,8 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         own |= kept
         if normaliser is not None:
             standards[name] = normaliser
+    if kind.wants_quantiles:
+        own["pose_quantiles"] = pose_quantiles(store)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
     statistics |= {name: torch.from_numpy(array) for name, array in own.items()}
     needs, known = _needs(recipe, store, statistics)
@@ -134,6 +140,17 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
+
+
+def pose_quantiles(store: Store) -> Array:
+    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses over the training split; all speakers' for one who has none."""
+    rows = {
+        name: [store.clip(c)["pose"] for c in store.clips if c.split == "train" and c.speaker == name]
+        for name in store.speakers
+    }
+    every = [part for parts in rows.values() for part in parts] or [store.clip(clip)["pose"] for clip in store.clips]
+    levels = np.linspace(0, 1, QUANTILES)
+    return np.stack([np.quantile(np.concatenate(own or every), levels, axis=0) for own in rows.values()]).astype(np.float32)
 
 
 def _check_store(data: Data, store: Store) -> None:

@@ -38,7 +38,7 @@ Side = tuple[np.ndarray, np.ndarray]
 
 
 def play(run: Path, store: Store) -> dict[str, list[Side]]:
-    """Speaker → training takes and the validation split, made and tracked, (frames, 52) each; a split without clips is left out."""
+    """Speaker → of training takes and of the validation split, where there are clips: made and tracked, (frames, 52) each."""
     net, facts = load_run(run, "last")
     names, found = list(facts["store"]["speakers"]), dict[str, list[Side]]()
     for name in names:

@@ -143,14 +143,13 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
 
 
 def pose_quantiles(store: Store) -> Array:
-    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses over the training split; all speakers' for one who has none."""
-    rows = {
-        name: [store.clip(c)["pose"] for c in store.clips if c.split == "train" and c.speaker == name]
-        for name in store.speakers
-    }
-    every = [part for parts in rows.values() for part in parts] or [store.clip(clip)["pose"] for clip in store.clips]
-    levels = np.linspace(0, 1, QUANTILES)
-    return np.stack([np.quantile(np.concatenate(own or every), levels, axis=0) for own in rows.values()]).astype(np.float32)
+    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses in the training split; of all clips where there are none."""
+    found = []
+    for speaker in store.speakers:
+        own = [clip for clip in store.clips if clip.split == "train" and clip.speaker == speaker] or store.clips
+        poses = np.concatenate([store.clip(clip)["pose"] for clip in own])
+        found.append(np.quantile(poses, np.linspace(0, 1, QUANTILES), axis=0))
+    return np.stack(found).astype(np.float32)
 
 
 def _check_store(data: Data, store: Store) -> None:

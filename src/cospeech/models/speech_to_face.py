@@ -11,10 +11,10 @@ What is optimised, in standard deviations of each number of each speaker, y the 
     min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + ν E_s w max(0, γ − sd(min(ŷ₊, q)) / sd(y))
 
 Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last mean is over speakers and numbers; sd(y)
-is of all that a speaker's tracker saw, sd(ŷ₊) of the batch, and q the 0.999 quantile of y. Distance alone leads to the median, which
-is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is (ŷ₊ − mean) / sd: it makes what
-moves most move further, however little that is, so that standing still is no optimum. Comparing with the batch's own y would
-not do: most batches have no frame in which a rare channel moves.
+is of all that a speaker's tracker saw, sd(ŷ₊) of the batch, and q the 0.999 quantile of y. Distance alone leads to the
+median, which is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is
+(ŷ₊ − mean) / sd: it makes what moves most move further, however little that is, so that standing still is no optimum.
+Comparing with the batch's own y would not do: most batches have no frame in which a rare channel moves.
 
 Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
 vocal tract, in noise, and with pauses in which nobody speaks and the face rests.

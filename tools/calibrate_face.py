@@ -3,9 +3,9 @@
     python tools/calibrate_face.py RUN STORE
 
 A network that is told to move moves too often where it is unsure. Here each weight of each speaker is stretched, ``max(0, g · y
-− t)``: of all pairs whose standard deviation is within `WANTED` of the tracked one, the pair with the least absolute error. The
-floor t takes off what the network makes of noise; a face at rest stays at rest. The deviations compared are those of training
-takes and of the validation split, half each, because a network moves more surely in what it was trained on. RUN is changed.
+− t)``: of all pairs whose standard deviation is one of `WANTED` of the tracked one, the pair with the least absolute error. The
+floor t takes off what the network makes of noise; a face at rest stays at rest. Deviations are those of the validation split,
+because a network moves more surely in what it was trained on; errors are those of training takes, too. RUN is changed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors
 
 STILL = 0.002  # [ours] standard deviation of a tracked channel that is left as it is
-WANTED = (0.75, 0.85, 0.95, 1.05)  # [ours] standard deviations, made ÷ tracked, that are tried: well within .6 to 1.3
+WANTED = (0.8, 0.9, 1.0)  # [ours] standard deviations, made ÷ tracked, that are tried: well within .6 to 1.3
 ALONE = ("jawOpen",)
 """Left as they are: the jaw is good."""
 MOST = 3.0  # [ours] no factor is larger: a lip that is sped up more jumps
@@ -65,28 +65,28 @@ def stretches(splits: list[Side]) -> np.ndarray:
     found = np.tile([1.0, 0.0], (len(ARKIT), 1))
     for name in {name.removesuffix("Left").removesuffix("Right") for name in ARKIT} - {*ALONE}:
         both = [ARKIT_INDEX[n] for n in (name, f"{name}Left", f"{name}Right") if n in ARKIT_INDEX]
-        sides = [(made[:, k], real[:, k]) for made, real in splits for k in both]
-        sides = [(a, b) for a, b in sides if b.std() > STILL and a.std() > 0]
-        if sides:
-            found[both] = stretch(sides)
+        sides = [[(made[:, k], real[:, k]) for k in both if real[:, k].std() > STILL] for made, real in splits]
+        live = [each for each in sides if each and all(a.std() > 0 for a, _ in each)]
+        if live:
+            found[both] = stretch([side for each in live for side in each], live[-1])
     return found
 
 
 def ratio(sides: list[Side], g: float, t: float) -> float:
-    """Standard deviation, made ÷ tracked: geometric mean over sides and splits."""
+    """Standard deviation, made ÷ tracked: geometric mean over sides."""
     return float(np.exp(np.mean([np.log(max(np.clip(g * a - t, 0, 1).std(), 1e-6) / b.std()) for a, b in sides])))
 
 
-def stretch(sides: list[Side]) -> tuple[float, float]:
-    """g and t of one channel; 1 and 0 where no pair brings it to the tracked size."""
+def stretch(sides: list[Side], held: list[Side]) -> tuple[float, float]:
+    """g and t of one channel, by errors of ``sides`` and deviations of ``held``; 1 and 0 where no pair brings it to that size."""
     best = (np.inf, 1.0, 0.0)
     for floor in np.unique(np.quantile(np.concatenate([a for a, _ in sides]), FLOORS)):
         for goal in WANTED:
             few, many = 0.02, MOST
             for _ in range(14):  # the deviation grows with g, as t is in units of g
                 middle = (few * many) ** 0.5
-                few, many = (middle, many) if ratio(sides, middle, middle * floor) < goal else (few, middle)
-            if ratio(sides, many, many * floor) < 0.98 * goal:  # more than `MOST` would be needed
+                few, many = (middle, many) if ratio(held, middle, middle * floor) < goal else (few, middle)
+            if ratio(held, many, many * floor) < 0.98 * goal:  # more than `MOST` would be needed
                 continue
             error = sum(float(np.abs(np.clip(many * (a - floor), 0, 1) - b).mean() / b.std()) for a, b in sides)
             best = min(best, (error, many, many * floor))

@@ -78,7 +78,7 @@ def ratio(sides: list[Side], g: float, t: float) -> float:
 
 
 def stretch(sides: list[Side], held: list[Side]) -> tuple[float, float]:
-    """g and t of one channel, by errors of ``sides`` and deviations of ``held``; 1 and 0 where no pair brings it to that size."""
+    """g and t of one channel, by errors of ``sides`` and deviations of ``held``; 1 and 0 where no pair reaches that size."""
     best = (np.inf, 1.0, 0.0)
     for floor in np.unique(np.quantile(np.concatenate([a for a, _ in sides]), FLOORS)):
         for goal in WANTED:

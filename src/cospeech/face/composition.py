@@ -47,7 +47,7 @@ _SPREAD_LIPS = 0.8 * np.array(
 _PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
 _TOUCH = (0.05, 0.09)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: of voices that were
 # not in the training data, where a learnt mouth closes less far than on GRID
-_GUESS = 0.25  # [ours] share of the rules' rounded lips that is shown where no word is known and a learnt mouth rounds them less
+_GUESS = 0.25  # [ours] share of the rules' rounded lips that is shown where no word is known and the mouth rounds them less
 _SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip

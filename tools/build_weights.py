@@ -167,8 +167,8 @@ ships. `grid_s1`: one man, English commands of a small vocabulary. `facegood`: o
 
 **Network.** {parameters:,} parameters, 16-bit weights, {fps:g} faces per second; hears {ahead:.0f} ms ahead. Trained for
 {train_steps} steps of {batch} windows on {machine}. In training, speech was made louder and softer, brighter and darker, of
-longer and shorter vocal tracts, noisy, and interrupted by pauses. Channels were then stretched to the size of the tracked ones
-(tools/calibrate_face.py).
+longer and shorter vocal tracts, noisy, and interrupted by pauses. Each speaker has a last layer of their own. Channels were
+then stretched to the size of the tracked ones (tools/calibrate_face.py).
 
 **Speakers**, for `--style NAME`: {names}; what is played without is grid_s1.
 

@@ -32,6 +32,7 @@ def network(pose: int = 55, **changes) -> SpeechToFace:
     uniform = lambda n, low, high: low + (high - low) * torch.rand(n, generator=draw)  # noqa: E731
     net.set_statistics({
         "pose_mean": uniform(pose, 0.01, 0.1), "pose_std": uniform(pose, 0.01, 0.1),
+        "pose_quantiles": uniform(SPEAKERS * 101 * pose, 0.0, 0.3).reshape(SPEAKERS, 101, pose).sort(1).values,
         "audio_mean": uniform(BANDS, -4, -2), "audio_std": uniform(BANDS, 1, 2),
     })  # fmt: skip
     return net.eval()
@@ -88,6 +89,7 @@ def test_the_loss_is_the_distance_in_units_of_weights():
     net = network(**CALMED)
     data = batch(net)
     mean, std = net.pose_mean.numpy(), net.pose_std.numpy()
+    speaker = data["speaker"].numpy()
     style = torch.eye(SPEAKERS)[data["speaker"]][:, None].expand(-1, net.window, -1)
     with torch.no_grad():
         made = net.make(data["audio"], style, style[..., :0]).numpy() * std + mean
@@ -100,39 +102,49 @@ def test_the_loss_is_the_distance_in_units_of_weights():
     shares = np.ones(55)
     shares[52:] = 0.25
     shares[JAW] = net.config.jaw
-    made, even = made[:, rows] / std, even[:, rows] / std
+    quantiles = net.pose_quantiles.numpy()
+    units = np.maximum(quantiles.std(1, ddof=1), 0.3 * std)
+    made, jaw = made[:, rows] / units[speaker, None], even[:, rows, JAW]
+    even = even[:, rows] / units[speaker, None]
     off, speed = np.abs(made - even), np.abs(np.diff(made, axis=1) - np.diff(even, axis=1))
     off = (1 - net.config.squared) * off + net.config.squared * off**2 / 2
-    jaw = even[..., JAW] * std[JAW]
     around = np.stack([np.roll(np.pad(jaw, ((0, 0), (9, 9)), constant_values=-np.inf), k, 1) for k in range(-9, 10)]).max(0)
     closures = (jaw < 0.03) & (around[:, 9:-9] > 0.06)
     assert closures.any()
     at_closures = (off[..., JAW] * closures).mean() * net.config.jaw / 55
     assert terms["distance"].item() == pytest.approx((off * shares).mean() + net.config.closure * at_closures, rel=1e-4)
     assert terms["velocity"].item() == pytest.approx(net.config.velocity * (speed * shares).mean(), rel=1e-4)
-    apart = []
-    for speaker in range(SPEAKERS):
-        own = data["speaker"].numpy() == speaker
-        a, b = (np.sort(x[own].reshape(-1, 55), 0) for x in (made, even))
-        apart.append((np.abs(a - b) + (a - b) ** 2 / 2) * shares)
-    assert terms["distribution"].item() == pytest.approx(net.config.distribution * np.mean(apart), rel=1e-4)
+    short = []
+    for number in range(SPEAKERS):
+        own = np.minimum(made[speaker == number].reshape(-1, 55), quantiles[number, -2] / units[number])
+        moves = own.std(0, ddof=1) * units[number] / quantiles[number].std(0, ddof=1)
+        short.append(np.maximum(net.config.goal - moves, 0) * shares)
+    assert np.mean(short) > 0
+    assert terms["spread"].item() == pytest.approx(net.config.spread * np.mean(short), rel=1e-3)
 
 
-def test_a_lip_that_never_moves_is_further_away_than_one_that_moves_at_the_wrong_time():
-    """Absolute distance says the opposite, and so leads to lips that stand still."""
+def test_a_lip_that_stands_still_is_pushed_to_move_and_one_that_moves_enough_is_left_alone():
+    """However rarely the tracked lip moves, and whether it moves in this batch or not."""
     net = network(**CALMED)
-    moves = torch.zeros(SPEAKERS, 200, 55)
-    moves[:, ::20] = 4.0
-    apart = lambda made: net._between_distributions(made, moves, torch.arange(SPEAKERS), torch.ones(55)).item()  # noqa: E731
-    late = moves.roll(5, 1)
-    assert apart(late) == 0 < apart(torch.zeros_like(moves))
-    assert (late - moves).abs().mean() > moves.abs().mean()
+    net.pose_quantiles.zero_()
+    net.pose_quantiles[:, -3:] = 0.5
+    calm = 0.001 * torch.rand(SPEAKERS, 200, 55, generator=torch.Generator().manual_seed(2))
+    lively = torch.zeros(SPEAKERS, 200, 55)
+    lively[:, ::40] = 0.5 / net.units[:, None]
+    short = lambda made: net._short_of_spread(made, torch.arange(SPEAKERS), torch.zeros(SPEAKERS, 200), torch.ones(55))  # noqa: E731
+    calm.requires_grad_()
+    short(calm).backward()
+    assert calm.grad is not None
+    most = calm.detach().flatten(0, 1).argmax(0)
+    assert (calm.grad.flatten(0, 1).gather(0, most[None]) < 0).all()  # what moves most is to move further
+    assert short(lively) == 0 < short(calm)
 
 
 def test_a_number_that_never_moves_stays_what_it_is():
     net = network()
     net.set_statistics({
         "pose_mean": torch.tensor([0.0, 0.1] * 27 + [0.0]), "pose_std": torch.ones(55),
+        "pose_quantiles": torch.ones(SPEAKERS, 101, 55),
         "audio_mean": torch.zeros(BANDS), "audio_std": torch.ones(BANDS),
     })  # fmt: skip
     with torch.no_grad():
@@ -147,7 +159,8 @@ def test_a_number_that_never_moves_stays_what_it_is():
 def changed(net, seed: int = 0):
     data = batch(net, seed)
     face = torch.ones(ROWS, net.window, 55)
-    audio, rested = net._augment(data["audio"], face, StepRandom(seed, 0))
+    audio, rested, rest = net._augment(data["audio"], face, StepRandom(seed, 0))
+    assert torch.equal(rested, face * (1 - rest[..., None]))
     return data["audio"] * net.audio_std + net.audio_mean, audio * net.audio_std + net.audio_mean, rested
 
 

@@ -45,7 +45,9 @@ _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
 )  # [ours] what rounded lips, fully, leave less of
 _PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
-_TOUCH = (0.035, 0.065)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: GRID's b, p and m
+_TOUCH = (0.05, 0.09)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: of voices that were
+# not in the training data, where a learnt mouth closes less far than on GRID
+_GUESS = 0.25  # [ours] share of the rules' rounded lips that is shown where no word is known and the mouth rounds them less
 _SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
@@ -176,7 +178,7 @@ class Face:
 
         Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
         Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well, and a mouth whose
-        lips all but touch closes them by itself: trackers seldom say 0.
+        lips all but touch closes them by itself: trackers seldom say 0. A dull sound rounds the lips by rule.
         """
         talks = np.clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
         shape = np.where(IS_MOUTH, np.clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
@@ -191,6 +193,8 @@ class Face:
         )
         sealed *= talks
         closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
+        guess = (_GUESS * self._articulation * talks * (1 - mouth.claim))[:, None]
+        known[:, _ROUND] = np.maximum(known[:, _ROUND], guess * voice.shape[:, _ROUND])
         return np.maximum(shape, known @ _SPREAD), closed
 
     def _scale(self, out: Array) -> Array:

@@ -6,13 +6,15 @@ Convolutions are lopsided: a frame hears ``ahead`` frames that come after it and
 what the whole would give. The family is that of the face decoders of gesture systems: temporal convolutions on features
 of speech, no adversary. Which face it is, with its tracker's units, is a style: one of the speakers of the data.
 
-What is optimised, in standard deviations of each number, y the tracked face with left and right made even:
+What is optimised, in standard deviations of each number of each speaker, y the tracked face with left and right made even:
 
-    min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + μ Σ_s E w z(sort ŷ₊ − sort y)
+    min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + ν E_s w max(0, γ − sd(min(ŷ₊, q)) / sd(y))
 
-Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last sum compares, per speaker and number, the
-sorted values of the batch, z(x) = |x| + x² / 2: how far the distribution of what is made is from that of what was tracked.
-Absolute distance alone leads to the median, which is 0 for a lip that is mostly still; the lip then never moves.
+Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last mean is over speakers and numbers; sd(y)
+is of all that a speaker's tracker saw, sd(ŷ₊) of the batch, and q the 0.999 quantile of y. Distance alone leads to the
+median, which is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is
+(ŷ₊ − mean) / sd: it makes what moves most move further, however little that is, so that standing still is no optimum.
+Comparing with the batch's own y would not do: most batches have no frame in which a rare channel moves.
 
 Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
 vocal tract, in noise, and with pauses in which nobody speaks and the face rests.
@@ -46,6 +48,8 @@ CALM = log(FLOOR)  # log power of a band in silence
 COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
 CLOSED, OPEN = 0.03, 0.06  # [ours] jawOpen of closed and of open lips: on GRID 97 % of b, p and m fall below the first
 NEAR = 9  # [ours] frames to both sides among which lips open again, 0.15 s at 60 a second
+STILL = 0.002  # [ours] standard deviation of a number that counts as still
+LEAST = 0.3  # [ours] of the deviation over all speakers, that is the unit of a number which moves less in one of them
 TURN = 0.25  # [ours] w of the turn of the head, of which the sound says little
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
 
@@ -70,8 +74,10 @@ class SpeechToFaceConfig(ModelConfig):
     """λ."""
     squared: float = 0.5
     """ρ, 0 … 1: the share of the squared distance, which leads to the mean instead of the median."""
-    distribution: float = 0.5
-    """μ."""
+    spread: float = 0.5
+    """ν."""
+    goal: float = 0.65
+    """γ."""
     closure: float = 3.0
     """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""
     jaw: float = 8.0
@@ -89,7 +95,7 @@ class SpeechToFaceConfig(ModelConfig):
 
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain_augmentation": 0, "tilt": 0}
-        more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "distribution": 0, "closure": 0}
+        more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "spread": 0, "goal": 0, "closure": 0}
         check_least(self, "a SpeechToFace", low | more)
         if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
             raise InputError(f"dilations {self.dilations}, ahead {self.ahead}", "as many of both, dilations positive")
@@ -140,11 +146,14 @@ class SpeechToFace(Windowed):
     Config = SpeechToFaceConfig
     config: SpeechToFaceConfig
     literal = True
+    wants_quantiles = True
     pose_mean: Tensor
     pose_std: Tensor
     audio_mean: Tensor
     audio_std: Tensor
     alive: Tensor
+    pose_quantiles: Tensor
+    units: Tensor
 
     def __init__(self, config: SpeechToFaceConfig, *, pose: int, audio: int, speakers: int) -> None:
         super().__init__()
@@ -157,17 +166,21 @@ class SpeechToFace(Windowed):
         self.first = nn.Conv1d(audio + speakers, config.channels, 1)
         pairs = zip(config.dilations, config.ahead, strict=True)
         self.blocks = nn.ModuleList(Block(config, dilation, ahead) for dilation, ahead in pairs)
-        self.out = nn.Conv1d(config.channels, pose, 1)
+        self.out = nn.Conv1d(config.channels, speakers * pose, 1)
         for name, width in (("pose", pose), ("audio", audio)):
             self.register_buffer(f"{name}_mean", torch.zeros(width))
             self.register_buffer(f"{name}_std", torch.ones(width))
         self.register_buffer("alive", torch.ones(pose))
+        self.register_buffer("pose_quantiles", torch.zeros(speakers, 2, pose), persistent=False)
+        self.register_buffer("units", torch.ones(speakers, pose), persistent=False)
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
         """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""
         for name in ("pose_mean", "pose_std", "audio_mean", "audio_std"):
             getattr(self, name).copy_(statistics[name])
         self.alive.copy_((self.pose_mean != 0).float())
+        self.pose_quantiles = self._symmetrise(statistics["pose_quantiles"].to(self.pose_mean))
+        self.units = torch.maximum(self.pose_quantiles.std(1), LEAST * self.pose_std)
 
     def speaker_styles(self, stretches: Tensor) -> Tensor:
         """(S, n, T, D) → (S, S): each speaker is themself."""
@@ -178,7 +191,8 @@ class SpeechToFace(Windowed):
         x = F.leaky_relu(self.first(torch.cat([audio, style], 2).mT), SLOPE)
         for block in self.blocks:
             x = block(x)
-        made: Tensor = self.out(x).mT * self.alive
+        heads = self.out(x).mT.unflatten(2, (self.styles, self.pose))
+        made: Tensor = (heads * style[..., None]).sum(2) * self.alive
         return made
 
     # what is optimised ----------------------------------------------------------------------------------------------
@@ -189,34 +203,40 @@ class SpeechToFace(Windowed):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Distance of weights, of their velocity and of their distribution; of the frames that hear nothing from beyond."""
-        audio, face = self._augment(
+        audio, face, rest = self._augment(
             batch["audio"], self._symmetrise(batch["pose"] * self.pose_std + self.pose_mean), batch.chance
         )
         style = F.one_hot(batch["speaker"], self.styles).to(audio)[:, None].expand(-1, audio.shape[1], -1)
         made = self.make(audio, style, audio.new_zeros(*audio.shape[:2], 0)) * self.pose_std + self.pose_mean
         rows = slice(self.config.past, audio.shape[1] - self.config.future)
-        made, face = self._clip_weights(made[:, rows]) / self.pose_std, face[:, rows] / self.pose_std
+        units = self.units[batch["speaker"]][:, None]
+        made, face = self._clip_weights(made[:, rows]) / units, face[:, rows] / units
         shares, squared = self._shares(made), self.config.squared
         off = made - face
         off = (1 - squared) * off.abs() + squared * off.square() / 2
         return {
-            "distance": (off * shares).mean() + self.config.closure * self._at_closures(off, face, shares),
+            "distance": (off * shares).mean() + self.config.closure * self._at_closures(off, face * units, shares),
             "velocity": self.config.velocity * ((made.diff(dim=1) - face.diff(dim=1)).abs() * shares).mean(),
-            "distribution": self.config.distribution * self._between_distributions(made, face, batch["speaker"], shares),
+            "spread": self.config.spread * self._short_of_spread(made, batch["speaker"], rest[:, rows], shares),
         }
 
-    def _between_distributions(self, made: Tensor, face: Tensor, speaker: Tensor, shares: Tensor) -> Tensor:
-        """Mean over speakers of the distance between the distributions of what is made and of what was tracked."""
-        kinds = [(x.flatten(0, 1) for x in (made[speaker == s], face[speaker == s])) for s in range(self.styles)]
-        apart = torch.cat([a.sort(0).values - b.sort(0).values for a, b in kinds if len(a)])
-        return ((apart.abs() + apart.square() / 2) * shares).mean()
+    def _short_of_spread(self, made: Tensor, speaker: Tensor, rest: Tensor, shares: Tensor) -> Tensor:
+        """Mean over speakers of by how much standard deviations fall short of `goal` of the tracked ones."""
+        terms = []
+        for number, quantiles in enumerate(self.pose_quantiles / self.units[:, None]):
+            own = made[(speaker == number)[:, None] & (rest == 0)]
+            if len(own):
+                wanted, moves = quantiles.std(0), self.pose_quantiles[number].std(0) > STILL
+                spread = (torch.minimum(own, quantiles[-2]).var(0) + 1e-8).sqrt()
+                terms.append((F.relu(self.config.goal - spread / wanted.clamp_min(1e-6)) * moves * shares).mean())
+        return torch.stack(terms).mean() if terms else made.new_zeros(())
 
     def _at_closures(self, off: Tensor, face: Tensor, shares: Tensor) -> Tensor:
         """Mean of jawOpen's distance, of the frames alone in which the tracked lips are closed between open ones."""
         if not self._weights:
             return off.new_zeros(())
         jaw = ARKIT_INDEX["jawOpen"]
-        open_ = face[..., jaw] * self.pose_std[jaw]
+        open_ = face[..., jaw]
         around = F.max_pool1d(open_[:, None], 2 * NEAR + 1, 1, NEAR)[:, 0]
         return (off[..., jaw] * ((open_ < CLOSED) & (around > OPEN))).mean() * shares[jaw] / len(shares)
 
@@ -246,8 +266,9 @@ class SpeechToFace(Windowed):
 
     # how speech is changed ------------------------------------------------------------------------------------------
 
-    def _augment(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor]:
-        """Another voice in another place, (B, T, A) standardised; and the face, which rests in the pauses that are put in."""
+    def _augment(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor, Tensor]:
+        """Another voice in another place, (B, T, A) standardised; the face, which rests in the pauses that are put in; the
+        share of rest, (B, T)."""
         rows, bands = len(audio), self.audio
         axis = torch.linspace(-1, 1, bands, device=audio.device)
         mel = _stretch(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
@@ -263,7 +284,7 @@ class SpeechToFace(Windowed):
         still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
         mel = torch.logaddexp(torch.where(still[..., None] > 0, CALM, mel), hiss).clamp_min(CALM)
         rest = F.avg_pool1d(still[:, None], RAMP, 1, RAMP // 2, count_include_pad=False)[:, 0, :, None]
-        return (mel - self.audio_mean) / self.audio_std, face * (1 - rest)
+        return (mel - self.audio_mean) / self.audio_std, face * (1 - rest), rest[..., 0]
 
 
 def _even(chance: StepRandom, rows: int) -> Tensor:

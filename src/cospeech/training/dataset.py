@@ -42,6 +42,10 @@ from .windows import Windows
 __all__ = ["ARRAY_SOURCES", "DIMENSIONS", "ArraySource", "TrainingSet", "check_same", "open_set"]
 
 
+QUANTILES = 1001
+"""[ours] Quantiles of a speaker's poses: a lip that moves in 1 of 100 frames has ten of them."""
+
+
 @dataclass(frozen=True)
 class TrainingSet:
     """Facts of a run, its statistics, the trained models that it needs, and its batches."""
@@ -124,6 +128,8 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         own |= kept
         if normaliser is not None:
             standards[name] = normaliser
+    if kind.wants_quantiles:
+        own["pose_quantiles"] = pose_quantiles(store)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
     statistics |= {name: torch.from_numpy(array) for name, array in own.items()}
     needs, known = _needs(recipe, store, statistics)
@@ -134,6 +140,16 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
     return TrainingSet(facts, statistics, {n: m.to(device) for n, m in needs.items()}, store, data, standards, reduce, moments)
+
+
+def pose_quantiles(store: Store) -> Array:
+    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses in the training split; of all clips where there are none."""
+    found = []
+    for speaker in store.speakers:
+        own = [clip for clip in store.clips if clip.split == "train" and clip.speaker == speaker] or store.clips
+        poses = np.concatenate([store.clip(clip)["pose"] for clip in own])
+        found.append(np.quantile(poses, np.linspace(0, 1, QUANTILES), axis=0))
+    return np.stack(found).astype(np.float32)
 
 
 def _check_store(data: Data, store: Store) -> None:

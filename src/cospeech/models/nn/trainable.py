@@ -45,6 +45,8 @@ class Trainable(nn.Module):
     """Whether `style_of` says in which style poses are that it is shown."""
     estimates_speaker: bool = False
     """Whether it estimates speaker and emotion from the speech."""
+    wants_quantiles: bool = False
+    """Whether `set_statistics` is given ``pose_quantiles`` (S, Q, D) as well: quantiles of each speaker's poses, 0 … 1."""
     literal: bool = False
     """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
 

@@ -21,6 +21,7 @@ from cospeech.models import ENTRIES, NETWORKS  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
+from cospeech.models.nn.sampled import Sampled  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
@@ -298,7 +299,7 @@ def trained_windowed(name: str, **options):
 def test_the_networks_that_make_windows_are_these():
     known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
     known |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
-    known |= {"chain-of-generation-extended", "mix-stage-extended"}
+    known |= {"chain-of-generation-extended", "mix-stage-extended", "talkshow", "gesturediffuclip"}
     assert {name.partition("+")[0] for name in windowed()} == known
     for name in windowed():
         net = network(name)
@@ -310,6 +311,9 @@ def test_the_networks_that_make_windows_are_these():
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
         assert (net.styles > 0) is (net.encodes_style or net.literal)
+        if isinstance(net, Sampled):
+            assert net.modes > 0
+            continue
         assert net.modes == (net.config.modes if getattr(net, "mode_logits", None) is not None else 0)
 
 
@@ -386,7 +390,7 @@ def test_mode_noise_moves_the_modes_and_only_them(name):
         if not net.modes:
             assert made.shape == (1, 64, POSE)
             return
-        if isinstance(net, ManyInputs | ChainOfGeneration):  # noise that it gets beside its inputs
+        if isinstance(net, ManyInputs | ChainOfGeneration | Sampled):  # noise that it gets beside its inputs
             assert (net.make(audio, style, torch.ones(1, 64, net.modes)) - made).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))

@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError, nearest
@@ -196,6 +196,10 @@ class ChainOfGeneration(Windowed):
     def accepts_seeds(self) -> bool:
         """Whether it was trained to be given seed poses."""
         return self.config.seeds > 0
+
+    def word_table(self) -> nn.Module:
+        """See `cospeech.models.nn.trainable.Trainable`."""
+        return self.word
 
     # equations 1 to 5 -----------------------------------------------------------------------------------------------
 

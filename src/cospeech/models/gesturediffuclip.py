@@ -1,5 +1,5 @@
-"""GestureDiffuCLIP-like: after Ao et al. 2023, "GestureDiffuCLIP: Gesture Diffusion Model with CLIP Latents". Their code was never
-published, and CLIP's weights are not used: what stands for CLIP is a small encoder of labels and motion, trained here.
+"""GestureDiffuCLIP-like: after Ao et al. 2023, "GestureDiffuCLIP: Gesture Diffusion Model with CLIP Latents". Their code was
+never published, and CLIP's weights are not used: what stands for CLIP is a small encoder of labels and motion, trained here.
 
     motion ─► encoder ─► z (L numbers for four frames) ─► decoder ─► motion
 
@@ -39,7 +39,7 @@ from ..errors import InputError
 from .nn.coder import STRIDE, Down, Up
 from .nn.conditioning import StyleEncoder
 from .nn.configuration import ModelConfig
-from .nn.contrast import info_nce
+from .nn.contrast import choice_nce, info_nce, unit
 from .nn.diffusion import add_noise, denoise, level_features, velocity
 from .nn.export import ExportGraph, Shape
 from .nn.modalities import check_lacks, weights_of
@@ -56,7 +56,6 @@ __all__ = ["GestureDiffuClip", "GestureDiffuClipConfig"]
 SHAKEN = 0.1  # deviation of δ, so that the decoder makes motion of latents that are only nearly right; ours
 LEVELS = 8  # multiples of φ whose cosine and sine tell how noisy a latent is; ours
 LABELLED, STYLELESS = 0.5, 0.1  # share of training windows with a label for the style, and with none; ours
-LEAST = 1e-6  # of a squared length
 
 
 @dataclass(frozen=True)
@@ -108,18 +107,6 @@ class GestureDiffuClipConfig(ModelConfig):
         if self.frames % STRIDE or self.width % self.heads or not self.temperature > 0:
             problem = f"frames {self.frames}, width {self.width} of {self.heads} heads, temperature {self.temperature}"
             raise InputError(f"a GestureDiffuClip with {problem}", f"multiples of {STRIDE} and of the heads; above 0")
-
-
-def unit(x: Tensor) -> Tensor:
-    """(B, C) vectors as long as √C."""
-    return x / ((x * x).mean(-1, keepdim=True) + LEAST).sqrt()
-
-
-def choice_nce(own: Tensor, keys: Tensor, labels: Tensor, temperature: float) -> Tensor:
-    """NCE of (B, C) vectors and the (K, C) vectors of all labels, of which each has one, (B,); −1: of it nothing is known."""
-    likeness = unit(own) @ unit(keys).mT / keys.shape[1] / temperature
-    each = F.cross_entropy(likeness, labels.clamp_min(0), reduction="none")
-    return torch.where(labels >= 0, each, 0.0).mean()
 
 
 # parts ---------------------------------------------------------------------------------------------------------------
@@ -222,6 +209,10 @@ class GestureDiffuClip(Sampled):
         self.example = StyleEncoder(pose, channels=config.heard, style=config.style)
         self.speech = Down(audio, config.heard)
         self.denoiser = _Denoiser(config)
+
+    def word_table(self) -> nn.Module:
+        """See `cospeech.models.nn.trainable.Trainable`."""
+        return self.embedding
 
     # encoders --------------------------------------------------------------------------------------------------------
 

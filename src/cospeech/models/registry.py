@@ -116,7 +116,7 @@ _OURS = {
     ),
     "gesturediffuclip": ModelEntry(
         "cospeech.models.gesturediffuclip:GestureDiffuClip",
-        "GestureDiffuCLIP-like (after Ao et al. 2023): motion by diffusion, in the style of a label or of an example; without CLIP",
+        "GestureDiffuCLIP-like (after Ao et al. 2023): motion by diffusion, in the style of a label or example; no CLIP",
         "Ao et al. 2023", needs=("words", "emotion"),
     ),
     "chain-of-generation-live": ModelEntry(

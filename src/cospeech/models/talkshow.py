@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import torch
@@ -116,6 +117,15 @@ class _Coder(nn.Module):
         quantised, commitment = self.quantiser(self.down(pose))
         return self.up(quantised), commitment
 
+    def encode(self, pose: Tensor) -> Tensor:
+        """(B, D, T) → (B, T / 4) numbers of codes."""
+        return self.quantiser.indices(self.down(pose))
+
+    def decode(self, weights: Tensor) -> Tensor:
+        """(B, K, T / 4) weights of the codes → (B, D, T)."""
+        made: Tensor = self.up(self.quantiser.codes.mT @ weights)
+        return made
+
 
 class _Face(nn.Module):
     """(B, A, T) of speech and (B, S, T) weights of the speakers → (B, 52, T)."""
@@ -126,8 +136,7 @@ class _Face(nn.Module):
         self.speaker = nn.Conv1d(speakers, NAMED, 1)
         widths = [config.latent + NAMED, *[config.latent] * 6]
         self.layers = nn.ModuleList(
-            nn.Sequential(nn.Conv1d(a, b, 3, padding=1), nn.GroupNorm(1, b), nn.LeakyReLU(SLOPE))
-            for a, b in zip(widths, widths[1:], strict=False)
+            nn.Sequential(nn.Conv1d(a, b, 3, padding=1), nn.GroupNorm(1, b), nn.LeakyReLU(SLOPE)) for a, b in pairwise(widths)
         )
         self.out = nn.Conv1d(config.latent, FACE, 1)
 
@@ -140,8 +149,8 @@ class _Face(nn.Module):
 
 
 def pick(logits: Tensor, uniform: Tensor) -> Tensor:
-    """(B, K) logits and (B,) numbers of [0, 1] → (B,): the code in whose share of the probability the number lies; of 0 the most
-    likely one."""
+    """(B, K) logits and (B,) numbers of [0, 1] → (B,): the code in whose share of the probability the number lies; of 0 the
+    most likely one."""
     reached = logits.softmax(-1).cumsum(-1)
     drawn = (reached < uniform.unsqueeze(-1) * reached[:, -1:]).sum(-1).clamp_max(logits.shape[-1] - 1)
     return torch.where(uniform > 0, drawn, logits.argmax(-1))
@@ -153,8 +162,8 @@ def pick(logits: Tensor, uniform: Tensor) -> Tensor:
 class TalkShow(Sampled):
     """TalkSHOW (Yi et al. 2023): a face of the speech; body and hands drawn from a prior over codes, so that takes differ.
 
-    Poses and audio are standardised vectors. In `make` the noise of a step is two numbers of [0, 1], for the body's code and the
-    hands'; 0 is the most likely code.
+    Poses and audio are standardised vectors. In `make` the noise of a step is two numbers of [0, 1], for the body's code and
+    the hands'; 0 is the most likely code.
 
     Args:
         config: sizes and weights.
@@ -186,7 +195,7 @@ class TalkShow(Sampled):
         self.columns = (body, list(hands))
         """Of a pose: those of the body, those of the hands."""
         self.register_buffer("order", torch.tensor([*body, *hands]).argsort(), persistent=False)
-        self.coders = nn.ModuleList(_Coder(len(columns), config) for columns in self.columns)
+        self.body, self.hands = (_Coder(len(columns), config) for columns in self.columns)
         self.speech = Down(audio, config.heard)
         self.prior = GatedPixelCnn(config.codes, config.width, config.layers, config.heard, speakers)
         self.face = _Face(config, audio, speakers)
@@ -201,6 +210,11 @@ class TalkShow(Sampled):
         """With the features of wav2vec 2.0, where the face is made of those."""
         return (*cls.arrays, "wav2vec") if cls.encoder_for(config) else cls.arrays
 
+    @property
+    def coders(self) -> tuple[_Coder, _Coder]:
+        """Of body and hands."""
+        return self.body, self.hands
+
     def hear(self, audio: Tensor) -> Tensor:
         """See `Sampled`."""
         heard: Tensor = self.speech(audio)
@@ -208,15 +222,15 @@ class TalkShow(Sampled):
 
     def encode(self, pose: Tensor) -> Tensor:
         """(B, T, D) → (B, T / 4, 2) the codes of body and hands."""
-        with at_rest(self.coders):
+        with at_rest(*self.coders):
             pairs = zip(self.coders, self.columns, strict=True)
-            found = [coder.quantiser.indices(coder.down(pose[..., columns].mT)) for coder, columns in pairs]
+            found = [coder.encode(pose[..., columns].mT) for coder, columns in pairs]
         return torch.stack(found, -1)
 
     def decode(self, latent: Tensor) -> Tensor:
         """(B, 2 K, T / 4) weights of the codes, of which one of the body's is 1 and one of the hands', → (B, D, T)."""
         chosen = latent.split(self.config.codes, 1)
-        parts = [coder.up(coder.quantiser.codes.mT @ x) for coder, x in zip(self.coders, chosen, strict=True)]
+        parts = [coder.decode(x) for coder, x in zip(self.coders, chosen, strict=True)]
         return torch.cat(parts, 1).index_select(1, self.order)
 
     # what is optimised -----------------------------------------------------------------------------------------------
@@ -225,7 +239,7 @@ class TalkShow(Sampled):
         """First the autoencoders; then, with these fixed, the prior; all along the face."""
         first, prior = self.config.prior_from, [*self.speech.parameters(), *self.prior.parameters()]
         return {
-            "codes": Objective(self.coders.parameters(), self.code_loss, stop=first),
+            "codes": Objective([p for coder in self.coders for p in coder.parameters()], self.code_loss, stop=first),
             "prior": Objective(prior, self.prior_loss, start=first),
             "face": Objective(self.face.parameters(), self.face_loss),
         }
@@ -334,12 +348,12 @@ class TalkShow(Sampled):
 
 
 class _Step(nn.Module):
-    """``prior``: a step of speech, the codes of the step before, those of this step that are drawn → logits; states are flat."""
+    """``prior``: a step of speech, codes of the step before, those of this step that are drawn → logits; states are flat."""
 
     def __init__(self, net: TalkShow) -> None:
         super().__init__()
         self.prior, self.parts = net.prior, [net.config.codes] * PARTS
-        self.widths = [net.config.width * layer.past for layer in net.prior.layers for _ in range(PARTS)]
+        self.widths = [net.config.width * past for past in net.prior.pasts for _ in range(PARTS)]
 
     def states(self) -> dict[str, int]:
         """Name → numbers of a take."""

@@ -9,14 +9,14 @@ step's number alone: pieces of any size give the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from ..motion.rotations import Array
 from .network import Network
-from .system import System
 
 __all__ = ["CodeSampler", "DiffusionSampler", "Sampler", "open_sampler"]
 
@@ -47,10 +47,10 @@ class Sampler(Protocol):
         ...
 
 
-def open_sampler(system: System) -> Sampler:
-    """The sampler of a system that draws its motion."""
-    prior = system.networks.get("prior")
-    return CodeSampler(prior) if prior is not None else DiffusionSampler(system.networks["denoise"])
+def open_sampler(networks: Mapping[str, Network]) -> Sampler:
+    """The sampler of the networks of a system that draws its motion."""
+    prior = networks.get("prior")
+    return CodeSampler(prior) if prior is not None else DiffusionSampler(networks["denoise"])
 
 
 def _generators(seeds: Sequence[int], steps: Array) -> list[list[np.random.Generator]]:
@@ -82,9 +82,8 @@ class CodeSampler:
         for s in range(steps):
             codes = drawn[:, s + 1]
             for k in range(1 if s < begun else self._groups):
-                made = self._network.run(
-                    heard=heard[:, s], style=style[:, s], before=drawn[:, s].reshape(takes, -1), codes=codes.reshape(takes, -1), **state
-                )
+                known_codes = {"before": drawn[:, s].reshape(takes, -1), "codes": codes.reshape(takes, -1)}
+                made = self._network.run(heard=heard[:, s], style=style[:, s], **known_codes, **state)
                 if s >= begun:
                     logits = made["logits"].reshape(takes, self._groups, -1)[:, k]
                     codes[np.arange(takes), k, _pick(logits, noise[:, s, k], temperature)] = 1
@@ -93,7 +92,8 @@ class CodeSampler:
 
 
 def _pick(logits: Array, uniform: Array, temperature: float) -> Array:
-    """(N,) of (N, K) logits the code in whose share of the probability a number of [0, 1) lies; at temperature 0 the most likely."""
+    """(N,) of (N, K) logits the code in whose share of the probability a number of [0, 1) lies; the most likely at temperature
+    0."""
     if temperature <= 0:
         return np.asarray(logits.argmax(1))
     shares = np.exp((logits - logits.max(1, keepdims=True)).astype(np.float64) / temperature).cumsum(1)
@@ -120,7 +120,7 @@ class DiffusionSampler:
         """See `Sampler`."""
         x = noise = np.float32(temperature) * noise
         turns = np.pi / 2 * (1 - np.arange(self._steps + 1) / self._steps)
-        for now, after in zip(turns[:-1], turns[1:], strict=True):
+        for now, after in pairwise(turns):
             x = _hold(x, known, noise, now)
             multiples = now * np.arange(1, self._levels + 1)
             level = np.concatenate([np.cos(multiples), np.sin(multiples)]).astype(np.float32)

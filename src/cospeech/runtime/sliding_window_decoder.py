@@ -198,7 +198,8 @@ class SampledWindowDecoder(SlidingWindowDecoder):
     ) -> None:  # fmt: skip
         layout = sections(network.signature)
         super().__init__(system, network, style, seeds, silence, layout, temperature=temperature, intensity=intensity)
-        self._seeds, self._sampler, self._drawn = seeds, open_sampler(system), None
+        self._seeds, self._sampler = seeds, open_sampler(system.networks)
+        self._drawn: Array | None = None
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
         """See `SlidingWindowDecoder`."""

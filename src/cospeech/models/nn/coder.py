@@ -1,5 +1,5 @@
-"""Encoder and decoder of motion or speech at a quarter of the frame rate (Yi et al. 2023, authors' code): convolutions with batch
-norm, residual stacks, two halvings of the rate on the way down and two doublings on the way up.
+"""Encoder and decoder of motion or speech at a quarter of the frame rate (Yi et al. 2023, authors' code): convolutions with
+batch norm, residual stacks, two halvings of the rate on the way down and two doublings on the way up.
 
     Down   (B, inputs, T) ─► H/4 ─► stack ─► half the rate, H/2 ─► stack ─► a quarter of the rate, H ─► stack ─► (B, H, T / 4)
     Up     (B, inputs, T / 4) ─► H ─► stack ─► H/2 ─► stack ─► H/4 ─► stack ─► (B, outputs, T)

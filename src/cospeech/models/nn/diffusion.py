@@ -41,16 +41,15 @@ def level_features(angle: Tensor, count: int) -> Tensor:
     return torch.cat([times.cos(), times.sin()], -1)
 
 
-def denoise(
-    estimate: Callable[[Tensor, float], Tensor], noise: Tensor, steps: int, known: Tensor | None = None
-) -> Tensor:
+def denoise(estimate: Callable[[Tensor, float], Tensor], noise: Tensor, steps: int, known: Tensor | None = None) -> Tensor:
     """Data of noise.
 
     Args:
         estimate: (x, φ) → v, of x's shape.
         noise: (B, T, L), what it begins with.
         steps: how many.
-        known: (B, k, L) data of the first steps in time, which are held at what they are (Lugmayr et al. 2022, without returns).
+        known: (B, k, L) data of the first steps in time, which are held at what they are (Lugmayr et al. 2022, but without
+            their returns to more noise).
 
     Returns:
         (B, T, L).

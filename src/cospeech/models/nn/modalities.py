@@ -80,6 +80,10 @@ class ManyInputs(Windowed):
         self.styles, self.modes = speakers + EMOTIONS, modes
         self.multiple = self.shortest = 1
 
+    def word_table(self) -> nn.Module:
+        """See `cospeech.models.nn.trainable.Trainable`."""
+        return self.embedding
+
     def words(self, text: Tensor) -> Tensor:
         """(B, T, 12) numbers of subwords, or (B, T, 300) vectors → (B, T, W)."""
         embedded: Tensor = self.embedding(text)

@@ -1,11 +1,11 @@
-"""Gated PixelCNN (van den Oord et al. 2016) over a picture whose rows are steps in time and whose columns are parts of a body, in
-the form of Yi et al. 2023.
+"""Gated PixelCNN (van den Oord et al. 2016) over a picture whose rows are steps in time and whose columns are parts of a body,
+in the form of Yi et al. 2023.
 
     y = tanh(W_f * x + V_f s) ⊙ σ(W_g * x + V_g s),     s the speaker
 
-The vertical stack sees the rows above a place, in its own column and the two beside it. The horizontal stack sees what is to the
-left in the place's own row, and the vertical stack at the place. So the code at a place depends on all rows before it, on the
-columns before it in its row, on the speech and on the speaker:
+The vertical stack sees the rows above a place, in its own column and the two beside it. The horizontal stack sees what is to
+the left in the place's own row, and the vertical stack at the place. So the code at a place depends on all rows before it, on
+the columns before it in its row, on the speech and on the speaker:
 
     p(c) = Π_t Π_j p(c_tj | c_<t, c_t,<j, speech, speaker)
 
@@ -81,6 +81,8 @@ class GatedPixelCnn(nn.Module):
         super().__init__()
         self.embedding = nn.Embedding(codes, width)
         self.layers = nn.ModuleList(_GatedLayer(width, styles, first=k == 0) for k in range(layers))
+        self.pasts = [(ROWS if k else FIRST_ROWS) - 1 for k in range(layers)]
+        """Rows above a row that each layer keeps."""
         self.heard = nn.Conv1d(heard, width, 1)
         self.to_vertical, self.to_horizontal = (nn.Conv1d(2 * width, width, 1) for _ in range(2))
         self.out = nn.Sequential(nn.Conv1d(width, OUT, 1), nn.ReLU(), nn.Conv1d(OUT, codes, 1))

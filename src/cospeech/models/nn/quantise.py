@@ -2,9 +2,9 @@
 
     k(z) = argmin_k ‖z − e_k‖₂,   z_q = z + sg[e_k − z],   L = β E (z − sg[e_k])²
 
-z_q has the value of the nearest code, and passes its gradient to z as it is (straight through). A code is the running average of
-the vectors that it stands for, so that no gradient moves it. A code that stands for hardly any vector is put on a vector of the
-batch (Dhariwal et al. 2020, Jukebox, section 3.3): else most of 2,048 codes are never used.
+z_q has the value of the nearest code, and passes its gradient to z as it is (straight through). A code is the running average
+of the vectors that it stands for, so that no gradient moves it. A code that stands for hardly any vector is put on a vector of
+the batch (as Dhariwal et al. 2020, Jukebox, do): else most of 2,048 codes are never used.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -46,7 +47,8 @@ def fill_up(x: Tensor) -> Tensor:
 class Sampled(Windowed):
     """A network of windows whose motion is drawn; a subclass has `hear`, `decode`, `sampler` and `make`.
 
-    In `make`, ``mode_noise`` is what it draws with. Each step has the noise of its first frame; zeros are the most likely motion.
+    In `make`, ``mode_noise`` is what it draws with. Each step has the noise of its first frame; zeros are the most likely
+    motion.
     """
 
     literal = True
@@ -77,10 +79,10 @@ class Sampled(Windowed):
     def export_module(self) -> dict[str, ExportGraph]:
         """``hear``, the sampler's network, and ``make``; half of a window is new, and a quarter of it comes after that."""
         steps = self.window // STRIDE
-        common = {"frames": 8 * STRIDE, "multiple": STRIDE, "shortest": STRIDE, "window": self.window}
+        common: dict[str, Any] = {"frames": 8 * STRIDE, "multiple": STRIDE, "shortest": STRIDE, "window": self.window}
         rows, heard = {"rows": (1, "T", self.audio)}, {"heard": (1, "S", self.heard)}
         latent, poses = {"latent": ("N", "S", self.latent)}, {"poses": ("N", "T", self.pose)}
-        layout = {"hop": STRIDE * max(1, steps // 2), "look_ahead": STRIDE * (steps // 4)}
+        layout: dict[str, Any] = {"hop": STRIDE * max(1, steps // 2), "look_ahead": STRIDE * (steps // 4)}
         return {
             "hear": ExportGraph(_OverTime(self, "hear"), rows, heard, **common),
             **self.sampler(),

@@ -90,6 +90,14 @@ class Trainable(nn.Module):
         """
         raise InputError(f"{type(self).__name__} makes no motion: no bundle is possible", "docs/add_a_model.md: export_module")
 
+    def word_table(self) -> nn.Module | None:
+        """What makes numbers of words, which then stand after the speech in the rows that it plays; None: it reads none."""
+        return None
+
+    def named_styles(self) -> Mapping[str, Tensor]:
+        """Styles that a bundle offers by name beside those of its speakers: name → (styles,); by default none."""
+        return {}
+
     def style_of(self, poses: Tensor) -> Tensor:
         """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""
         return poses.new_zeros(len(poses), self.styles)

@@ -1,10 +1,10 @@
-"""A transformer over a few dozen steps whose every layer is steered by a style: attention, attention to words, two dense layers.
+"""A transformer over some dozen steps, steered by a style in every layer: attention, attention to words, two dense layers.
 
     x + attend(ada(x, s)),   x + attend(ada(x, s), words),   x + dense(ada(x, s)),     ada(x, s) = (1 + f(s)) · norm(x) + g(s)
 
 The style is injected as by AdaIN (Huang and Belongie 2017): it scales and shifts features that are normalised. Features are
-normalised over the channels of a step, not over time: a window has some ten steps, whose mean would be lost. Where a step lies is
-told by a convolution over the steps, so that windows may have any length. All (B, C, S).
+normalised over the channels of a step, not over time: a window has some ten steps, whose mean would be lost. Where a step lies
+is told by a convolution over the steps, so that windows may have any length. All (B, C, S).
 """
 
 from __future__ import annotations

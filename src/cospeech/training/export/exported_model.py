@@ -13,7 +13,6 @@ from ...errors import InputError
 from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
-from ...models.nn.modalities import ManyInputs
 from ...models.nn.words import SubwordTable
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
@@ -46,7 +45,7 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
-    words = _check_inputs(model, name) if isinstance(model, ChainOfGeneration | ManyInputs) else np.zeros(0, np.float32)
+    words = np.zeros(0, np.float32) if model.word_table() is None else _check_inputs(model, name)
     exported = export_graphs(model.export_module())
     return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
 
@@ -66,7 +65,7 @@ def _check_inputs(model: Any, name: str) -> Array:
     chains = [net.config for net in (model, whole) if isinstance(net, ChainOfGeneration)]
     if not all(config.attention and config.style_injection for config in chains):
         raise InputError(f"the run of {name!r} lacks attention or style, and cannot become a bundle", "train the whole network")
-    words = whole.word if isinstance(whole, ChainOfGeneration) else whole.embedding
+    words = whole.word_table()
     if not isinstance(words, SubwordTable):
         raise InputError(f"the run of {name!r} uses ready-made word vectors", "leave out data.words, and train again")
     rows: Tensor = words.table.weight.detach().clone()

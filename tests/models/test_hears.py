@@ -15,6 +15,8 @@ torch.set_num_threads(1)
 
 CASES: dict[str, dict[str, Any]] = {
     "multi-context": {"term": "generator.huber"},
+    "talkshow": {"term": "prior.body"},
+    "gesturediffuclip": {"term": "diffusion.velocity", "steps": 200},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

@@ -64,7 +64,7 @@ class GestureDiffuClipConfig(ModelConfig):
 
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 16, "latent": 6, "heard": 16, "text_channels": 6, "text": 6, "word_width": 5, "style": 6, "width": 8,
-        "layers": 1, "heads": 2, "steps": 3, "align_from": 10, "diffusion_from": 20,
+        "layers": 1, "heads": 2, "steps": 3, "align_from": 40, "diffusion_from": 50,
     }  # fmt: skip
 
     frames: int = 36

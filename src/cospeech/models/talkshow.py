@@ -58,7 +58,7 @@ class TalkShowConfig(ModelConfig):
     """Sizes and weights; those of the paper, or, where it is silent, of the authors' code."""
 
     TINY: ClassVar[Mapping[str, Any]] = {
-        "frames": 36, "codes": 12, "code": 6, "hidden": 16, "heard": 16, "width": 8, "layers": 3, "latent": 8, "prior_from": 10,
+        "frames": 36, "codes": 12, "code": 6, "hidden": 16, "heard": 16, "width": 8, "layers": 2, "latent": 8, "prior_from": 40,
     }  # fmt: skip
 
     frames: int = 88

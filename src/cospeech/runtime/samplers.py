@@ -117,8 +117,14 @@ class DiffusionSampler:
         return np.array(found, np.float32)
 
     def draw(self, heard: Array, style: Array, noise: Array, known: Array | None, temperature: float) -> Array:
-        """See `Sampler`."""
-        x = noise = np.float32(temperature) * noise
+        """See `Sampler`; each take by itself: products of matrices round otherwise for one take than for several."""
+        parts = [None if known is None else known[k : k + 1] for k in range(len(noise))]
+        noise = np.float32(temperature) * noise
+        each = [self._draw_take(heard, style[k : k + 1], noise[k : k + 1], part) for k, part in enumerate(parts)]
+        return np.concatenate(each)
+
+    def _draw_take(self, heard: Array, style: Array, noise: Array, known: Array | None) -> Array:
+        x = noise
         turns = np.pi / 2 * (1 - np.arange(self._steps + 1) / self._steps)
         for now, after in pairwise(turns):
             x = _hold(x, known, noise, now)

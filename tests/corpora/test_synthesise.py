@@ -40,6 +40,21 @@ def recordings(tmp_path_factory):
     return folder
 
 
+def test_other_gestures_of_the_same_speech(recordings, tmp_path):
+    """What an oracle row is made of: clips of the same names, lengths and sound, that move otherwise."""
+    pytest.importorskip("lmdb")
+    stores = []
+    for gestures in (0, 1):
+        raw = tmp_path / f"raw{gestures}"
+        synthesise(raw, "ted", speech=recordings, hours=1 / 90, speakers=2, seed=4, gestures=gestures, tts=False)
+        prepare("ted", raw, tmp_path / f"store{gestures}", filters=False)
+        stores.append(Store(tmp_path / f"store{gestures}"))
+    first, second = stores
+    assert [(clip.name, clip.frames) for clip in first.clips] == [(clip.name, clip.frames) for clip in second.clips]
+    np.testing.assert_allclose(first.arrays["audio"], second.arrays["audio"], atol=1e-5)
+    assert np.abs(first.arrays["pose"] - second.arrays["pose"]).mean() > 0.02
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_from_speech_to_a_store(layout, recordings, tmp_path):
     """A minute of each layout is synthesised, prepared and opened."""

@@ -97,7 +97,7 @@ def beat_align(generated: Sequence[Sample], reference: Sequence[Sample], tools: 
         else:
             runs.append(here)
     lift = lift_of_times(runs, seed=tools.seed)
-    return Score(lift.far, lift.interval, lift.accents, f"lag {lift.lag:+.2f} s")
+    return Score(lift.far, lift.interval, lift.accents, f"lag {lift.lag:+.2f} s", lift.draws)
 
 
 @metric("speech", "positions", better="higher", hears=True)

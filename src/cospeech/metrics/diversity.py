@@ -60,7 +60,8 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):
         raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
-    return Score(value, bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed), sum(map(len, clips)))
+    drawn = bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(value, drawn.interval, sum(map(len, clips)), draws=drawn.draws)
 
 
 @metric("positions", better="higher", unit="mm")

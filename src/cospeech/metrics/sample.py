@@ -151,9 +151,14 @@ class Tools:
 
 @dataclass(frozen=True)
 class Score:
-    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is."""
+    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is.
+
+    ``draws`` are the values for clips drawn with replacement, some of those that the interval is made of. Draw k takes the same
+    clips of every system that was scored on the same clips, so two systems are compared pair by pair.
+    """
 
     value: float
     interval: tuple[float, float] | None = None
     count: int = 1
     note: str = ""
+    draws: tuple[float, ...] = ()

@@ -104,6 +104,7 @@ def synthesise(
     hours: float = 0.5,
     speakers: int | None = None,
     seed: int = 0,
+    gestures: int = 0,
     tts: bool = True,
     act: bool = True,
     progress: Callable[[float, float | None], None] | None = None,
@@ -118,6 +119,7 @@ def synthesise(
         hours: of motion, roughly (takes are not cut).
         speakers: how many; those of `LAYOUTS` where not given.
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
+        gestures: seed of the motion alone: with another one the same speakers say the same and move otherwise.
         tts: whether espeak-ng and flite speak, as far as they are installed.
         act: whether voices act the emotions, in layouts that say which there is (BEAT's).
         progress: called with seconds done and seconds in all.
@@ -142,7 +144,9 @@ def synthesise(
         raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    clips = _clips(replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, seed, made, progress)
+    clips = _clips(
+        replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, (seed, gestures), made, progress
+    )
     write = import_module(CORPORA[layout].module).write
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -232,10 +236,11 @@ def _pools(
 
 
 def _clips(
-    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pool], seconds: float, seed: int, made: _Tally,
-    progress: Callable[[float, float | None], None] | None,
+    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pool], seconds: float, seeds: tuple[int, int],
+    made: _Tally, progress: Callable[[float, float | None], None] | None,
 ) -> Iterator[Clip]:  # fmt: skip
-    """Takes, speaker by speaker, each until the speaker's share is full."""
+    """Takes, speaker by speaker, each until the speaker's share is full; ``seeds`` are those of all, and of the gestures."""
+    seed, gestures = seeds
     places: Counter[tuple[int, str, str]] = Counter()
     for who, person in enumerate(people):
         actor = Actor(seed, who)
@@ -250,7 +255,8 @@ def _clips(
             own = _take_seed(seed, who, k)
             if chosen.acted:
                 speech = act(speech, actor.acting(emotion, own), own)
-            clip = perform(speech, person.style, emotion=emotion, seed=own, fps=chosen.fps)
+            moved = _take_seed(seed, who, k, gestures) if gestures else own
+            clip = perform(speech, person.style, emotion=emotion, seed=moved, fps=chosen.fps)
             yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
             done, k = done + clip.duration, k + 1
             made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration

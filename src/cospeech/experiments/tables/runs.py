@@ -206,6 +206,7 @@ class Runs:
         small: whether `SMALL` holds.
         overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
+        oracle: folder of the store of the same speech with other gestures; None: no such row.
         about: what the store is, where it does not say it itself: "synthetic"; printed at the head of the table.
         tell: is told what is being done.
     """
@@ -216,6 +217,7 @@ class Runs:
     small: bool = False
     overrides: tuple[str, ...] = ()
     threads: int = 0
+    oracle: str | PathLike[str] | None = None
     about: str = ""
     tell: Tell = field(default=lambda text: None)
 

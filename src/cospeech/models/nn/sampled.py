@@ -77,7 +77,8 @@ class Sampled(Windowed):
         return torch.randn(*like.shape[:2], self.modes, generator=draw).to(like)
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """``hear``, the sampler's network, and ``make``; half of a window is new, and a quarter of it comes after that."""
+        """``hear``, the sampler's network, ``make``, and ``style`` where it recognises styles; half of a window is new, and a
+        quarter of it comes after that."""
         steps = self.window // STRIDE
         common: dict[str, Any] = {"frames": 8 * STRIDE, "multiple": STRIDE, "shortest": STRIDE, "window": self.window}
         rows, heard = {"rows": (1, "T", self.audio)}, {"heard": (1, "S", self.heard)}
@@ -87,6 +88,7 @@ class Sampled(Windowed):
             "hear": ExportGraph(_OverTime(self, "hear"), rows, heard, **common),
             **self.sampler(),
             "make": ExportGraph(_OverTime(self, "decode"), latent, poses, **layout, **common),
+            **self.style_graph(),
         }
 
 

@@ -286,7 +286,9 @@ def test_a_table_from_nothing(table_runs, name, tmp_path):
     for row, cells in made.items():
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])
-        assert ("mean" in cells["face_mse"]) is (row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN"))
+        assert ("mean" in cells["face_mse"]) is (
+            row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN", "GestureDiffuCLIP")
+        )
         assert "--raw" in cells[BA]["why"]
     truth, noise = table["controls"][CONTROLS[0]], table["controls"]["white noise"]
     assert truth[FGD]["mean"] == pytest.approx(0, abs=1e-9)

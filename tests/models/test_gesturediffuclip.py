@@ -130,7 +130,7 @@ def test_the_contrastive_loss_of_words_and_gestures_is_symmetrical():
 
 def test_labels_become_styles_and_styles_become_motion():
     net = trained_windowed("gesturediffuclip")
-    named = net.named_styles()
+    named = net.label_styles()
     assert tuple(named) == EMOTIONS
     assert len({tuple(code.tolist()) for code in named.values()}) == len(EMOTIONS)
     for name, code in named.items():

@@ -256,7 +256,7 @@ class GestureDiffuClip(Sampled):
         return torch.stack([unit(self.style_of(own).mean(0)) for own in stretches])
 
     @torch.no_grad()
-    def named_styles(self) -> dict[str, Tensor]:
+    def label_styles(self) -> dict[str, Tensor]:
         """The emotions' labels."""
         return {name: self.style_of_label(name) for name in NAMES}
 

@@ -299,9 +299,9 @@ class TalkShow(Sampled):
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, S) weights of the speakers, (B, T, 2) numbers of [0, 1] → (B, T, D)."""
-        return self._made(self.draw(self.hear(audio.mT), style[:, ::STRIDE].mT, mode_noise[:, ::STRIDE]))
+        return self._decode_codes(self.draw(self.hear(audio.mT), style[:, ::STRIDE].mT, mode_noise[:, ::STRIDE]))
 
-    def _made(self, codes: Tensor) -> Tensor:
+    def _decode_codes(self, codes: Tensor) -> Tensor:
         """(B, S, 2) codes → (B, T, D)."""
         return self.decode(F.one_hot(codes, self.config.codes).flatten(2).to(self.order.device, torch.float32).mT).mT
 
@@ -333,7 +333,7 @@ class TalkShow(Sampled):
         known = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE])
         codes = self.draw(self.hear(audio.mT), who[..., ::STRIDE], uniform, known)
         face = self.face(arrays[self.face.encoder.array].mT, who[..., :frames])
-        return {"pose": self._made(codes)[:, :frames], "face": face.mT.clamp(0, 1)}
+        return {"pose": self._decode_codes(codes)[:, :frames], "face": face.mT.clamp(0, 1)}
 
     def speaker_styles(self, stretches: Tensor) -> Tensor:
         """(S, n, T, D) → (S, S): each speaker is themself."""

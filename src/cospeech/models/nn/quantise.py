@@ -73,11 +73,11 @@ class Quantiser(nn.Module):
         self.sums.lerp_(global_sum(chosen.mT @ vectors), share)
         seen = 1 - self.decay ** int(self.steps)  # the averages begin with zeros
         total = self.uses.sum()
-        self._move_seldom_used(vectors, total)
+        self._revive_codes(vectors, total)
         size = (self.uses + LEAST * seen) / (total + len(self.codes) * LEAST * seen) * total
         self.codes.copy_(self.sums / size.unsqueeze(1))
 
-    def _move_seldom_used(self, vectors: Tensor, total: Tensor) -> None:
+    def _revive_codes(self, vectors: Tensor, total: Tensor) -> None:
         """Put codes that are seldom used on vectors of the batch, drawn alike by all processes."""
         processes, rank = (dist.get_world_size(), dist.get_rank()) if is_shared() else (1, 0)
         mean = total / len(self.codes)

@@ -94,7 +94,7 @@ class Trainable(nn.Module):
         """What makes numbers of words, which then stand after the speech in the rows that it plays; None: it reads none."""
         return None
 
-    def named_styles(self) -> Mapping[str, Tensor]:
+    def label_styles(self) -> Mapping[str, Tensor]:
         """Styles that a bundle offers by name beside those of its speakers: name → (styles,); by default none."""
         return {}
 

@@ -110,7 +110,7 @@ def _bundle_networks(
         raise InputError(f"the run of {facts['model']!r} is of another version", "train it again")
     codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()
     space, statistics = _style_space(codes), _statistics(model, exported, kept, codes)
-    statistics = _add_named_styles(model, statistics, facts)
+    statistics = _add_label_styles(model, statistics, facts)
     weights, opened = exported.weights, _players(exported, exported.weights)
     columns = len(model.controls)
     if not model.literal:
@@ -152,9 +152,9 @@ def _rounding(exact: Mapping[str, Network], rounded: Mapping[str, Network], rows
     return difference((make["make"].run(latent=each)["poses"] for make in (exact, rounded)) for each in draws)
 
 
-def _add_named_styles(model: Any, statistics: Statistics, facts: dict[str, Any]) -> Statistics:
+def _add_label_styles(model: Any, statistics: Statistics, facts: dict[str, Any]) -> Statistics:
     """Statistics with the styles that a network has by name beside its speakers; a speaker's name stays the speaker's."""
-    named = {name: code.numpy() for name, code in model.named_styles().items() if name not in facts["styles"]}
+    named = {name: code.numpy() for name, code in model.label_styles().items() if name not in facts["styles"]}
     facts["styles"] = [*facts["styles"], *named]
     mean = statistics.speaker_mean
     return replace(

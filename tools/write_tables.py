@@ -24,7 +24,7 @@ BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
 
 
 def judge_again(table: dict[str, Any]) -> dict[str, Any]:
-    """Verdicts of a table that is kept, by the rule of today; of the figures with each seed, the clips are not kept."""
+    """Verdicts and note of a table that is kept, by the code of today; of figures with each seed: clips are not kept."""
     parts = [part for part in TABLES[table["table"]].parts if part.corpus == table["corpus"]]
     part = max(parts, key=lambda part: len({row.name for row in part.rows} & {*table["rows"]}))
     rows = {}
@@ -40,7 +40,7 @@ def judge_again(table: dict[str, Any]) -> dict[str, Any]:
         for name, cells in table["controls"].items()
     }
     evidence = Evidence(rows, controls, table["columns"], table["faults"])
-    return {"verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
+    return {"note": part.note, "verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
 
 
 def results() -> str:

@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import signal
+import sys
+import tarfile
 from dataclasses import replace
 from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -277,8 +281,8 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     assert {k: v for k, v in table["rows"].items() if "cells" in part["rows"][k]} == {
         k: v for k, v in part["rows"].items() if "cells" in v
     }
-    assert "(left out)" in to_text(part)
-    assert "(left out)" not in to_text(table)
+    assert "(not run)" in to_text(part)
+    assert "(not run)" not in to_text(table)
 
     data, page = write_table(table, tmp_path)
     assert json.loads(data.read_text()) == table
@@ -468,11 +472,111 @@ def test_maps_show_every_group():
 
 
 def test_results_on_the_page_are_those_that_are_kept():
-    from importlib.util import module_from_spec, spec_from_file_location
-
     spec = spec_from_file_location("write_tables", ROOT / "tools" / "write_tables.py")
     tool = module_from_spec(spec)
     spec.loader.exec_module(tool)
     assert tool.page() == tool.PAGE.read_text("utf-8"), "run tools/write_tables.py"
     how = (ROOT / "docs" / "tables.md").read_text("utf-8")
     assert all(f"| `{name}` |" in how for name in TABLES)
+
+
+# plans --------------------------------------------------------------------------------------------------------------------
+
+
+def experiments():
+    spec = spec_from_file_location("run_experiments", ROOT / "tools" / "run_experiments.py")
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def plan(store, recipes, runs, tmp_path) -> Path:
+    text = f"""
+runs = {json.dumps(str(runs))}
+[[table]]
+name = "flow-2"
+store = {json.dumps(str(store))}
+recipes = {json.dumps(str(recipes))}
+rows = ["baseline", "global"]
+seeds = [0, 1]
+set = ["train.batch=3"]
+"""
+    (tmp_path / "plan.toml").write_text(text)
+    return tmp_path / "plan.toml"
+
+
+@pytest.mark.slow
+def test_a_plan_is_trained_scored_and_packed_and_then_there_is_nothing_left(plan, runs, capsys):
+    tool = experiments()
+    assert tool.main([str(plan), "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["left"] * 4
+    assert tool.main([str(plan), "--pack", str(plan.parent / "kept.tar.gz")]) == 0
+    out, told = capsys.readouterr()
+    assert "0 of 4 runs are there" in told
+    assert "run 4 of 4" in told
+    assert "without global encoder" in out
+    (table,) = runs.glob("flow-2-*.json")
+    assert len(json.loads(table.read_text())["rows"]["baseline"]["cells"]["fgd"]["values"]) == 2
+    with tarfile.open(plan.parent / "kept.tar.gz") as archive:
+        names = archive.getnames()
+    assert table.name in names
+    assert not any(name.endswith(".safetensors") for name in names)
+    assert tool.main([str(plan), "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["done"] * 4
+
+
+def test_all_rows_get_a_seed_before_the_next(plan):
+    jobs = experiments().Plan.load(plan).jobs()
+    assert [job.seed for job in jobs] == [0, 0, 1, 1]
+    assert len({job.recipe for job in jobs[:2]}) == 2
+
+
+@pytest.mark.slow
+def test_a_budget_ends_a_run_and_the_next_call_goes_on(store, recipes, tmp_path, capsys):
+    text = f"""
+runs = "runs"
+[[table]]
+name = "flow-2"
+store = {json.dumps(str(store))}
+recipes = {json.dumps(str(recipes))}
+rows = ["baseline"]
+seeds = [0]
+set = ["train.steps=100000", "train.save_every=100000"]
+"""
+    (tmp_path / "plan.toml").write_text(text)
+    tool = experiments()
+    handler = signal.getsignal(signal.SIGALRM)
+    try:
+        assert tool.main([str(tmp_path / "plan.toml"), "--budget", "4s"]) == 130
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+    told = capsys.readouterr().err
+    assert "saved at step" in told
+    assert "goes on" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("runs = 'x'", "no runs or no"),
+        ("runs = 'x'\n[[table]]\nname = 'flow-2'\nstore = 's'\nseds = [1]", "seds"),
+        ("runs = 'x'\n[[table]]\nname = 'flow-2'\nstore = 's'", "has no 'seeds'"),
+        ("runs = ", "cannot read"),
+    ],
+)
+def test_a_plan_with_a_mistake_says_it(tmp_path, capsys, text, problem):
+    (tmp_path / "plan.toml").write_text(text)
+    assert experiments().main([str(tmp_path / "plan.toml"), "--list"]) == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_plans_that_come_with_the_project_are_whole(capsys):
+    tool = experiments()
+    for path in sorted((ROOT / "benchmarks" / "experiments").glob("*.toml")):
+        for entry in tool.Plan.load(path).tables:
+            assert entry["name"] in TABLES
+            assert len(entry["seeds"]) >= 4
+            for change in entry.get("set", ()):
+                assert "=" in change

@@ -304,7 +304,7 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
     assert len(files) == 8
 
 
-def test_label_styles_are_rows_of_codes():
+def test_named_styles_are_rows_of_codes():
     system = whole_system(styles="code")
     for k, name in enumerate(system.styles):
         embedding = style_space(system).by_name(name)

@@ -19,7 +19,7 @@ from ..motion.rotations import Array
 from ._scipy import scipy
 from .interval import Resampled
 from .metric import metric
-from .sample import FeatureNet, Sample, Score, Tools, pose_vectors
+from .sample import FeatureNet, Sample, Score, Tools, select_vectors
 
 __all__ = ["fgd", "fgd_published", "fid_poses", "frechet", "frechet_published", "moments"]
 
@@ -133,8 +133,11 @@ def fgd_published(generated: Sequence[Sample], reference: Sequence[Sample], tool
 
 @metric("positions|points", better="lower")
 def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement."""
-    a, b = ([pose_vectors(sample) for sample in side] for side in (generated, reference))
+    """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement.
+
+    Neck, nose and eyes of PATS' key points do not count, as coded.
+    """
+    a, b = ([select_vectors(sample) for sample in side] for side in (generated, reference))
     joined = np.concatenate(b)
     mean, deviation = joined.mean(0), joined.std(0)
     moving = deviation > STILL * deviation.max(initial=0)

@@ -13,8 +13,10 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from .movement import Track
 
-__all__ = ["FeatureNet", "Sample", "Score", "Tools", "pose_vectors"]
+__all__ = ["FeatureNet", "Sample", "Score", "Tools", "select_points", "select_vectors", "pose_vectors"]
 
+MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
+PATS = 52  # key points of PATS
 
 _SHAPES: dict[str, tuple[int, int | None]] = {
     "positions": (3, 3), "points": (3, 2), "rotations": (3, 4), "face": (2, len(ARKIT)), "semantics": (1, None),
@@ -96,6 +98,24 @@ def pose_vectors(sample: Sample) -> Array:
     if values.shape[1] < 2:
         raise InputError(f"{sample.name!r} has {values.shape[1]} joints", "a root and at least one more")
     return np.asarray(values[:, 1:] - values[:, :1], np.float64).reshape(len(values), -1)
+
+
+def select_points(count: int) -> list[int]:
+    """Which of ``count`` points Mix-StAGE judges: of PATS' 52 all but neck, nose and eyes; of others all but the root."""
+    return [k for k in range(count) if k not in (MASKED if count == PATS else (0,))]
+
+
+def select_vectors(sample: Sample) -> Array:
+    """(T, D) as of `pose_vectors`; where a sample has PATS' key points, without neck, nose and eyes (`select_points`).
+
+    Raises:
+        InputError: as of `pose_vectors`.
+    """
+    poses = pose_vectors(sample)
+    if sample.positions is not None or sample.points is None:
+        return poses
+    kept = [k - 1 for k in select_points(sample.points.shape[1])]
+    return poses.reshape(len(poses), -1, 2)[:, kept].reshape(len(poses), -1)
 
 
 @dataclass(frozen=True)

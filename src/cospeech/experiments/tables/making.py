@@ -21,7 +21,7 @@ from .report import summary, to_markdown
 from .runs import Runs, make_folder
 from .verdicts import Evidence, below, headroom, judge
 
-__all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
+__all__ = ["TABLES", "choose_rows", "draw_table", "make_table", "part_of", "write_table"]
 
 TABLES: dict[str, PaperTable] = {**FLOW, **MIX, **COG}
 """Name after ``--table`` → the table."""
@@ -69,7 +69,7 @@ def _row(
     return told | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}, scores
 
 
-def _choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
+def choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     """Names of the rows that are made: those that hold one of the texts, or all.
 
     Raises:
@@ -125,7 +125,7 @@ def make_table(
     paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
-    chosen = _choose_rows(part.rows, only) if trained else set()
+    chosen = choose_rows(part.rows, only) if trained else set()
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()

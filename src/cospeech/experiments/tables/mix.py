@@ -194,7 +194,8 @@ def _make_table_3(speaker_set: SpeakerSet) -> TableSplit:
             rows.append(TableSystem(names[-1], MULTI[MIX_STAGE], runs=(attribute.pair,), scored_speakers=(style,)))
         if column is not None:
             claims.append(Claim(column, names[1], names[0], True, "supplement, table 3"))
-    return TableSplit("pats", tuple(rows), tuple(claims), speakers=speaker_set.everybody)
+    note = "A system with far fewer strokes a minute than the recordings stands nearly still, and shows nothing of gestures."
+    return TableSplit("pats", tuple(rows), tuple(claims), note, speaker_set.everybody)
 
 
 def _make_table_4(speaker_set: SpeakerSet) -> TableSplit:

@@ -30,7 +30,7 @@ class TableSystem:
 
     Args:
         name: of the system, as the paper has it.
-        recipe: name of a recipe; None: not built yet, the row has published figures alone.
+        recipe: name of a recipe; None: not run here, the row has published figures alone.
         published: metric → the paper's figure.
         overrides: ``"model.modes=4"``, what is changed in the recipe.
         runs: speakers of each run that the row is made of; ``((),)``: one run of all.

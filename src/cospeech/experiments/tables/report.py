@@ -56,8 +56,7 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
             marks = {metric: f" {BELOW}" for metric in below}
             yield [name, *(_number(c) + marks.get(m, "") if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
         if row["published"]:
-            why = "left out" if row["recipe"] else "not built yet"
-            label = f"{name}, published" if row.get("cells") else f"{name}, published ({why})"
+            label = f"{name}, published" if row.get("cells") else f"{name}, published (not run)"
             yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
     for name, cells in table["controls"].items():
         yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]

@@ -299,6 +299,10 @@ class Runs:
             train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
         return folder
 
+    def is_done(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> bool:
+        """Whether a run is there, trained to its last step."""
+        return self._is_done(self.folder_of(name, seed, more), self.recipe(name, seed, more))
+
     def _is_done(self, folder: Path, recipe: Recipe) -> bool:
         """Whether a run is there, of this recipe, with all its steps."""
         if not (folder / "last.safetensors").exists():

@@ -226,6 +226,7 @@ def test_sizes_that_are_none_are_told():
             TalkShow(TalkShowConfig.tiny(), pose=3, audio=4, speakers=2, hands=hands)
 
 
+@pytest.mark.slow
 def test_parameters_at_paper_size_are_the_authors_but_for_what_is_masked():
     """Yi et al. 2023, authors' code, by hand of its widths: 39 numbers of a body, 90 of hands, 64 of speech, four speakers."""
 

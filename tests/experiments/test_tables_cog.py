@@ -43,6 +43,13 @@ TINY = {
     "speech2gesture": {"channels": 4, "discriminator_channels": 4},
     "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
     "audio2gestures": {"channels": 8, "code": 2},
+    "talkshow": {
+        "frames": 36, "codes": 4, "code": 2, "hidden": 8, "heard": 8, "width": 4, "layers": 2, "latent": 4, "prior_from": 1,
+    },
+    "gesturediffuclip": {
+        "hidden": 8, "latent": 4, "heard": 8, "text": 4, "text_channels": 4, "word_width": 4, "style": 4, "width": 4,
+        "layers": 1, "heads": 1, "steps": 2, "align_from": 1, "diffusion_from": 2,
+    },
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }  # fmt: skip
 
@@ -123,7 +130,8 @@ def test_every_row_has_a_recipe_that_builds(row):
 
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
-    assert config.frames == (64 if recipe.model in ("speech2gesture", "audio2gestures") else FRAMES)
+    frames = {"speech2gesture": 64, "audio2gestures": 64, "talkshow": 88, "gesturediffuclip": 36}
+    assert config.frames == frames.get(recipe.model, FRAMES)
     small = build(
         network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
     )
@@ -276,11 +284,13 @@ def test_costs_are_differences_to_all_inputs():
 def test_a_table_from_nothing(table_runs, name, tmp_path):
     table = make_table(name, table_runs, seeds=(0,), tell=quiet)
     made = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
-    assert len(made) == {"cog-1": 6, "cog-2": 5, "cog-4": 8}[name]
+    assert len(made) == {"cog-1": 8, "cog-2": 5, "cog-4": 8}[name]
     for row, cells in made.items():
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])
-        assert ("mean" in cells["face_mse"]) is (row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN"))
+        assert ("mean" in cells["face_mse"]) is (
+            row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN", "GestureDiffuCLIP")
+        )
         assert "--raw" in cells[BA]["why"]
     truth, noise = table["controls"][CONTROLS[0]], table["controls"]["white noise"]
     assert truth[FGD]["mean"] == pytest.approx(0, abs=1e-9)

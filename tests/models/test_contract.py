@@ -22,6 +22,7 @@ from cospeech.models.audio2gestures import Audio2Gestures  # noqa: E402
 from cospeech.models.chain_of_generation import ChainOfGeneration  # noqa: E402
 from cospeech.models.nn.modalities import ManyInputs  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
+from cospeech.models.nn.sampled import Sampled  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
@@ -301,7 +302,7 @@ def trained_windowed(name: str, **options):
 def test_the_networks_that_make_windows_are_these():
     known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
     known |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
-    known |= {"chain-of-generation-extended", "mix-stage-extended", "audio2gestures"}
+    known |= {"chain-of-generation-extended", "mix-stage-extended", "audio2gestures", "talkshow", "gesturediffuclip"}
     assert {name.partition("+")[0] for name in windowed()} == known
     for name in windowed():
         net = network(name)
@@ -313,6 +314,9 @@ def test_the_networks_that_make_windows_are_these():
             assert (net.styles, net.modes) == (ROWS + 8, noise(net.config))
             continue
         assert (net.styles > 0) is (net.encodes_style or net.literal)
+        if isinstance(net, Sampled):
+            assert net.modes > 0
+            continue
         assert name == "audio2gestures" or net.modes == (
             net.config.modes if getattr(net, "mode_logits", None) is not None else 0
         )
@@ -391,7 +395,7 @@ def test_mode_noise_moves_the_modes_and_only_them(name):
         if not net.modes:
             assert made.shape == (1, 64, POSE)
             return
-        if isinstance(net, ManyInputs | ChainOfGeneration | Audio2Gestures):  # noise that it gets beside its inputs
+        if isinstance(net, ManyInputs | ChainOfGeneration | Audio2Gestures | Sampled):  # noise that it gets beside its inputs
             assert (net.make(audio, style, torch.ones(1, 64, net.modes)) - made).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))

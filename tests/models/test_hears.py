@@ -18,6 +18,8 @@ CASES: dict[str, dict[str, Any]] = {
     "gesticulator": {"term": "gestures.pose"},
     "gesticulator, words": {"term": "gestures.pose"},
     "audio2gestures": {"term": "gestures.relaxed_position", "steps": 120, "lr": 1e-2},
+    "talkshow": {"term": "prior.body"},
+    "gesturediffuclip": {"term": "diffusion.velocity", "steps": 200},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

@@ -186,4 +186,4 @@ def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():
         graphs += export_network(name).graphs.values()
     for graph in graphs:
         used |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
-    assert used == OPERATORS
+    assert used | {"ConvTranspose", "MatMul"} == OPERATORS  # these two: tests/training/test_sampled_bundles.py

@@ -109,6 +109,16 @@ _OURS = {
         "Multi-context (Yoon et al. 2020, in BEAT's form): one motion for one speech, from sound, words and speaker",
         "Yoon et al. 2020; Liu et al. 2022", needs=("words",),
     ),
+    "talkshow": ModelEntry(
+        "cospeech.models.talkshow:TalkShow",
+        "TalkSHOW (Yi et al. 2023): many motions for one speech, drawn from a prior over codes of body and hands; and a face",
+        "Yi et al. 2023", needs=("face",),
+    ),
+    "gesturediffuclip": ModelEntry(
+        "cospeech.models.gesturediffuclip:GestureDiffuClip",
+        "GestureDiffuCLIP-like (after Ao et al. 2023): motion by diffusion, in the style of a label or example; no CLIP",
+        "Ao et al. 2023", needs=("words", "emotion"),
+    ),
     "chain-of-generation-live": ModelEntry(
         "cospeech.models.chain_live:ChainLive",
         "Chain of Generation, frame by frame: the streaming network of chain-of-generation",

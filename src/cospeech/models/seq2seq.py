@@ -23,9 +23,9 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from .nn.configuration import ModelConfig
-from .nn.modalities import INPUTS, SEEDS
+from .nn.modalities import SEEDS, check_lacks
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.settings import check_least
@@ -154,9 +154,7 @@ class Seq2Seq(Trainable):
         Raises:
             InputError: there is no such input.
         """
-        for name in lacks:
-            if name not in INPUTS:
-                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        check_lacks(lacks)
         words, seeds = self.embedding(arrays["text"]), arrays["pose"][:, :SEEDS]
         words = torch.zeros_like(words) if "text" in lacks else words
         return {"pose": self(words, torch.zeros_like(seeds[:, :1]) if "seed" in lacks else seeds)}

@@ -3,6 +3,7 @@
 an autoregressive flow with its history        `AutoregressiveDecoder`
 frames with a state                            `CausalStreamDecoder`
 windows that fix their new frames (``hop``)    `OverlapAddDecoder`
+windows whose motion is drawn                  `SampledWindowDecoder`
 windows of another kind                        `SlidingWindowDecoder`
 """
 
@@ -24,7 +25,7 @@ from .flow.latent_sources import Transfer, best_transfer
 from .mouth import POSE
 from .network import Network
 from .session import Decoder
-from .sliding_window_decoder import OverlapAddDecoder, SlidingWindowDecoder, looking, sections
+from .sliding_window_decoder import OverlapAddDecoder, SampledWindowDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
 from .styles.embedding import StyleMixture
 from .styles.space import StyleSpace
@@ -87,6 +88,8 @@ def start_decoder(
     scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
     if live:
         return CausalStreamDecoder(*common, **scales)
+    if system.draws:
+        return SampledWindowDecoder(*common, **scales)
     if network.signature.hop is None:
         return SlidingWindowDecoder(*common, looking(network.signature, system.fps, options.look_ahead), **scales)
     before = None if given.before is None else poses_before(system, given.before, network.signature.seeds)

@@ -54,7 +54,7 @@ class Network:
         self._free = len({size for port in self._given.values() for size in port if isinstance(size, str)})
         self._last: Any = (0, 0), ({}, {})
         self._names = [end.name for end in self._session.get_outputs()]
-        sizes = {"N": 2, "T": signature.probe}
+        sizes = {"N": 2, "T": signature.probe, "S": signature.probe // signature.multiple}
         self.run(**{name: np.zeros(_shape(port, sizes), np.float32) for name, port in self._given.items()})
 
     def begin(self, takes: int) -> dict[str, Array]:
@@ -71,13 +71,14 @@ class Network:
             InputError: another name or shape, or frames that are no multiple of the network's.
         """
         sizes = self._sizes(given)
-        inputs, outputs = self._shapes(sizes.get("N", 1), sizes.get("T", 1))
+        frames = sizes.get("T", sizes.get("S", 1) * self.signature.multiple)
+        inputs, outputs = self._shapes(sizes.get("N", 1), frames)
         for name, array in given.items():
             if np.shape(array) != inputs.get(name) or 0 in np.shape(array):
                 shapes = {name: np.shape(array) for name, array in given.items()}
                 raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._given}"[:200])
-        if sizes.get("T", 0) % self.signature.multiple:
-            raise InputError(f"a network was given {sizes['T']} frames", f"a multiple of {self.signature.multiple}")
+        if frames % self.signature.multiple and "T" in sizes:
+            raise InputError(f"a network was given {frames} frames", f"a multiple of {self.signature.multiple}")
         sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}
         for name in self._given.keys() - given.keys():
             sane[name] = np.zeros(inputs[name], np.float32)
@@ -88,7 +89,7 @@ class Network:
         return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
 
     def _sizes(self, given: Mapping[str, Array]) -> dict[str, int]:
-        """N and T of what is given, as the first input says that has them."""
+        """N, and T or S, of what is given, as the first input says that has them."""
         sizes: dict[str, int] = {}
         for name, array in given.items():
             for size, found in zip(self._given.get(name, ()), np.shape(array), strict=False):
@@ -102,7 +103,7 @@ class Network:
         """Of inputs and outputs; those of the call before are kept."""
         last = self._last  # sessions of several threads may share a network
         if last[0] != (takes, frames):
-            sizes = {"N": takes, "T": frames}
+            sizes = {"N": takes, "T": frames, "S": frames // self.signature.multiple}
             found = [{name: _shape(port, sizes) for name, port in ports.items()} for ports in (self._given, self._made)]
             last = self._last = (takes, frames), (found[0], found[1])
         return last[1]  # type: ignore[no-any-return]

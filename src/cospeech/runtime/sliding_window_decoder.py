@@ -15,11 +15,14 @@ from .bundles.signature import Signature
 from .conditioning import ConditioningFace
 from .network import Network
 from .network_decoder import NetworkDecoder
+from .samplers import open_sampler
 from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import Sliding, WindowLayout, check_look_ahead
 
-__all__ = ["LIVE", "OverlapAddDecoder", "SlidingWindowDecoder", "live", "looking", "sections", "whole"]
+__all__ = [
+    "LIVE", "OverlapAddDecoder", "SampledWindowDecoder", "SlidingWindowDecoder", "live", "looking", "sections", "whole",
+]  # fmt: skip
 
 BLOCK = 256  # ours: frames that are made at once where nobody waits
 
@@ -180,6 +183,34 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         rows = np.zeros((self.setting.window, self.width + 1), np.float32)
         rows[past - len(poses) : past] = np.concatenate([poses, np.ones((len(poses), 1), np.float32)], 1)
         return rows
+
+
+class SampledWindowDecoder(SlidingWindowDecoder):
+    """Windows whose motion is drawn: each goes on from what the one before has drawn of its past, and is faded into.
+
+    Args:
+        system, network, style, seeds, silence, temperature, intensity: see `NetworkDecoder`.
+    """
+
+    def __init__(
+        self, system: System, network: Network, style: StyleTrack | SpokenStyleTrack, seeds: Sequence[int], silence: Array, *,
+        temperature: float = 1.0, intensity: float = 1.0,
+    ) -> None:  # fmt: skip
+        layout = sections(network.signature)
+        super().__init__(system, network, style, seeds, silence, layout, temperature=temperature, intensity=intensity)
+        self._seeds, self._sampler = seeds, open_sampler(system.networks)
+        self._drawn: Array | None = None
+
+    def _window(self, rows: Array, first: int, noise: Array) -> Array:
+        """See `SlidingWindowDecoder`."""
+        stride, layout, ports = self._network.signature.multiple, self.setting, self._ports(rows, first, noise)
+        steps = np.arange(layout.window // stride) + (first - layout.past) // stride
+        latent = self._sampler.draw(
+            self._system.networks["hear"].run(rows=ports["rows"])["heard"], ports["style"][:, ::stride],
+            self._sampler.draw_noise(self._seeds, steps), self._drawn, float(self._temperature),
+        )  # fmt: skip
+        self._drawn = latent[:, layout.hop // stride : (layout.hop + layout.past) // stride]
+        return self._run({"latent": latent})["poses"]
 
 
 _JOIN = 0.5  # s; ours: as styles are faded

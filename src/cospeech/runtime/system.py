@@ -44,6 +44,11 @@ class System(BundleFacts):
         return self.networks.get("make") or self.networks["live"]
 
     @property
+    def draws(self) -> bool:
+        """Whether its motion is drawn, see `cospeech.runtime.samplers`; not a flow's."""
+        return "hear" in self.networks
+
+    @property
     def has_emotions(self) -> bool:
         """Whether emotions are a part of the style."""
         return self.style_space == "speaker-emotion"

@@ -1,4 +1,5 @@
-"""The rhythmic identification loss (Xu et al. 2024, equation 6): InfoNCE between two sequences that belong frame to frame."""
+"""InfoNCE: between two sequences that belong frame to frame, as in the rhythmic identification loss (Xu et al. 2024, equation
+6), and between vectors and those of labels."""
 
 from __future__ import annotations
 
@@ -6,7 +7,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-__all__ = ["RhythmIdentity", "info_nce"]
+__all__ = ["RhythmIdentity", "choice_nce", "info_nce", "unit"]
+
+LEAST = 1e-6  # of a mean square
 
 
 def info_nce(queries: Tensor, keys: Tensor, temperature: float) -> Tensor:
@@ -22,6 +25,28 @@ def info_nce(queries: Tensor, keys: Tensor, temperature: float) -> Tensor:
     likeness = torch.einsum("bci,bcj->bij", F.normalize(queries, dim=1), F.normalize(keys, dim=1)) / temperature
     own = torch.arange(likeness.shape[1], device=likeness.device).expand(likeness.shape[:2])
     return F.cross_entropy(likeness.mT, own)  # classes are dimension 1: the keys
+
+
+def unit(x: Tensor) -> Tensor:
+    """(…, C) vectors brought to the length √C."""
+    return x / ((x * x).mean(-1, keepdim=True) + LEAST).sqrt()
+
+
+def choice_nce(queries: Tensor, keys: Tensor, labels: Tensor, temperature: float) -> Tensor:
+    """−log of the share that the key of its own label has, among the keys of all labels, in likeness to each query.
+
+    Args:
+        queries: (B, C).
+        keys: (K, C), of all labels.
+        labels: (B,) number of each query's label; −1: unknown, it counts as 0.
+        temperature: τ, by which cosines are divided.
+
+    Returns:
+        the mean, ().
+    """
+    likeness = unit(queries) @ unit(keys).mT / keys.shape[1] / temperature
+    each = F.cross_entropy(likeness, labels.clamp_min(0), reduction="none")
+    return torch.where(labels >= 0, each, 0.0).mean()
 
 
 class RhythmIdentity(nn.Module):

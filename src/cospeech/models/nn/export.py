@@ -14,7 +14,7 @@ from torch.nn.utils import parametrize
 __all__ = ["ExportGraph", "Playing", "fold_norm", "inference_copy", "without_inputs"]
 
 Shape = tuple[int | str, ...]
-"""Numbers, and the names of sizes that vary: N takes, T frames."""
+"""Numbers, and the names of sizes that vary: N takes, T frames, S steps of ``multiple`` frames each."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class ExportGraph:
     look_ahead: int = 0
     hop: int | None = None
     seeds: int = 0
+    groups: int = 1
+    steps: int = 0
 
 
 class Playing(nn.Module):
@@ -87,7 +89,7 @@ def _simplify(net: Any) -> Any:
         setattr(net, name, _simplify(child))
     if isinstance(net, nn.Sequential):
         for k, (layer, after) in enumerate(zip([*net], [*net][1:], strict=False)):
-            if isinstance(layer, nn.Conv1d) and isinstance(after, nn.BatchNorm1d):
+            if isinstance(layer, nn.Conv1d | nn.ConvTranspose1d) and isinstance(after, nn.BatchNorm1d):
                 net[k], net[k + 1] = fold_norm(layer, after), nn.Identity()
     return net
 
@@ -97,7 +99,9 @@ def fold_norm(conv: Any, norm: Any) -> Any:
     """A copy of a convolution, with the batch norm after it in its weights; folded in double precision."""
     folded = deepcopy(conv)
     gain = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
-    folded.weight.copy_(conv.weight.double() * gain.reshape(-1, *[1] * (conv.weight.ndim - 1)))
+    sizes = [1] * conv.weight.ndim
+    sizes[isinstance(conv, nn.ConvTranspose1d)] = -1  # whose weights are (inputs, outputs, kernel)
+    folded.weight.copy_(conv.weight.double() * gain.reshape(sizes))
     bias = (conv.bias.double() - norm.running_mean.double()) * gain + norm.bias.double()
     folded.bias.copy_(bias)
     return folded

@@ -21,7 +21,7 @@ from .recurrent import BothWays, BothWaysGru
 from .windowed import Windowed
 from .words import SubwordTable, WordEmbedding
 
-__all__ = ["INPUTS", "SEEDS", "ManyInputs", "ModalityInputs", "weights_of"]
+__all__ = ["INPUTS", "SEEDS", "ManyInputs", "ModalityInputs", "check_lacks", "weights_of"]
 
 SEEDS = 4  # poses that a window begins with; Liu et al. 2022 and Yoon et al. 2020
 INPUTS = ("text", "face", "emotion", "speaker", "seed")
@@ -48,6 +48,17 @@ class ModalityInputs(NamedTuple):
 def weights_of(labels: Tensor, count: int) -> Tensor:
     """(…,) whole numbers, −1 where unknown → (…, count): 1 at the label's place, all 0 where unknown."""
     return F.one_hot(labels.clamp_min(-1) + 1, count + 1)[..., 1:].float()
+
+
+def check_lacks(lacks: Collection[str]) -> None:
+    """Refuse what is no input that can be kept back.
+
+    Raises:
+        InputError: one of them is not of `INPUTS`.
+    """
+    for name in lacks:
+        if name not in INPUTS:
+            raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
 
 
 class ManyInputs(Windowed):
@@ -87,9 +98,7 @@ class ManyInputs(Windowed):
         Raises:
             InputError: there is no such input.
         """
-        for name in lacks:
-            if name not in INPUTS:
-                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        check_lacks(lacks)
         audio, pose = arrays["audio"], arrays["pose"]
         rows, frames = audio.shape[:2]
         nobody = arrays["speaker"].new_full((rows, frames), -1)

@@ -72,7 +72,7 @@ class Trainable(nn.Module):
 
     @property
     def word_embedding(self) -> SubwordTable | WordEmbedding | None:
-        """What makes numbers of words: its part ``embedding``; None: it reads none."""
+        """What makes numbers of words: its part ``embedding``; they stand after the speech in ``rows``. None: it reads none."""
         found = self._modules.get("embedding")
         return found if isinstance(found, SubwordTable | WordEmbedding) else None
 
@@ -98,6 +98,10 @@ class Trainable(nn.Module):
             InputError: it makes no motion, which is the default.
         """
         raise InputError(f"{type(self).__name__} makes no motion: no bundle is possible", "docs/add_a_model.md: export_module")
+
+    def label_styles(self) -> Mapping[str, Tensor]:
+        """Styles that a bundle offers by name beside those of its speakers: name → (styles,); by default none."""
+        return {}
 
     def style_of(self, poses: Tensor) -> Tensor:
         """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""

@@ -66,23 +66,19 @@ class Windowed(Trainable):
         inputs |= {"noise": ("N", "T", self.modes)} if self.modes else {}
         poses = ("N" if len(inputs) > 1 else 1, "T", self.pose)
         frames = max(self.shortest, 4) * 2
-        graphs = {
-            "make": ExportGraph(
-                Playing(self), inputs, {"poses": poses}, frames=frames, multiple=self.multiple, shortest=self.shortest,
-                window=self.window,
-            ),
-        }  # fmt: skip
+        make = ExportGraph(
+            Playing(self), inputs, {"poses": poses}, frames=frames, multiple=self.multiple, shortest=self.shortest,
+            window=self.window,
+        )  # fmt: skip
+        return {"make": make, **self.style_graph()}
+
+    def style_graph(self) -> dict[str, ExportGraph]:
+        """``style``, where it recognises styles."""
         recognise = self.style_encoder()
-        if recognise is not None:
-            graphs["style"] = ExportGraph(
-                recognise,
-                {"poses": (1, "T", self.pose)},
-                {"style": (1, self.styles)},
-                frames=80,
-                shortest=STYLE_FRAMES,
-                window=STYLE_FRAMES,
-            )
-        return graphs
+        if recognise is None:
+            return {}
+        inputs, outputs = {"poses": (1, "T", self.pose)}, {"style": (1, self.styles)}
+        return {"style": ExportGraph(recognise, inputs, outputs, frames=80, shortest=STYLE_FRAMES, window=STYLE_FRAMES)}
 
     def style_encoder(self) -> nn.Module | None:
         """What recognises a style: (B, T, D) poses → (B, styles); None: it recognises none."""

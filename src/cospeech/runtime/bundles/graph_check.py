@@ -14,10 +14,10 @@ __all__ = ["OPERATORS", "WEIGHTS", "check_onnx"]
 WEIGHTS = "weights"
 """The place that our graphs name for weights, which is no file: they are handed over when a session is opened."""
 OPERATORS = {
-    "Abs", "Add", "AveragePool", "Clip", "Concat", "Conv", "DequantizeLinear", "Div", "Exp", "GRU", "Gather", "Gemm",
-    "InstanceNormalization", "LSTM", "LeakyRelu", "MatMulIntegerToFloat", "Max", "MaxPool", "Min", "Mul", "Pad",
-    "QuantizeLinear", "ReduceMax", "ReduceMean", "Relu", "Reshape", "Resize", "Sigmoid", "Slice", "Softmax", "Split", "Sqrt",
-    "Sub", "Tanh", "Transpose",
+    "Abs", "Add", "AveragePool", "Clip", "Concat", "Conv", "ConvTranspose", "DequantizeLinear", "Div", "Exp", "GRU", "Gather",
+    "Gemm", "InstanceNormalization", "LSTM", "LeakyRelu", "MatMul", "MatMulIntegerToFloat", "Max", "MaxPool", "Min", "Mul",
+    "Pad", "QuantizeLinear", "ReduceMax", "ReduceMean", "Relu", "Reshape", "Resize", "Sigmoid", "Slice", "Softmax", "Split",
+    "Sqrt", "Sub", "Tanh", "Transpose",
 }  # fmt: skip
 """Everything that our graphs are made of."""
 DOMAINS = ("", "ai.onnx", "com.microsoft")

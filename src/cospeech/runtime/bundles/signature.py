@@ -7,6 +7,12 @@ A bundle has one network or several, each with a signature. Their names say what
     style     a stretch of poses → the style that it shows
     classify  speech → logits of speakers and emotions
 
+A system whose motion is drawn has more, which `cospeech.runtime.samplers` runs; ``make`` then turns what is drawn into poses:
+
+    hear      windows of speech → what is heard of it, a step for some frames
+    prior     a step of what is heard, and codes that are drawn → logits of the codes that are not, and the next state
+    denoise   what is heard, and latents with noise → their velocity
+
 and the names of the ports say what they hold (`PORTS`). A network has the ports that it needs and no others.
 """
 
@@ -21,7 +27,8 @@ from ...errors import InputError
 __all__ = ["NETWORKS", "PORTS", "STYLE_FRAMES", "Port", "Signature"]
 
 Port = tuple[int | str, ...]
-"""Shape of an array: whole numbers, ``"N"`` for the takes, ``"T"`` for the frames of a window."""
+"""Shape of an array: whole numbers, ``"N"`` for the takes, ``"T"`` for the frames of a window, ``"S"`` for its steps, each of
+``multiple`` frames."""
 STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by Mix-StAGE's encoder leave one
 PORTS = {
     "rows": "standardised features of speech, then style controls, then what stands for the word; one speech for all takes",
@@ -30,22 +37,34 @@ PORTS = {
     "face": "ARKit weights of a face that is given, and how far it is given, 0 … 1",
     "seed": "standardised poses before the first frame, and 1 where one is given",
     "poses": "standardised poses",
-    "logits": "logits of the speakers, then of the emotions",
+    "logits": "logits of the speakers, then of the emotions; or of the codes of each group",
+    "heard": "what a sampler hears of the speech",
+    "latent": "what is drawn: latents, with noise or without; or codes, 1 at the place of the one that is drawn of each group",
+    "level": "how much noise there is: cosines, then sines of 1, 2 … times its angle",
+    "velocity": "velocity of latents with noise",
+    "before": "codes of the step before, zeros before the first",
+    "codes": "codes of this step, zeros of groups that are not drawn yet",
 }
 """Port → what it holds."""
 NETWORKS = {
-    "make": ({"rows", "style", "noise", "face", "seed"}, {"poses"}),
+    "make": ({"rows", "style", "noise", "face", "seed", "latent"}, {"poses"}),
     "live": ({"rows", "style", "noise"}, {"poses"}),
     "style": ({"poses"}, {"style"}),
     "classify": ({"rows"}, {"logits"}),
+    "hear": ({"rows"}, {"heard"}),
+    "prior": ({"heard", "style", "before", "codes"}, {"logits"}),
+    "denoise": ({"heard", "style", "latent", "level"}, {"velocity"}),
 }
 """Network → inputs that it may have, and outputs that it has."""
-_SHARED = {"rows", "face", "seed"}  # one for all takes
+_SHARED = {"rows", "face", "seed", "heard", "level"}  # one for all takes
+_STEPS = {"heard", "latent", "level", "velocity"}  # of steps, not of frames
+_BY_STEP = {"live", "prior"}  # networks that take a frame or a step at a time
 _WIDEST = {"rows": 5024, "style": 1024, "noise": 256, "face": 53, "seed": 2001, "poses": 2000, "logits": 1024}
+_WIDEST |= dict.fromkeys(("logits", "heard", "latent", "velocity", "before", "codes"), 1 << 14) | {"level": 256}
 _WIDEST_STATE = 1 << 17  # numbers; the last 34 frames of 1,000 channels are a quarter of it
 _RANGES = {
     "window": (1, 4096), "look_ahead": (0, 64), "multiple": (1, 1024), "reach": (0, 1 << 16), "hop": (1, 4096),
-    "seeds": (0, 64),
+    "seeds": (0, 64), "groups": (1, 64), "steps": (0, 4096),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 _MOST_STATES = 256  # ours
@@ -80,6 +99,10 @@ class Signature:
     """New frames of each window where the network fixes them, and ``look_ahead`` with them; None: the player chooses."""
     seeds: int = 0
     """Frames of the port ``seed`` that may be given."""
+    groups: int = 1
+    """Groups of codes of a step, of each of which one is drawn."""
+    steps: int = 0
+    """Steps in which noise is taken away."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
@@ -121,13 +144,14 @@ class Signature:
             raise InputError(
                 f"network {role!r} cannot have the ports {ports}", "docs/add_a_model.md lists those that it can have"
             )
-        if not set(self.inputs) & {"rows", "poses"} or (self.window is None) != (role == "live"):
+        if not set(self.inputs) & {"rows", "poses", "heard", "latent"} or (self.window is None) != (role in _BY_STEP):
             raise InputError(
                 f"network {role!r} has window={self.window}",
-                "live has none; each other network has one, and hears rows or poses",
+                "live and prior have none; each other network has one, and hears rows or poses",
             )
         for name, port in {**self.inputs, **self.outputs}.items():
-            frames: Port = () if role == "live" or (role, name) == ("style", "style") else ("T",)
+            frames: Port = ("S",) if name in _STEPS or role == "denoise" else ("T",)
+            frames = () if role in _BY_STEP or (role, name) == ("style", "style") else frames
             takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name == "poses" else ["N"]
             width = port[-1] if port else 0
             if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
@@ -167,9 +191,9 @@ def _ports(value: object) -> dict[str, Port]:
         raise InputError(f"the ports of a network are {str(value)[:60]!r}", "a table of name → shape")
     for name, port in value.items():
         if not isinstance(port, list | tuple) or not port or not all(_is_size(size) for size in port):
-            raise InputError(f"port {name[:40]!r} has the shape {str(port)[:60]}", "whole numbers from 1 on, N and T")
+            raise InputError(f"port {name[:40]!r} has the shape {str(port)[:60]}", "whole numbers from 1 on, N, T and S")
     return {name: tuple(port) for name, port in value.items()}
 
 
 def _is_size(size: Any) -> bool:
-    return size in ("N", "T") if isinstance(size, str) else type(size) is int and 0 < size <= _WIDEST_STATE
+    return size in ("N", "T", "S") if isinstance(size, str) else type(size) is int and 0 < size <= _WIDEST_STATE

@@ -38,6 +38,7 @@ STATISTICS, WEIGHTS, CARD = "statistics.safetensors", "weights.safetensors", "ca
 FRAME_RATES = (1.0, 240.0)
 MOST_SMOOTH = 8  # frames; ours
 LARGEST = 1e6  # ours: no weight of a trained network comes near
+SAMPLERS = ("hear", "prior", "denoise")
 _GRAPHS = {"speech", "past", "frame"}  # of a flow; style where it has codes
 
 
@@ -127,7 +128,7 @@ def _read(bundle: Bundle) -> BundleSpec:
         _check_graphs(graphs, signatures, weights)
         decoder = signatures.get("make") or signatures["live"]
         words = statistics.words.shape[1] if statistics.words.size else 0
-        widths = decoder.width("poses"), decoder.width("rows") - words
+        widths = decoder.width("poses"), _width(signatures, "rows") - words
     pose, audio = facts["pose"], facts["audio"]
     if find_pose(pose).dimensions != widths[0] or audio_width(audio) != widths[1] - len(facts["controls"]):
         raise InputError(
@@ -167,11 +168,42 @@ def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
     if not faced or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
         due = f"'face' has {len(ARKIT) + 1} numbers, 'seed' one more than 'poses'"
         raise InputError("the ports 'face' and 'seed' have other sizes than a network can have", due)
-    if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), decoder.width("style")):
+    _check_sampler(found)
+    if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), _width(found, "style")):
         raise InputError(
             "the style encoder has other poses or styles than the network that makes motion", "is the bundle damaged?"
         )
     return None, found
+
+
+def _width(signatures: Mapping[str, Signature], port: str) -> int:
+    """Numbers of a port that the networks take which make motion; 0: none of them has it."""
+    making = (signatures[name] for name in ("make", "live", *SAMPLERS) if name in signatures)
+    return next((width for each in making if (width := each.width(port))), 0)
+
+
+def _check_sampler(found: Mapping[str, Signature]) -> None:
+    """Whether networks fit together that draw what `make` turns into poses.
+
+    Raises:
+        InputError: they do not, or one of them is missing.
+    """
+    latent = found["make"].width("latent") if "make" in found else 0
+    has = [name for name in SAMPLERS if name in found]
+    if not latent and not has:
+        return
+    if not latent or len(has) != 2 or "hear" not in has:
+        raise InputError(f"the bundle draws motion by {', '.join(has)[:60]!r}", "it needs make, hear, and prior or denoise")
+    hear, draw = found["hear"], found[has[1]]
+    widths = {draw.width(port) for port in ("latent", "velocity", "before", "codes", "logits") if draw.width(port)}
+    hop, ahead = found["make"].hop or 0, found["make"].look_ahead
+    whole = not any(frames % hear.multiple for frames in (hop, ahead, found["make"].probe)) and hop > 0
+    alike = {each.multiple for each in (hear, found["make"], draw) if each.window} == {hear.multiple}
+    if widths != {latent} or draw.width("heard") != hear.width("heard") or not (whole and alike):
+        raise InputError("the networks that draw motion do not fit together", "is the bundle damaged?")
+    counted = latent % draw.groups == 0 if has[1] == "prior" else draw.steps > 0 and draw.width("level") % 2 == 0
+    if not counted:
+        raise InputError(f"the network {has[1]!r} has groups={draw.groups}, steps={draw.steps}", "is the bundle damaged?")
 
 
 def _facts(bundle: Bundle) -> dict[str, Any]:
@@ -254,14 +286,15 @@ def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics
             f"{VOICE!r} is the last style of a bundle with a classifier, and of no other",
         )
     emotions = len(EMOTIONS) if space == "speaker-emotion" else 0
-    width = {"none": 0, "code": decoder.width("style")}.get(space, speakers + emotions)
-    if decoder.width("style") != width or (space == "code" and not width) or not speakers:
+    taken = _width(signatures, "style")
+    width = {"none": 0, "code": taken}.get(space, speakers + emotions)
+    if taken != width or (space == "code" and not width) or not speakers:
         raise InputError(
-            f"the network takes a style of {decoder.width('style')} numbers",
+            f"the network takes a style of {taken} numbers",
             f"{speakers} speakers in the style_space {space!r} need {width}",
         )
     words, shapes = s.words.shape[-1] if s.words.size else 0, dict[str, tuple[int, ...]]()
-    audio = decoder.width("rows") - words
+    audio = _width(signatures, "rows") - words
     if hears and (signatures["classify"].width("rows"), signatures["classify"].width("logits")) != (audio - controls, width):
         raise InputError(
             "the classifier has another number of inputs or outputs than the networks need", "is the bundle damaged?"

@@ -117,6 +117,7 @@ class CodeSpace:
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
         made, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
+        made = mean.astype(np.float32) if self._system.draws else made  # what is drawn has the example's mean pose already
         return StyleEmbedding(
             code.astype(np.float32), mean.astype(np.float32), _no_beginnings(self._system), None, shown, made, gain,
             live_mean, live_gain,

@@ -168,7 +168,7 @@ def _calibration(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
 def _beside(system: System, seeds: Sequence[int]) -> Array:
     """(N, C) how far takes lie beside a style."""
     codes = system.statistics.style_codes
-    if system.style_space != "code" or system.main_network.signature.width("noise"):
+    if system.style_space != "code" or system.draws or system.main_network.signature.width("noise"):
         return np.zeros((len(seeds), codes.shape[1]), np.float32)
     drawn = [np.random.default_rng([seed, 4]).standard_normal(codes.shape[1]) * codes.std(0) for seed in seeds]
     return np.array(drawn, np.float32).reshape(len(seeds), codes.shape[1])

@@ -17,11 +17,12 @@ from ...motion.rotations import Array
 from ...runtime.bundles.spec import VOICE, half, unpack_half
 from ...runtime.bundles.statistics import Statistics
 from ...runtime.network import Network
+from ...runtime.samplers import open_sampler
 from ...runtime.system import write_networks
 from ..checkpoint import load_run, read_facts, read_tensors, stands_for
 from ..processes import surroundings
 from ..train import Tell
-from .calibration import calibrate, relative_error, stretch_rows
+from .calibration import calibrate, difference, relative_error, stretch_rows
 from .exported_model import ExportedModel, export_model
 from .flow import bundle_flow, control_quantiles
 
@@ -109,6 +110,7 @@ def _bundle_networks(
         raise InputError(f"the run of {facts['model']!r} is of another version", "train it again")
     codes = model.speaker_styles(torch.from_numpy(kept["stretches"])).numpy()
     space, statistics = _style_space(codes), _statistics(model, exported, kept, codes)
+    statistics = _add_label_styles(model, statistics, facts)
     weights, opened = exported.weights, _players(exported, exported.weights)
     columns = len(model.controls)
     if not model.literal:
@@ -121,8 +123,7 @@ def _bundle_networks(
             progress(1, 1, "rounding the weights")
         weights = half(weights)
         rows, rounded = stretch_rows(statistics, kept, columns)[:, 0], _players(exported, unpack_half(weights))
-        name = "make" if "make" in opened else "live"
-        facts |= {"rounding": relative_error(opened[name], rounded[name], rows, statistics.style_codes)}
+        facts |= {"rounding": _rounding(opened, rounded, rows, statistics.style_codes)}
         card += f"\nWeights are kept in half precision, which moves its poses by {facts['rounding']:.2%} of their size.\n"
     if space in ("one-hot", "speaker-emotion"):
         statistics = replace(statistics, style_codes=np.zeros(0, np.float32))
@@ -131,11 +132,35 @@ def _bundle_networks(
 
 
 def _players(exported: ExportedModel, weights: Mapping[str, Array]) -> dict[str, Network]:
-    """The networks that make poses, opened."""
+    """The networks that make poses, and those that draw what poses are made of, opened."""
     return {
         name: Network(signature, exported.graphs[name], weights)
-        for name, signature in exported.signatures.items() if name in ("make", "live")
+        for name, signature in exported.signatures.items() if name not in ("style", "classify")
     }  # fmt: skip
+
+
+def _rounding(exact: Mapping[str, Network], rounded: Mapping[str, Network], rows: Array, styles: Array) -> float:
+    """By how much other weights move the poses, relatively; where motion is drawn, of what the exact networks draw."""
+    if "hear" not in exact:
+        name = "make" if "make" in exact else "live"
+        return relative_error(exact[name], rounded[name], rows, styles)
+    sampler, draws = open_sampler(exact), []
+    for own, style in zip(rows[:, : exact["make"].signature.probe], styles, strict=False):
+        heard = exact["hear"].run(rows=own[None])["heard"]
+        noise = sampler.draw_noise([0], np.arange(heard.shape[1]))
+        draws.append(sampler.draw(heard, np.broadcast_to(style, (1, heard.shape[1], len(style))), noise, None, 1.0))
+    return difference((make["make"].run(latent=each)["poses"] for make in (exact, rounded)) for each in draws)
+
+
+def _add_label_styles(model: Any, statistics: Statistics, facts: dict[str, Any]) -> Statistics:
+    """Statistics with the styles that a network has by name beside its speakers; a speaker's name stays the speaker's."""
+    named = {name: code.numpy() for name, code in model.label_styles().items() if name not in facts["styles"]}
+    facts["styles"] = [*facts["styles"], *named]
+    mean = statistics.speaker_mean
+    return replace(
+        statistics, style_codes=np.concatenate([statistics.style_codes, *(code[None] for code in named.values())]),
+        speaker_mean=np.concatenate([mean, np.repeat(mean.mean(0, keepdims=True), len(named), 0)]),
+    )  # fmt: skip
 
 
 def _style_space(codes: Array) -> str:

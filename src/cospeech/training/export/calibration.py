@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from ...runtime.mode_noise import SECONDS
 from ...runtime.network import Network
 from ..train import Tell
 
-__all__ = ["calibrate", "relative_error", "stretch_rows"]
+__all__ = ["calibrate", "difference", "relative_error", "stretch_rows"]
 
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
 APART, NOISE_GAINS = 0.7, (1.0, 5.0)
@@ -141,14 +141,21 @@ def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -
         rows: (S, F, R) of speech.
         styles: (S, C) of the speakers, what they lack are emotions: neutral ones.
     """
-    error, size, signature = 0.0, 0.0, exact.signature
+    signature, pairs = exact.signature, []
     frames = rows.shape[1] // signature.multiple * signature.multiple
     for heard, code in zip(rows[:, :frames], styles, strict=True):
         style = np.zeros((1, frames, signature.width("style")), np.float32)
         style[..., : len(code)] = code
         style[..., len(code) : len(code) + 1] = 1  # the first emotion is the neutral one
         noise = np.zeros((1, frames, signature.width("noise")), np.float32)
-        right, nearly = (play(network, heard, style, noise) for network in (exact, other))
+        pairs.append([play(network, heard, style, noise) for network in (exact, other)])
+    return difference(pairs)
+
+
+def difference(pairs: Iterable[Iterable[Array]]) -> float:
+    """RMS of how far the second of each pair of arrays is from the first, over the RMS of the first."""
+    error = size = 0.0
+    for right, nearly in pairs:
         error, size = error + float(np.square(nearly - right).sum()), size + float(np.square(right).sum())
     return round((error / max(size, 1e-12)) ** 0.5, DIGITS)
 

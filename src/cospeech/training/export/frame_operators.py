@@ -143,6 +143,22 @@ def _conv(b: FrameGraph, node: NodeProto) -> Made:
     return [total]
 
 
+def _conv_transpose(b: FrameGraph, node: NodeProto) -> Made:
+    weight = b.constant(node.input[1])
+    bias = b.constant(node.input[2]) if len(node.input) > 2 and node.input[2] else None
+    if weight is None or weight.ndim != 3:
+        raise refuse(node)
+    x, own = b.lift(b.value(node.input[0]), "waves"), attributes(node)
+    before, after = own.get("pads", [0, 0])
+    given = [b.hold(weight[:, :, None])] + ([] if bias is None else [b.hold(bias)])
+    name = b.node(
+        "ConvTranspose", x.name, *given, kernel_shape=[1, weight.shape[2]], strides=[1, *own.get("strides", [1])],
+        pads=[0, before, 0, after], group=own.get("group", 1), dilations=[1, *own.get("dilations", [1])],
+        output_padding=[0, *own.get("output_padding", [0])],
+    )  # fmt: skip
+    return [Value(str(name), "waves", x.shared)]
+
+
 def _concat(b: FrameGraph, node: NodeProto) -> Made:
     names = [name for name in node.input if 0 not in b.dims(name)]
     zeros, rank = [b.is_zero(name) for name in names], len(b.dims(names[0]))
@@ -349,7 +365,8 @@ OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
     **dict.fromkeys(("ReduceMean", "ReduceMax"), _reduce),
     **dict.fromkeys(("LSTM", "GRU"), _recurrent),
-    "Concat": _concat, "Conv": _conv, "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
+    "Concat": _concat, "Conv": _conv, "ConvTranspose": _conv_transpose,
+    "Expand": _expand, "Gather": _gather, "GroupNormalization": _group_norm,
     "Identity": _identity, "MatMul": _matmul, "Pad": _pad,
     "InstanceNormalization": _instance_norm, "ReduceSum": _sum, "Reshape": _reshape, "Resize": _resize, "Slice": _slice,
     "Softmax": _softmax, "Split": _split, "Squeeze": _squeeze, "Transpose": _transpose, "Unsqueeze": _reshape,

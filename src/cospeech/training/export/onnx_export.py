@@ -55,11 +55,16 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
         exported.graphs[name], state = _export(name, graph, exported.weights)
         exported.signatures[name] = Signature(
             graph.inputs, graph.outputs, state, window=graph.window, look_ahead=graph.look_ahead, multiple=graph.multiple,
-            reach=measure_reach(graph) if graph.window and graph.hop is None and "rows" in graph.inputs else None,
-            hop=graph.hop, seeds=graph.seeds,
+            reach=measure_reach(graph) if _has_reach(graph) else None, hop=graph.hop, seeds=graph.seeds, groups=graph.groups,
+            steps=graph.steps,
         )  # fmt: skip
         exported.signatures[name].check(name)
     return exported
+
+
+def _has_reach(graph: ExportGraph) -> bool:
+    """Whether players ask how far a network hears: one of windows that it does not fix, frame by frame."""
+    return bool(graph.window) and graph.hop is None and "rows" in graph.inputs and "heard" not in graph.outputs
 
 
 def _export(name: str, graph: ExportGraph, weights: dict[str, Array]) -> tuple[bytes, dict[str, Dims]]:
@@ -90,7 +95,7 @@ def _examples(graph: ExportGraph, takes: int, frames: int) -> dict[str, Tensor]:
     """Inputs and states of normal noise, each with all takes."""
     rng = torch.Generator().manual_seed(0)
     shapes = {**graph.inputs, **{name: ("N", width) for name, width in graph.states.items()}}
-    sizes = {"N": takes, "T": frames}
+    sizes = {"N": takes, "T": frames, "S": frames // graph.multiple}
     found = {}
     for name, (first, *rest) in shapes.items():
         own = [size if isinstance(size, int) else sizes[size] for size in rest]
@@ -101,10 +106,9 @@ def _examples(graph: ExportGraph, takes: int, frames: int) -> dict[str, Tensor]:
 def _trace(name: str, graph: ExportGraph, module: torch.nn.Module) -> Any:
     """The model as PyTorch exports it."""
     given = _examples(graph, 2, graph.frames)
-    takes, frames = torch.export.Dim("N"), torch.export.Dim("T", min=-(-graph.shortest // graph.multiple))
-    frames = frames * graph.multiple if graph.multiple > 1 else frames
-    over_time = {name for name, shape in graph.inputs.items() if "T" in shape}
-    shapes = [{0: takes, 1: frames} if each in over_time else {0: takes} for each in given]
+    takes, steps = torch.export.Dim("N"), torch.export.Dim("T", min=-(-graph.shortest // graph.multiple))
+    over_time = {"T": {1: steps * graph.multiple if graph.multiple > 1 else steps}, "S": {1: steps}}
+    shapes = [{0: takes} | over_time.get(str(graph.inputs.get(each, ("N", ""))[1]), {}) for each in given]
     names = [*graph.outputs, *(f"next.{each}" for each in graph.states)]
     with _quiet():
         try:

@@ -392,4 +392,4 @@ class Planner:
 
 def _effort(pose: Array) -> float:
     """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
-    return float(np.clip(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 0.0, 1.0))
+    return float(min(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 1.0))

@@ -96,7 +96,7 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
-        "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.08),
+        "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.12, head=1.06),
         "lively": Style(
             "wide and quick gestures, never still: a show host",
             rate=0.95,
@@ -126,7 +126,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             hold=0.45,
             both=0.55,
             torso=0.9,
-            head=1.0,
+            head=1.07,
             sway=1.05,
             steps=5,
             expressiveness=0.75,
@@ -241,6 +241,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             steps=0,
             lean=4,
             torso=1.35,
+            head=1.07,
             exempt=_SEATED_ROWS,
         ),
         "restless": Style(

@@ -58,10 +58,10 @@ def quat_multiply(a: Array, b: Array) -> Array:
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
-    np.subtract(aw * bx + ax * bw + ay * bz, az * by, out[..., 0])
-    np.add(aw * by - ax * bz + ay * bw, az * bx, out[..., 1])
-    np.add(aw * bz + ax * by - ay * bx, az * bw, out[..., 2])
-    np.subtract(aw * bw - ax * bx - ay * by, az * bz, out[..., 3])
+    np.subtract(aw * bx + ax * bw + ay * bz, az * by, out=out[..., 0])
+    np.add(aw * by - ax * bz + ay * bw, az * bx, out=out[..., 1])
+    np.add(aw * bz + ax * by - ay * bx, az * bw, out=out[..., 2])
+    np.subtract(aw * bw - ax * bx - ay * by, az * bz, out=out[..., 3])
     return out
 
 
@@ -87,9 +87,9 @@ def cross(a: Array, b: Array) -> Array:
     """The vector product of ``(..., 3)``, as of `numpy.cross`, which takes five times as long over few of them."""
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
-    np.subtract(ay * bz, az * by, out[..., 0])
-    np.subtract(az * bx, ax * bz, out[..., 1])
-    np.subtract(ax * by, ay * bx, out[..., 2])
+    np.subtract(ay * bz, az * by, out=out[..., 0])
+    np.subtract(az * bx, ax * bz, out=out[..., 1])
+    np.subtract(ax * by, ay * bx, out=out[..., 2])
     return out
 
 

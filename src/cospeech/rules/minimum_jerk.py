@@ -119,10 +119,10 @@ class MinimumJerkTrack:
         onset, length, skew = np.array([self._times[k] for k in begun]).T[..., None]
         deltas = np.array([self._deltas[k] for k in begun])
         u = (times[:, None, None] - onset - (self.lags if self._latest > 0 else 0.0)) / length
-        np.minimum(np.maximum(u, 0.0, u), 1.0, u)
+        u = np.minimum(np.maximum(u, 0.0), 1.0)
         terms = np.empty((len(times), 1 + len(begun), len(base)))
         terms[:, 0] = base
-        np.multiply(minimum_jerk(u, skew), deltas, terms[:, 1:])
+        np.multiply(minimum_jerk(u, skew), deltas, out=terms[:, 1:])
         arched = [k for k, index in enumerate(begun) if self._arcs[index] is not self._straight]
         if arched:
             hump = u[:, arched] * (1.0 - u[:, arched])

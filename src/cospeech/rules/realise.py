@@ -136,7 +136,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     """Sway that never stops, and what the chest takes over from the pelvis."""
     n = smooth_noise(seed + 1, 11, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
-    head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.1 if style.seated else 1.0), style.sway * still
+    head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
         [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.009 * moved, 0.009 * moved]

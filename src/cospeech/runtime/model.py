@@ -117,7 +117,8 @@ class TrainedModel:
         """One for each take, of a system that needs one, where the body is wanted and a stance is asked for."""
         if not options.stance or "body" not in options.parts or not needs_stance(self.system):
             return []
-        return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
+        amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
+        return [StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""

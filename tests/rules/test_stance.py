@@ -234,7 +234,9 @@ class TestLayer:
 
     def test_fingers_live_within_their_limits_and_only_where_hands_are_wanted(self):
         bare = upper_body(20.0)
-        fingers = [k for k, name in enumerate(humanoid().names) if any(f in name for f in ("Index", "Middle", "Ring", "Little"))]
+        fingers = [
+            k for k, name in enumerate(humanoid().names) if any(f in name for f in ("Index", "Middle", "Ring", "Little"))
+        ]
         bare.rotations[:, fingers] = axis_angle_to_quat([0.0, 0.0, 1.0], -1.5)  # a left fist; right fingers bent backwards
         carried = add_stance(bare, seed=4)
         left = [k for k in fingers if humanoid().names[k].startswith("left")]

@@ -28,7 +28,10 @@ _OPENS, _FAST = np.radians(20.0), 1.6  # by how much fingers open in a stroke, a
 _JOINT_SHARES = np.array([0.8, 1.1, 0.73])  # of it in knuckle, middle and last joint ([ours]; the last follows the middle one)
 _LEAST, _MOST = np.radians([[-15.0], [2.0], [0.0]]), np.radians([[88.0], [100.0], [68.0]])
 """(3, 1) bend of those joints at which nothing is added any more; inside the active ranges of adults (Hume et al. 1990)."""
-_MOST_TURNED, _FREELY = np.radians(38.0), np.radians(18.0)  # of a clavicle; from there, and so far before, less is added ([ours])
+_MOST_TURNED, _FREELY = (
+    np.radians(38.0),
+    np.radians(18.0),
+)  # of a clavicle; from there, and so far before, less is added ([ours])
 
 
 def raise_clavicles(q: Array, wrists: Array, breath: Array, times: Array, seed: int, amount: float) -> None:

@@ -174,7 +174,9 @@ class StanceLayer:
         raise_clavicles(q, near[self._ahead : self._ahead + len(q)], breath, times, self._seed, self._amount)
         if self._fingers:
             wide = self._ahead // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
-            way = near[self._ahead + wide : self._ahead + wide + len(q)] - near[self._ahead - wide : self._ahead - wide + len(q)]
+            way = (
+                near[self._ahead + wide : self._ahead + wide + len(q)] - near[self._ahead - wide : self._ahead - wide + len(q)]
+            )
             speeds = np.sqrt(np.einsum("nsi,nsi->ns", way, way)) * (self._fps / max(2 * wide, 1))
             move_fingers(q, speeds, times, self._seed, self._amount)
 

@@ -165,6 +165,8 @@ class TrainedModel:
                 the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
             face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
+            stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
+                weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
             continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for
                 the same.
 

@@ -48,8 +48,8 @@ def raise_clavicles(q: Array, wrists: Array, breath: Array, times: Array, seed: 
     joint = humanoid().index
     shrugs = smooth_noise(seed + 24, 4, times, 0.42, octaves=3, gain=0.55)
     for side, name in enumerate(("left", "right")):
-        lift = _LIFTED * (_risen(wrists[:, side, 1]) - _risen(np.array(_USUAL_UP))) + _RAISED * breath
-        ahead = _REACHED * (_reached(wrists[:, side, 2]) - _reached(np.array(_USUAL_FORWARD)))
+        lift = _LIFTED * (_rise(wrists[:, side, 1]) - _rise(np.array(_USUAL_UP))) + _RAISED * breath
+        ahead = _REACHED * (_reach(wrists[:, side, 2]) - _reach(np.array(_USUAL_FORWARD)))
         lift, ahead = lift + _SHRUGS[0] * shrugs[:, 2 * side], ahead + _SHRUGS[1] * shrugs[:, 2 * side + 1]
         shoulder, upper = joint[name + "Shoulder"], joint[name + "UpperArm"]
         before = q[:, shoulder].copy()
@@ -85,11 +85,11 @@ def move_fingers(q: Array, speeds: Array, times: Array, seed: int, amount: float
         q[:, joints] = quat_multiply(local, _about(2, -mirror * more))
 
 
-def _risen(up: Array) -> Array:
+def _rise(up: Array) -> Array:
     return smoothstep((up - _HANGS) / _ABOVE)
 
 
-def _reached(forward: Array) -> Array:
+def _reach(forward: Array) -> Array:
     return smoothstep((forward - _AT_HAND) / _AWAY)
 
 

@@ -56,8 +56,8 @@ class GenerationOptions:
     takes: int = 1
     """How many are played at once."""
     stance: bool = False
-    """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`). Files of `cospeech generate` and
-    frames of `cospeech stream` have it. Python does not unless it is asked for: there `generate` gives what the network makes,
+    """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`). Files of `cospeech generate`
+    and frames of `cospeech stream` have it. Python does not unless it is asked for: there `generate` gives what the network makes,
     which is what metrics measure and what sessions may go on from."""
     face: MotionLike = None
     """A face that moves body and hands, or a file of one; for chains."""

@@ -58,8 +58,8 @@ _SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is neve
 _LOOKS = np.radians([2.6, 3.6, 6.4])
 """Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""
 _QUICK, _PER, _GAINS = np.radians(19.0), np.radians(5.0), (0.3, 1.8)
-"""Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]: the
-heads of people turn by 19 to 27 degrees per second)."""
+"""Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]:
+the heads of people turn by 19 to 27 degrees per second)."""
 _REMEMBERS = 10.0  # seconds over which the speed of the own head counts ([ours])
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
 _OWN = 0.6  # share of its own travel that a motion keeps ([ours])

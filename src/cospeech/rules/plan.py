@@ -200,8 +200,7 @@ class Planner:
         """Hands that perform, leader first; one that has hung for long seldom stays out."""
         leader = RIGHT if self._random.random() < self.style.hand else LEFT
         other = self.hands[1 - leader]
-        alone = 1.0 - self.style.both
-        alone *= _STAYS_OUT if other.place == "idle" and now - other.busy > _HUNG else 1.0
+        alone = (1.0 - self.style.both) * (_STAYS_OUT if other.place == "idle" and now - other.busy > _HUNG else 1.0)
         both = form.hands == "both" or (form.hands == "any" and self._random.random() >= alone)
         return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
 
@@ -374,11 +373,7 @@ class Planner:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
-        goal[:3] += [
-            self._random.gauss(0, 0.035) * free,
-            self._random.gauss(0, 0.03) * free,
-            self._random.gauss(0, 0.025) * free,
-        ]
+        goal[:3] += [self._random.gauss(0, size) * free for size in (0.035, 0.03, 0.025)]
         if self._random.random() < 0.5 and not self.style.seated:
             goal[7:19] = SHAPES["curl"].values()
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]

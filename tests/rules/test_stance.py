@@ -14,7 +14,7 @@ from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.hands import CHANNELS
 from cospeech.motion.kinematics.legs import STANCE, stand
 from cospeech.motion.motion import Motion
-from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_identity, quat_to_euler
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_identity, quat_multiply, quat_to_euler
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk, peak_share, skew_for
@@ -218,14 +218,46 @@ class TestLayer:
         changed = np.flatnonzero(quat_angle(*chests) > np.radians(0.1))
         assert 50 < changed[0] < 60  # before the hands
 
-    def test_arms_and_hands_are_as_they_were_and_the_body_below_lives(self):
+    def test_arms_are_as_they_were_and_the_body_below_lives(self):
         bare = upper_body(60.0)
         carried = add_stance(bare, seed=2)
-        kept = [k for k, name in enumerate(humanoid().names) if any(part in name for part in ("Arm", "Hand", "Index", "Thumb"))]
+        kept = [k for k, name in enumerate(humanoid().names) if any(part in name for part in ("LowerArm", "Hand", "Thumb"))]
         np.testing.assert_allclose(carried.rotations[:, kept], bare.rotations[:, kept], atol=1e-6)
+        for side in ("left", "right"):  # upper arms keep their direction in the chest's frame, whatever the clavicles do
+            arms = [m.rotations[:, [humanoid().index[side + n] for n in ("Shoulder", "UpperArm")]] for m in (bare, carried)]
+            turns = [quat_multiply(arm[:, 0].astype(float), arm[:, 1].astype(float)) for arm in arms]
+            assert np.degrees(quat_angle(*turns)).max() < 0.05
         before, rows = body_statistics(bare), body_statistics(carried)
+        assert rows["clavicle rotation SD, deg"] > before["clavicle rotation SD, deg"] + 3
         for name in ("pelvis rotation SD, deg", "hip height SD, cm", "hip travel SD, cm"):
             assert before[name] < BODY_TARGETS[name].low < rows[name]
+
+    def test_fingers_live_within_their_limits_and_only_where_hands_are_wanted(self):
+        bare = upper_body(20.0)
+        fingers = [
+            k for k, name in enumerate(humanoid().names) if any(f in name for f in ("Index", "Middle", "Ring", "Little"))
+        ]
+        bare.rotations[:, fingers] = axis_angle_to_quat([0.0, 0.0, 1.0], -1.5)  # a left fist; right fingers bent backwards
+        carried = add_stance(bare, seed=4)
+        left = [k for k in fingers if humanoid().names[k].startswith("left")]
+        bend = -2 * np.degrees(np.arctan2(carried.rotations[:, left, 2], carried.rotations[:, left, 3]))
+        assert np.ptp(bend, axis=0).min() > 4
+        assert bend.max() < 102
+        right = [k for k in fingers if k not in left]
+        assert (quat_angle(bare.rotations[:, right], carried.rotations[:, right]) < 1.0).all()
+        layer = StanceLayer(seed=4, fps=30.0, fingers=False)
+        still = np.concatenate([layer.push(bare.rotations, bare.root)[0], layer.finish()[0]])
+        np.testing.assert_allclose(still[:, fingers], bare.rotations[:, fingers], atol=1e-6)
+
+    def test_a_head_that_moves_by_itself_gets_less(self):
+        bare = upper_body(20.0)
+        lively, head = upper_body(20.0), humanoid().index["head"]
+        lively.rotations[:, head] = axis_angle_to_quat([0.0, 1.0, 0.0], 0.6 * np.sin(2 * np.pi * 0.5 * np.arange(600) / 30))
+        added = []
+        for motion in (bare, lively):
+            worlds = [humanoid().forward(m.rotations, m.root)[1][300:, head] for m in (motion, add_stance(motion, seed=6))]
+            added.append(np.degrees(quat_angle(*worlds)).mean())
+        assert added[1] < 0.6 * added[0]
 
     def test_another_seed_another_stance_and_no_amount_next_to_none(self):
         bare = upper_body(10.0)

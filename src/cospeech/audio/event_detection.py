@@ -116,7 +116,7 @@ class EventDetector:
         self._follow_level(self._raw["energy"].rows(first, end + round(LEVEL_DELAY * RATE)))
         spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
         top = max(self._peak, _WEAKEST)
-        self._loudness.append(np.clip((energy - (top - spread)) / spread, 0.0, 1.25))
+        self._loudness.append(np.minimum(np.maximum((energy - (top - spread)) / spread, 0.0), 1.25))
         pitch, voicing = self._raw["pitch"].rows(first, end), self._raw["voicing"].rows(first, end)
         self._tone.append(self._semitones(pitch, voicing))
         self._smooth(end, top)
@@ -156,10 +156,10 @@ class EventDetector:
             self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
         if math.isnan(self._pitch):
             return np.zeros(len(pitch))
-        return np.where(voiced, np.clip(12 * np.log2(np.maximum(pitch, 1) / self._pitch), -12, 14), 0.0)
+        return np.where(voiced, np.minimum(np.maximum(12 * np.log2(np.maximum(pitch, 1) / self._pitch), -12), 14), 0.0)
 
     def _follow_phrases(self, first: int, end: int) -> None:
-        for k, loud in enumerate(self._loudness.rows(first, end) > _SPEAKING):
+        for k, loud in enumerate((self._loudness.rows(first, end) > _SPEAKING).tolist()):
             t = first + k
             if loud:
                 self._silent_since = t + 1
@@ -179,8 +179,10 @@ class EventDetector:
             return
         e = self._envelope.rows(a - 60, b + wait)
         base = max(a - 60, self._envelope.first)
-        for k in range(max(1, a - base), min(b - base, len(e) - 1)):
-            if e[k] < 0.12 or e[k] <= e[k - 1] or e[k] < e[k + 1]:
+        first, end = max(1, a - base), min(b - base, len(e) - 1)
+        near = e[first - 1 : max(end, first) + 1].tolist()
+        for k, (before, here, after) in enumerate(zip(near, near[1:], near[2:], strict=False), first):
+            if here < 0.12 or here <= before or here < after:
                 continue
             if e[k] < e[max(0, k - 11) : k + 12].max():
                 continue
@@ -191,7 +193,7 @@ class EventDetector:
             t = base + k
             tone = self._tone.rows(t - 8, t + 9)
             rise = float(tone.max()) if len(tone) else 0.0
-            strength = float(np.clip(0.65 * prominence + 0.2 * e[k] + 0.02 * np.clip(rise, 0, 7), 0.05, 1.0))
+            strength = float(min(max(0.65 * prominence + 0.2 * e[k] + 0.02 * min(max(rise, 0), 7), 0.05), 1.0))
             self.accents.append(Accent(t / RATE, strength))
         self._judged = b
 

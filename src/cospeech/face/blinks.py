@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import RATE, Heard
+from ..motion.curves import smoothstep
 from ..motion.noise import hash_normal, hash_uniform
 from ..motion.rotations import Array
 
@@ -94,5 +95,4 @@ def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Seque
     depth = 1.0 - 0.25 * hash_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
     since = (times[:, None] - begin) / width
     ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)
-    ramp = np.minimum(np.maximum(ramp, 0), 1)
-    return (ramp * ramp * (3 - 2 * ramp) * depth).max(1)
+    return (smoothstep(ramp) * depth).max(1)

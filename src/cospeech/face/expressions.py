@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import Accent
+from ..motion.curves import smoothstep
 from ..motion.noise import hash_uniform
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
@@ -95,9 +96,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: 
     ], 1)  # fmt: skip
     since = times[:, None] - (when - _EARLY)
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
-    ramp = np.minimum(np.maximum(ramp, 0), 1)
-    course = ramp * ramp * (3 - 2 * ramp)
-    return np.tanh(add_weighted_rows(course, raised))  # overlapping rises saturate
+    return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
 
 
 def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
@@ -105,5 +104,5 @@ def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
     if not len(accents):
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T
-    near = np.maximum(1 - np.abs(times[:, None] - when - 0.25) / 1.05, 0)  # from 0.8 s before the accent on
-    return np.tanh(add_weighted_rows(near * near * (3 - 2 * near), strength[:, None]))[:, 0]
+    near = 1 - np.abs(times[:, None] - when - 0.25) / 1.05  # from 0.8 s before the accent on
+    return np.tanh(add_weighted_rows(smoothstep(near), strength[:, None]))[:, 0]

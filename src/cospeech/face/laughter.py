@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.speech import Word
+from ..motion.curves import smoothstep
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
@@ -50,5 +51,5 @@ def laughter(times: Array, words: Sequence[Word]) -> Array:
     for word in words:
         if _is_laugh(word.text):
             course = np.minimum((times - word.start + _BEFORE) / _BEFORE, (word.end + AFTER - times) / AFTER)
-            found = np.maximum(found, np.clip(course, 0.0, 1.0))
-    return found * found * (3 - 2 * found)
+            found = np.maximum(found, course)
+    return smoothstep(found)

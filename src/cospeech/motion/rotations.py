@@ -57,11 +57,11 @@ def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product ``a ⊗ b``: first rotate by ``b``, then by ``a``. Shapes ``(..., 4)`` broadcast."""
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    out[..., 0] = aw * bx + ax * bw + ay * bz - az * by
-    out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
-    out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
-    out[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
+    np.subtract(aw * bx + ax * bw + ay * bz, az * by, out=out[..., 0])
+    np.add(aw * by - ax * bz + ay * bw, az * bx, out=out[..., 1])
+    np.add(aw * bz + ax * by - ay * bx, az * bw, out=out[..., 2])
+    np.subtract(aw * bw - ax * bx - ay * by, az * bz, out=out[..., 3])
     return out
 
 
@@ -85,10 +85,11 @@ def vector_normalize(v: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """The vector product of ``(..., 3)``, as of `numpy.cross`, which takes five times as long over few of them."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
+    np.subtract(ay * bz, az * by, out=out[..., 0])
+    np.subtract(az * bx, ax * bz, out=out[..., 1])
+    np.subtract(ax * by, ay * bx, out=out[..., 2])
     return out
 
 
@@ -187,21 +188,17 @@ def quat_to_matrix(q: Array) -> Array:
 def matrix_to_quat(m: Array) -> Array:
     """Rotation matrices ``(..., 3, 3)`` → quaternions, through the largest of the four components (Shepperd 1978)."""
     m = np.asarray(m)
-    d = np.moveaxis(np.diagonal(m, axis1=-2, axis2=-1), -1, 0)
-    trace = d.sum(0)
-    candidates = np.stack([d[0], d[1], d[2], trace], -1)
-    best = np.argmax(candidates, -1)
-    a, b, c = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
-    p, q, r = m[..., 1, 0] + m[..., 0, 1], m[..., 2, 0] + m[..., 0, 2], m[..., 2, 1] + m[..., 1, 2]
-    table = np.stack(
-        [
-            np.stack([1 + d[0] - d[1] - d[2], p, q, a], -1),
-            np.stack([p, 1 - d[0] + d[1] - d[2], r, b], -1),
-            np.stack([q, r, 1 - d[0] - d[1] + d[2], c], -1),
-            np.stack([a, b, c, 1 + trace], -1),
-        ],
-        -2,
-    )
+    d = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    trace = d[0] + d[1] + d[2]
+    table = np.empty((*trace.shape, 4, 4), trace.dtype)
+    for k, rest in enumerate(((m[..., 2, 1], m[..., 1, 2]), (m[..., 0, 2], m[..., 2, 0]), (m[..., 1, 0], m[..., 0, 1]))):
+        table[..., k, 3] = table[..., 3, k] = rest[0] - rest[1]
+    table[..., 0, 1] = table[..., 1, 0] = m[..., 1, 0] + m[..., 0, 1]
+    table[..., 0, 2] = table[..., 2, 0] = m[..., 2, 0] + m[..., 0, 2]
+    table[..., 1, 2] = table[..., 2, 1] = m[..., 2, 1] + m[..., 1, 2]
+    table[..., 0, 0], table[..., 1, 1] = 1 + d[0] - d[1] - d[2], 1 - d[0] + d[1] - d[2]
+    table[..., 2, 2], table[..., 3, 3] = 1 - d[0] - d[1] + d[2], 1 + trace
+    best = np.argmax(np.stack([*d, trace]), 0)
     return quat_normalize(np.take_along_axis(table, best[..., None, None], -2)[..., 0, :])
 
 
@@ -209,12 +206,17 @@ def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:
     """Intrinsic Euler angles ``(..., n)`` in radians → quaternions; ``order`` names one axis per angle, e.g. ``"ZXY"``."""
     angles = np.asarray(angles, float)
     sin, cos = np.sin(angles / 2), np.cos(angles / 2)
-    out = quat_identity(*angles.shape[:-1])
+    out = np.zeros((*angles.shape[:-1], 4))
     for k, letter in enumerate(order):
-        q = np.zeros_like(out)
-        q[..., _AXIS[letter]] = sin[..., k]
-        q[..., 3] = cos[..., k]
-        out = quat_multiply(out, q) if k else q + 0.0  # no zero is negative after a product with the identity
+        axis, s, c = _AXIS[letter], sin[..., k], cos[..., k]
+        if k:
+            before, after = (axis + 1) % 3, (axis + 2) % 3  # the product with a turn about one axis: half of its terms are 0
+            x, y, z, w = out[..., axis], out[..., before], out[..., after], out[..., 3]
+            turned = w * s + x * c, y * c + z * s, z * c - y * s, w * c - x * s
+            out[..., axis], out[..., before], out[..., after], out[..., 3] = turned
+        else:
+            out[..., axis], out[..., 3] = s, c
+        out += 0.0  # no zero is negative
     return out
 
 

@@ -19,7 +19,7 @@ from ..motion.motion import Motion
 from ..motion.parts import PARTS
 from .options import GenerationOptions
 from .plan import Gesture
-from .session import LATENCY, LOOK_AHEAD, Session, check_speech, stream_motion
+from .session import LATENCY, LOOK_AHEAD, Session, check_speech, in_short, stream_motion
 from .styles import STYLES, Style, find_style
 
 __all__ = [
@@ -101,7 +101,7 @@ class RuleBasedModel:
         """
         session = self.session(**options)
         check_speech(speech)
-        pieces = [piece for chunk in speech.chunks(seconds=2.0) for piece in session.push(chunk)]
+        pieces = [piece for chunk in in_short(speech) for piece in session.push(chunk)]
         pieces += session.finish()
         return Motion.concatenate(pieces)
 

@@ -20,6 +20,9 @@ _WORDED = 0.5  # semantic score from which the hand shape of a form is part of w
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
+_LAP = -0.46
+"""Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
+thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
 SHAPES = HAND_SHAPES | HAND_VARIANTS
@@ -78,6 +81,10 @@ class GesturePlacement:
             in_front = 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))  # raised hands stay in front of the shoulder
             pose[2] = max(pose[2], in_front)
             out.append(pose)
+        if style.seated:  # strokes end above the thighs, or their peaks of speed would be where the thighs stop them
+            raised = max(_LAP - min(pose[1] for pose in out), 0.0)
+            for pose in out:
+                pose[1] += raised
         return out
 
     def _with_hand(self, pose: HandPose, form: Form) -> Array:

@@ -19,6 +19,8 @@ from ..motion.rotations import Array
 
 __all__ = ["MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
 
+_AT_ONCE = 24  # frames; each is added up over all moves that any of them sees [ours, the fastest]
+_SURELY = 1e-6  # seconds after its end from which a move is over, whatever the rounding [ours]
 MOST_SKEW = 0.85  # [ours]: beyond 1 the progress would run backwards
 
 
@@ -29,7 +31,7 @@ def minimum_jerk(u: Array, skew: Array | float = 0.0) -> Array:
         u: (...) share of the duration.
         skew: −0.85 … 0.85; a positive one brings the peak of the speed forward, a negative one delays it.
     """
-    u = np.clip(u, 0.0, 1.0)
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
     u = u * (1.0 + skew * (1.0 - u))
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
@@ -64,6 +66,7 @@ class MinimumJerkTrack:
     def __init__(self, base: Array, lags: Array | None = None) -> None:
         self._base = np.array(base, float)
         self.lags = np.zeros(len(self._base)) if lags is None else np.asarray(lags, float)
+        self._latest = float(self.lags.max(initial=0.0))
         self._straight = np.zeros_like(self._base)
         self._times: list[tuple[float, float, float]] = []  # onset, duration, skew
         self._deltas: list[Array] = []
@@ -99,22 +102,32 @@ class MinimumJerkTrack:
         self.target = self.target + delta
 
     def at(self, times: Array) -> Array:
-        """(N, C) values at ``times (N,)``; times before those passed to `forget` are no longer known."""
-        last = times[-1] if len(times) else 0.0
-        begun = [k for k, (onset, _, _) in enumerate(self._times) if onset < max(last, times[0])] if len(times) else []
+        """(N, C) values at ``times (N,)``, which ascend; times before those passed to `forget` are no longer known."""
+        out = np.empty((len(times), len(self._base)))
+        base, over = self._base, 0
+        for first in range(0, len(times), _AT_ONCE):
+            near = times[first : first + _AT_ONCE]
+            base, over = self._fold(base, over, float(near[0]) - _SURELY)
+            out[first : first + _AT_ONCE] = self._add_moves(near, base, over)
+        return out
+
+    def _add_moves(self, times: Array, base: Array, over: int) -> Array:
+        """(n, C) at times so near each other that few moves are under way; ``over`` moves are in the base already."""
+        begun = [k for k in range(over, len(self._times)) if self._times[k][0] < times[-1]]
         if not begun:
-            return np.broadcast_to(self._base, (len(times), len(self._base))).copy()
+            return base
         onset, length, skew = np.array([self._times[k] for k in begun]).T[..., None]
         deltas = np.array([self._deltas[k] for k in begun])
-        u = np.clip((times[:, None, None] - onset - self.lags) / length, 0.0, 1.0)
-        terms = np.empty((len(times), 1 + len(begun), len(self._base)))
-        terms[:, 0] = self._base
-        terms[:, 1:] = minimum_jerk(u, skew) * deltas
+        u = (times[:, None, None] - onset - (self.lags if self._latest > 0 else 0.0)) / length
+        u = np.minimum(np.maximum(u, 0.0), 1.0)
+        terms = np.empty((len(times), 1 + len(begun), len(base)))
+        terms[:, 0] = base
+        np.multiply(minimum_jerk(u, skew), deltas, out=terms[:, 1:])
         arched = [k for k, index in enumerate(begun) if self._arcs[index] is not self._straight]
         if arched:
             hump = u[:, arched] * (1.0 - u[:, arched])
             terms[:, [k + 1 for k in arched]] += 64.0 * hump * hump * hump * np.array([self._arcs[begun[k]] for k in arched])
-        return np.add.reduce(terms, axis=1)  # one after the other, as `forget` adds them
+        return np.add.reduce(terms, axis=1)  # one after the other, as `_fold` adds them
 
     def forget(self, before: float) -> None:
         """Fold moves that ended before this time into the base, so that memory stays constant.
@@ -122,9 +135,13 @@ class MinimumJerkTrack:
         They are folded in the order in which they were added, up to the first that is not over: so the base is the sum that
         `at` would have come to, and no bit depends on when they are folded.
         """
-        last = before - float(self.lags.max(initial=0.0))
-        over = 0
-        while over < len(self._deltas) and sum(self._times[over][:2]) < last:
-            self._base = self._base + self._deltas[over]
-            over += 1
+        self._base, over = self._fold(self._base, 0, before)
         del self._times[:over], self._deltas[:over], self._arcs[:over]
+
+    def _fold(self, base: Array, over: int, before: float) -> tuple[Array, int]:
+        """A base that holds ``over`` moves, and how many; with those that follow and are over before this time."""
+        last = before - self._latest
+        while over < len(self._deltas) and self._times[over][0] + self._times[over][1] < last:
+            base = base + self._deltas[over]
+            over += 1
+        return base, over

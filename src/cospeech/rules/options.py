@@ -56,7 +56,9 @@ class GenerationOptions:
     takes: int = 1
     """How many are played at once."""
     stance: bool = False
-    """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`); files always have it."""
+    """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`). Files of `cospeech generate`
+    and frames of `cospeech stream` have it. In Python it is there only when it is asked for: `generate` gives what the network
+    makes, which metrics measure."""
     face: MotionLike = None
     """A face that moves body and hands, or a file of one; for chains."""
     continue_from: MotionLike = None

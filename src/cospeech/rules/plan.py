@@ -40,6 +40,7 @@ _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; an
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
 _CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
+_HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -195,16 +196,18 @@ class Planner:
         self._recent.append(name)
         return name
 
-    def _which_hands(self, form: Form) -> tuple[list[int], str]:
-        """Hands that perform, leader first."""
+    def _which_hands(self, form: Form, now: float) -> tuple[list[int], str]:
+        """Hands that perform, leader first; one that has hung for long seldom stays out."""
         leader = RIGHT if self._random.random() < self.style.hand else LEFT
-        both = form.hands == "both" or (form.hands == "any" and self._random.random() < self.style.both)
+        other = self.hands[1 - leader]
+        alone = (1.0 - self.style.both) * (_STAYS_OUT if other.place == "idle" and now - other.busy > _HUNG else 1.0)
+        both = form.hands == "both" or (form.hands == "any" and self._random.random() >= alone)
         return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
 
     def _perform(self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None) -> bool:
         """Plan preparation and stroke(s) of a form whose first stroke peaks at the accent; False where there is no time."""
         form = FORMS.get(name) or LEXICAL_FORMS[name]
-        hands, label = self._which_hands(form)
+        hands, label = self._which_hands(form, now)
         leader = self.hands[hands[0]]
         tempo = self.style.tempo * modifier.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * modifier.amplitude * self.intensity
@@ -370,11 +373,7 @@ class Planner:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
-        goal[:3] += [
-            self._random.gauss(0, 0.035) * free,
-            self._random.gauss(0, 0.03) * free,
-            self._random.gauss(0, 0.025) * free,
-        ]
+        goal[:3] += [self._random.gauss(0, size) * free for size in (0.035, 0.03, 0.025)]
         if self._random.random() < 0.5 and not self.style.seated:
             goal[7:19] = SHAPES["curl"].values()
         goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
@@ -397,4 +396,4 @@ class Planner:
 
 def _effort(pose: Array) -> float:
     """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
-    return float(np.clip(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 0.0, 1.0))
+    return float(min(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 1.0))

@@ -64,7 +64,7 @@ class Posture:
         self.stance.decide(now, speaking=speaking)
 
     def _gauss(self, size: float) -> float:
-        return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
+        return min(max(self._random.gauss(0, size), -2.2 * size), 2.2 * size)
 
     def _settle(self, now: float, length: float, modifier: EmotionModifier) -> None:
         """A new place for the torso around the speaker's usual one."""

@@ -40,6 +40,7 @@ _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm
 _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
+_ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
@@ -135,7 +136,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     """Sway that never stops, and what the chest takes over from the pelvis."""
     n = smooth_noise(seed + 1, 11, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
-    head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (1.8 if style.seated else 1.0), style.sway * still
+    head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
         [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.009 * moved, 0.009 * moved]
@@ -239,13 +240,14 @@ def _arms(
     angles = np.stack([_limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length) + frames.stay
     raised = h[..., Channel.UP]
+    along = _ON_CHAIRS if style.seated else 1.0
     lift = (
         np.radians(h[..., Channel.SHRUG])
         + np.radians(b[:, Body.SHOULDERS])[:, None]
-        + np.radians(_LIFTED) * smoothstep((raised + 1.0) / 1.3)
+        + along * np.radians(_LIFTED) * smoothstep((raised + 1.0) / 1.3)
         + np.radians(_RAISED) * breath[:, None]
     )
-    reach_out = np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
+    reach_out = along * np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL])
@@ -280,7 +282,7 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Arra
         k = n[:, side * 11 : side * 11 + 11] * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
         h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
-        fingers = k[:, 7:11] * (6.5, 7.0, 7.0, 7.5)
+        fingers = k[:, 7:11] * (7.5, 8.0, 8.0, 8.5)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
     h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)

@@ -60,7 +60,7 @@ MOUTH_WAITS = LOOK_AHEAD - TICK
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
 _LOOK = round(LOOKS / TICK)  # ticks
-_MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
+_MOST_AT_ONCE = 4.0  # seconds of motion realised in one go when there is plenty to do
 
 
 class Session(SessionControls):
@@ -165,7 +165,7 @@ class Session(SessionControls):
         """Hear a piece, at once.
 
         Returns:
-            The motion that has become certain, in pieces of at most two seconds. What is not taken of it is kept, and comes
+            The motion that has become certain, in pieces of at most four seconds. What is not taken of it is kept, and comes
             first with the next call: every frame is given once, whether the pieces are taken at once, later, or in part.
 
         Raises:
@@ -354,7 +354,7 @@ def check_speech(speech: object) -> None:
 
 
 def in_short(chunk: Speech) -> Iterable[Speech]:
-    """A piece of speech as it is; a long one in pieces of two seconds."""
+    """A piece of speech as it is; a long one in pieces of four seconds."""
     return chunk.chunks(_MOST_AT_ONCE) if len(chunk) > _MOST_AT_ONCE * chunk.rate else [chunk]
 
 
@@ -367,7 +367,7 @@ class _Pushed(Protocol):
 
 
 def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, two seconds are worked off at once.
+    """The motion of a session to speech that comes in pieces of any size; of long ones, four seconds are worked off at once.
 
     Raises:
         InputError: one `Speech` in place of several, or something else than speech.

@@ -126,7 +126,7 @@ class Stance:
             self._next["shift"] = min(self._next["shift"], now + self._random.uniform(0, 0.5))
 
     def _gauss(self, size: float) -> float:
-        return float(np.clip(self._random.gauss(0, size), -2.2 * size, 2.2 * size))
+        return min(max(self._random.gauss(0, size), -2.2 * size), 2.2 * size)
 
     def _breathe(self, now: float, onset: float, inward: float, outward: float) -> None:
         """In and out; speech begins on full lungs and lets them go slowly."""

@@ -24,6 +24,7 @@ from ..motion.rotations import (
     Array,
     QuatStream,
     euler_to_quat,
+    quat_angle,
     quat_conjugate,
     quat_multiply,
     quat_rotate,
@@ -31,6 +32,7 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
+from .arm_layer import move_fingers, raise_clavicles
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
@@ -41,6 +43,7 @@ _AT_ONCE = 60  # frames; more at a time would all be compared with moves that on
 _SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
 REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
+_TRUNK_AND_HEAD = ("hips", *(name for name, _ in SPINE), "neck", "head")
 _LEAD = 0.08  # seconds by which the trunk is before the hands (ours: as in the rules, .06 to .13)
 _FOLLOWS = np.radians([36.0, 10.8, 28.8])
 """Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other (ours)."""
@@ -51,7 +54,13 @@ _TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the re
 _USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
 """Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
 _FULL = 0.2  # arm lengths from there at which the trunk has gone along nearly as far as it will (ours)
-_SWAY = np.radians([1.2, 1.08, 1.92])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
+_SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
+_LOOKS = np.radians([2.6, 3.6, 6.4])
+"""Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""
+_QUICK, _PER, _GAINS = np.radians(19.0), np.radians(5.0), (0.3, 1.8)
+"""Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]:
+the heads of people turn by 19 to 27 degrees per second)."""
+_REMEMBERS = 10.0  # seconds over which the speed of the own head counts ([ours])
 _HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
 _OWN = 0.6  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
@@ -65,10 +74,11 @@ class StanceLayer:
         fps: of the frames.
         amount: factor on sway, steps and the following trunk, 0 … 2; 0 leaves the motion alone but for its planted feet.
         steps: per minute at an amount of 1.
+        fingers: whether they are moved; False where no hands are wanted.
     """
 
-    def __init__(self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0) -> None:
-        self._seed, self._fps, self._amount, self._steps = seed, fps, amount, steps
+    def __init__(self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0, fingers: bool = True) -> None:
+        self._seed, self._fps, self._amount, self._steps, self._fingers = seed, fps, amount, steps, fingers
         self._stance: Stance | None = None
         self._frame, self._ticks = 0, 0
         self._ahead = int(REACH * fps)
@@ -77,6 +87,8 @@ class StanceLayer:
         self._kernel = kernel / kernel.sum()
         s = humanoid()
         self._q, self._place, self._wrists = np.zeros((0, len(s), 4)), np.zeros((0, 3)), np.zeros((0, 2, 3))
+        self._head, self._quick, self._heard = np.zeros((0, 4)), float(_QUICK), 0
+        self._gains = np.zeros(0)
         self._signs = QuatStream()
 
     @property
@@ -103,6 +115,7 @@ class StanceLayer:
             self._wrists = np.repeat(wrists[:1], self._ahead, 0)
         self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
         self._wrists = np.concatenate([self._wrists, wrists])
+        self._gains = np.concatenate([self._gains, self._follow_head(q)])
         return self._layer(max(len(self._q) - self._ahead, 0))
 
     def finish(self) -> tuple[Array, Array]:
@@ -120,7 +133,20 @@ class StanceLayer:
             times = (self._frame + np.arange(len(q[part]))) / self._fps
             self._frame += len(times)
             self._write(q[part], place[part], self._body(times), times)
+            self._gains = self._gains[len(times) :]
         return self._signs.push(q.astype(np.float32)), place.astype(np.float32)
+
+    def _follow_head(self, q: Array) -> Array:
+        """(n,) factors on what is added to the head in frames that are pushed, by how much it has moved by itself so far."""
+        heads = np.concatenate([self._head, _chain([q[:, humanoid().index[name]] for name in _TRUNK_AND_HEAD])])
+        self._head = heads[-1:]
+        gains = np.ones(len(q))
+        speeds = (quat_angle(heads[:-1], heads[1:]) * self._fps).tolist()
+        for k, speed in enumerate(speeds, len(q) - len(speeds)):
+            self._heard += 1
+            self._quick += (speed - self._quick) / min(self._heard + self._fps, _REMEMBERS * self._fps)
+            gains[k] = min(max(1.0 + (float(_QUICK) - self._quick) / float(_PER), _GAINS[0]), _GAINS[1])
+        return gains
 
     def _begin(self, *, seated: bool) -> None:
         random = Random(f"{self._seed}/stance")
@@ -142,6 +168,18 @@ class StanceLayer:
         b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.4, 0.9, 0.9]
         return b
 
+    def _move_arms(self, q: Array, breath: Array, times: Array) -> None:
+        """Clavicles and fingers of the next frames."""
+        near = self._wrists[: len(q) + 2 * self._ahead]
+        raise_clavicles(q, near[self._ahead : self._ahead + len(q)], breath, times, self._seed, self._amount)
+        if self._fingers:
+            wide = self._ahead // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
+            way = (
+                near[self._ahead + wide : self._ahead + wide + len(q)] - near[self._ahead - wide : self._ahead - wide + len(q)]
+            )
+            speeds = np.sqrt(np.einsum("nsi,nsi->ns", way, way)) * (self._fps / max(2 * wide, 1))
+            move_fingers(q, speeds, times, self._seed, self._amount)
+
     def _follow(self, count: int) -> Array:
         """(count, 3) pitch, roll and yaw by which the chest goes along with the hands in the next frames, radians."""
         near = np.zeros((count, 2, 3))
@@ -159,9 +197,10 @@ class StanceLayer:
         """Write pelvis, trunk, head and, for a standing body, legs."""
         assert self._stance is not None
         joint, seated = humanoid().index, self._stance.amounts.seated
-        old = [q[:, joint[name]] for name in ("hips", *(name for name, _ in SPINE), "neck", "head")]
+        old = [q[:, joint[name]] for name in _TRUNK_AND_HEAD]
         chest = _chain(old[:4])
         head = quat_multiply(chest, quat_multiply(old[4], old[5]))
+        self._move_arms(q, b[:, Body.BREATH], times)
         follow = self._follow(len(q))
         if not seated:
             b[:, Body.SINK] += _KNEES * np.maximum(follow[:, 0], 0.0)
@@ -174,7 +213,9 @@ class StanceLayer:
         bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), turned))
         for name, share in SPINE:
             q[:, joint[name]] = rotvec_to_quat(bend * share)
-        looks = quat_multiply(rotvec_to_quat(quat_to_rotvec(lead) * _HEAD), head)
+        turns = smooth_noise(self._seed + 23, 3, times, 0.7, octaves=3, gain=0.55) * _LOOKS * self._amount
+        turns *= self._gains[: len(q), None]
+        looks = quat_multiply(rotvec_to_quat(quat_to_rotvec(lead) * _HEAD), quat_multiply(_euler(turns), head))
         nod = quat_to_rotvec(quat_multiply(quat_conjugate(turned), looks))
         q[:, joint["neck"]] = rotvec_to_quat(nod * NECK_SHARE)
         q[:, joint["head"]] = rotvec_to_quat(nod * (1 - NECK_SHARE))
@@ -195,7 +236,12 @@ class StanceLayer:
             yaw = yaw + 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
             turns[:, 1] -= np.radians(CONTRAPPOSTO) * weight_shift(b)
         turns[:, 2] += PELVIS_SHARE * np.radians(yaw)
-        return euler_to_quat(turns[:, [2, 0, 1]], "YXZ")
+        return _euler(turns)
+
+
+def _euler(turns: Array) -> Array:
+    """(n, 4) of (n, 3) pitch, roll and yaw in radians."""
+    return euler_to_quat(turns[:, [2, 0, 1]], "YXZ")
 
 
 def _chain(rotations: list[Array]) -> Array:

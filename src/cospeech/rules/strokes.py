@@ -50,7 +50,7 @@ def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:
 
 def draw_skew(random: Random, middle: float, spread: float) -> float:
     """A skew of a movement's speed; see `cospeech.rules.minimum_jerk.minimum_jerk`."""
-    return float(np.clip(random.gauss(middle, spread), -0.6, 0.6))
+    return min(max(random.gauss(middle, spread), -0.6), 0.6)
 
 
 def draw_twist(random: Random, way: Array, size: float) -> Array:

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from ..motion.curves import smoothstep
 from ..motion.rotations import Array
 
 __all__ = ["FADE", "Crossfade"]
@@ -61,8 +62,7 @@ class Crossfade(Generic[T]):
         """
         out = pick(self._layers[0][1])
         for start, value in self._layers[1:]:
-            share = np.clip((at - start) / self._frames, 0, 1)[:, None]
-            share = (share * share * (3 - 2 * share)).astype(out.dtype)  # begins and ends without a jerk
+            share = smoothstep((at - start) / self._frames)[:, None].astype(out.dtype)  # begins and ends without a jerk
             new = pick(value)
             between = np.where(share > 0, out + share * (new - out), out)
             out = np.where(share < 1, between, new)  # to the bit where there is one of them only

@@ -114,7 +114,8 @@ class TrainedModel:
         """One for each take, of a system that needs one, where the body is wanted and a stance is asked for."""
         if not options.stance or "body" not in options.parts or not needs_stance(self.system):
             return []
-        return [StanceLayer(seed=seed, fps=options.fps, amount=min(options.intensity, 1.5)) for seed in options.seeds]
+        amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
+        return [StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
@@ -161,6 +162,8 @@ class TrainedModel:
                 the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
             face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
+            stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
+                weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
             continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for
                 the same.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..motion.curves import smoothstep
 from ..motion.rotations import Array
 from .bundles.signature import Signature
 from .conditioning import ConditioningFace
@@ -157,8 +158,8 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         if self._gap is None:
             s = self._system.statistics
             self._gap = self._before[-1] * s.pose_std + s.pose_mean - found[:, :1]
-        left = np.clip(1 - (at + 1) / (_JOIN * self._system.fps), 0, 1)  # all of it a frame before the first
-        return found + (left * left * (3 - 2 * left)).astype(np.float32)[:, None] * self._gap
+        left = 1 - (at + 1) / (_JOIN * self._system.fps)  # all of it a frame before the first
+        return found + smoothstep(left).astype(np.float32)[:, None] * self._gap
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
         """See `SlidingWindowDecoder`; the first window begins with the poses before."""

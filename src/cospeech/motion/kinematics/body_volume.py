@@ -50,7 +50,7 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     gradient = np.sqrt(gx**2 + gz**2) + 1e-6
     depth = (1 - norm) * norm / gradient  # first-order distance to the ellipse, positive inside
     depth = np.minimum(depth, np.minimum(a, b))
-    fade = np.clip((1.52 - h) / 0.06, 0.0, 1.0) * np.clip((h - 0.40) / 0.08, 0.0, 1.0)
+    fade = np.minimum(np.maximum((1.52 - h) / 0.06, 0.0), 1.0) * np.minimum(np.maximum((h - 0.40) / 0.08, 0.0), 1.0)
     push = _soft_excess(depth) * fade
     gz = np.abs(gz) * 0.35 + gz * 0.65  # ours: bias to the front
     length = np.sqrt(gx**2 + gz**2) + 1e-6

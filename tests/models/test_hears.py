@@ -1,0 +1,29 @@
+"""Every network of a table hears: after some seconds on a toy corpus, own speech beats another's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
+
+from tests.models.test_contract import batch, network  # noqa: E402
+from tests.support.hears import measure_hearing  # noqa: E402
+
+torch.set_num_threads(1)
+
+CASES: dict[str, dict[str, Any]] = {
+    "multi-context": {"term": "generator.huber"},
+}
+"""Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
+AT_MOST = 0.8
+"""Share of another speech's loss that own speech may have. [ours]"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_own_speech_beats_anothers(case):
+    name, _, words = case.partition(", ")
+    hearing = measure_hearing(network(name), batch, follows="text" if words else "audio", **CASES[case])
+    assert hearing.own < AT_MOST * hearing.other

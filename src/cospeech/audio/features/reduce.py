@@ -1,7 +1,7 @@
 """What of the audio features a network hears, the same in training and at run time: functions of rows of a front-end.
 
-Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which all but one
-are made, and that of PATS' stores (`log_mel.LogMelFeatures`), whose rows are heard as they are.
+Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which most are
+made, and those whose rows are heard as they are: that of PATS' stores (`log_mel.LogMelFeatures`) and the waveform.
 
 Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
 
@@ -24,6 +24,7 @@ from .log_mel import LOG_MEL_NAMES, LogMelFeatures
 from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
 from .streaming import StreamingFeatures
+from .waveform import WAVEFORM_NAMES, WaveformFeatures
 
 __all__ = [
     "REDUCTIONS",
@@ -31,8 +32,10 @@ __all__ = [
     "audio_columns",
     "audio_names",
     "audio_width",
+    "has_like_columns",
     "louder",
     "open_features",
+    "prepared_by",
     "reduce_audio",
 ]  # fmt: skip
 
@@ -50,6 +53,8 @@ class Reduction(NamedTuple):
         apply: (T, C) float32 → (T, A) float32.
         columns: (C,) names of what it is made of, as a store has them.
         listen: frames per second → the front-end that makes these columns of speech.
+        alike: whether all columns are of one kind, and are standardised by one mean and deviation.
+        prepared: the option of ``cospeech prepare`` that keeps these columns, where stores do not have them without.
     """
 
     what: str
@@ -57,6 +62,8 @@ class Reduction(NamedTuple):
     apply: Callable[[Floats], Floats]
     columns: tuple[str, ...] = AUDIO_NAMES
     listen: Callable[[float], StreamingFeatures] = FrameFeatures
+    alike: bool = False
+    prepared: str = ""
 
 
 @cache
@@ -119,6 +126,15 @@ REDUCTIONS: dict[str, Reduction] = {
         LOG_MEL_NAMES,
         LogMelFeatures,
     ),
+    "waveform": Reduction(
+        "1,080 samples of each frame, as they are (trimodal, joint embedding)",
+        WAVEFORM_NAMES,
+        _as_it_is,
+        WAVEFORM_NAMES,
+        WaveformFeatures,
+        alike=True,
+        prepared="--waveform",
+    ),
 }
 """Name → what it keeps; the names that recipes and bundles use."""
 
@@ -150,6 +166,24 @@ def audio_width(name: str) -> int:
     return len(_find(name).names)
 
 
+def has_like_columns(name: str) -> bool:
+    """Whether all columns that `reduce_audio` gives are of one kind.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).alike
+
+
+def prepared_by(name: str) -> str:
+    """The option of ``cospeech prepare`` that keeps what `reduce_audio` takes; "": stores have it without.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).prepared
+
+
 def audio_columns(name: str) -> tuple[str, ...]:
     """Names of the columns that `reduce_audio` takes.
 
@@ -166,10 +200,10 @@ def louder(name: str) -> tuple[float, ...]:
     [10.0, 0.0, 0.0, 0.0]
 
     Raises:
-        InputError: unknown name, or one whose columns are powers, not logarithms.
+        InputError: unknown name, or one whose columns are no logarithms.
     """
-    if name == "mel29-linear":
-        raise InputError(f"louder speech in {name!r}", "its columns are powers: choose one of logarithms, such as mel29")
+    if name in ("mel29-linear", "waveform"):
+        raise InputError(f"louder speech in {name!r}", "its columns are no logarithms: choose some, such as mel29")
     steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
     mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
     return tuple(steps.get(column, mel) for column in audio_names(name))

@@ -28,7 +28,8 @@ PORTS = {
     "style": "weights of the speakers, then of the emotions where the network takes them; or a style code",
     "noise": "noise that makes takes differ: on the logits of modes, or of any use; zeros for the most likely take",
     "face": "ARKit weights of a face that is given, and how far it is given, 0 … 1",
-    "seed": "standardised poses before the first frame, and 1 where one is given",
+    "seed": "standardised poses before the first new frame, and 1 where one is given; where each take (N) has its own, every "
+    "window after the first begins with the last poses of the window before",
     "poses": "standardised poses",
     "logits": "logits of the speakers, then of the emotions",
 }
@@ -40,7 +41,7 @@ NETWORKS = {
     "classify": ({"rows"}, {"logits"}),
 }
 """Network → inputs that it may have, and outputs that it has."""
-_SHARED = {"rows", "face", "seed"}  # one for all takes
+_SHARED = {"rows", "face"}  # one for all takes
 _WIDEST = {"rows": 5024, "style": 1024, "noise": 256, "face": 53, "seed": 2001, "poses": 2000, "logits": 1024}
 _WIDEST_STATE = 1 << 17  # numbers; the last 34 frames of 1,000 channels are a quarter of it
 _RANGES = {
@@ -128,7 +129,9 @@ class Signature:
             )
         for name, port in {**self.inputs, **self.outputs}.items():
             frames: Port = () if role == "live" or (role, name) == ("style", "style") else ("T",)
-            takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name == "poses" else ["N"]
+            takes = (
+                [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name in ("poses", "seed") else ["N"]
+            )
             width = port[-1] if port else 0
             if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
                 raise InputError(
@@ -150,6 +153,11 @@ class Signature:
         """Numbers of a port; 0 where there is none of this name."""
         port = self.inputs.get(name) or self.outputs.get(name) or self.state.get(name) or (0,)
         return int(port[-1])
+
+    @property
+    def feeds_back(self) -> bool:
+        """Whether each window begins with the last poses that the one before made."""
+        return self.inputs.get("seed", (1,))[0] == "N"
 
     @property
     def probe(self) -> int:

@@ -14,6 +14,7 @@ from ...models.chain_live import ChainLive
 from ...models.chain_of_generation import ChainOfGeneration
 from ...models.moglow import MoGlow
 from ...models.nn.modalities import ManyInputs
+from ...models.nn.seeded_windows import SeededWindows
 from ...models.nn.words import SubwordTable
 from ...models.stylised_flow import StylisedFlow
 from ...motion.rotations import Array
@@ -46,7 +47,10 @@ def export_model(model: Any, name: str) -> ExportedModel | None:
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
-    words = _check_inputs(model, name) if isinstance(model, ChainOfGeneration | ManyInputs) else np.zeros(0, np.float32)
+    reads = isinstance(model, ChainOfGeneration | ManyInputs) or (
+        isinstance(model, SeededWindows) and model.embedding is not None
+    )
+    words = _check_inputs(model, name) if reads else np.zeros(0, np.float32)
     exported = export_graphs(model.export_module())
     return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
 

@@ -15,6 +15,10 @@ torch.set_num_threads(1)
 
 CASES: dict[str, dict[str, Any]] = {
     "multi-context": {"term": "generator.huber"},
+    "trimodal": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
+    "joint-embedding": {"term": "speech_l1", "steps": 200, "lr": 1e-2},
+    "speech2affective-gestures": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
+    "seq2seq, words": {"term": "gestures.regression", "steps": 60, "lr": 1e-2},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

@@ -21,8 +21,8 @@ def with_audio(store: Store, audio: str | None) -> Store:
     Raises:
         InputError: no such reduction.
     """
-    columns = None if audio is None else audio_columns(audio)
-    array = next((name for name in store.arrays if name != "audio" and store.names.get(name) == columns), None)
+    columns = () if audio is None else audio_columns(audio)
+    array = next((name for name in store.arrays if name != "audio" and columns and store.names.get(name) == columns), None)
     if array is None:
         return store
     more = copy(store)

@@ -55,7 +55,7 @@ def examples_of(
             edges[f"{name}_low"] = np.minimum(edges.get(f"{name}_low", low), low)
             edges[f"{name}_high"] = np.maximum(edges.get(f"{name}_high", high), high)
     taken = [found or numbers for found in whose.values()]
-    widths = [len(edges["pose_low"]), len(edges["audio_low"]), *(said.shape[1] for said in rows.said(numbers[0]))]
+    widths = [len(edges["pose_low"]), len(edges["audio_low"]), *(said.shape[1] for said in rows.texts(numbers[0]))]
     count = int(np.clip(MOST_NUMBERS // (len(taken) * STRETCH * sum(widths)), 1, STRETCHES))
     stretches = np.stack([_stretches(rows, np.array(found), count) for found in taken])
     names = ("stretches", "speech", *(name for array, name in SAID.items() if array in store.arrays))
@@ -87,7 +87,7 @@ class _Rows(NamedTuple):
         rows = self.store.clip(self.store.clips[number])["audio"]
         return self.audio(rows if self.reduce is None else self.reduce(rows))
 
-    def said(self, number: int) -> list[Array]:
+    def texts(self, number: int) -> list[Array]:
         """(T, ·) of each of the `SAID` arrays that there are."""
         clip = self.store.clips[number]
         found = [self.store.arrays[array] for array in SAID if array in self.store.arrays]
@@ -95,7 +95,7 @@ class _Rows(NamedTuple):
 
     def whole(self, number: int) -> Array:
         """Poses, speech, and what is said, side by side."""
-        return np.concatenate([self.poses(number), self.speech(number), *self.said(number)], 1)
+        return np.concatenate([self.poses(number), self.speech(number), *self.texts(number)], 1)
 
 
 def _neutral(store: Store, numbers: list[int]) -> list[int]:

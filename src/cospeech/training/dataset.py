@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from .. import __version__
-from ..audio.features.reduce import REDUCTIONS, audio_columns, has_like_columns, louder, prepared_by, reduce_audio
+from ..audio.features.reduce import REDUCTIONS, audio_columns, has_like_columns, louder, preparation_option, reduce_audio
 from ..corpora.store import Store
 from ..errors import InputError, nearest
 from ..models.nn.trainable import Trainable
@@ -207,8 +207,8 @@ def _reduction(name: str | None, store: Store) -> Reduce | None:
         return None
     if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
         fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
-        if prepared_by(name):
-            raise InputError(f"the store has no {name!r}", f"prepare it again with {prepared_by(name)}")
+        if preparation_option(name):
+            raise InputError(f"the store has no {name!r}", f"prepare it again with {preparation_option(name)}")
         problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"
         raise InputError(problem, f"set data.audio to {fits}" if fits else "leave data.audio out")
     return partial(reduce_audio, name=name)

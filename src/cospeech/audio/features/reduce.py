@@ -35,12 +35,13 @@ __all__ = [
     "has_like_columns",
     "louder",
     "open_features",
-    "prepared_by",
+    "preparation_option",
     "reduce_audio",
 ]  # fmt: skip
 
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
+_CEPSTRA = 14  # Bhattacharya et al. 2021, authors' code
 _PROSODY = tuple(AUDIO_NAMES[N_MELS:])
 
 
@@ -84,6 +85,18 @@ def _log_powers(columns: Floats, count: int) -> Floats:
     return log_power(_powers(columns, count))
 
 
+@cache
+def _cosines() -> Bands[np.float32]:
+    """(14, 80) rows of the orthonormal discrete cosine transform of 80 log powers."""
+    band, k = np.arange(N_MELS) + 0.5, np.arange(_CEPSTRA)[:, None]
+    rows = np.cos(np.pi * k * band / N_MELS) * np.sqrt(np.where(k, 2, 1) / N_MELS)
+    return Bands(rows.astype(np.float32))
+
+
+def _mel_cepstrum(columns: Floats) -> Floats:
+    return _cosines()(np.minimum(columns[:, :N_MELS], np.float32(_LOUDEST)))
+
+
 def _prosody(columns: Floats) -> Floats:
     out = columns[:, N_MELS:].copy()
     pitch = out[:, 1]
@@ -119,6 +132,11 @@ REDUCTIONS: dict[str, Reduction] = {
         partial(_log_powers_and_prosody, count=20),
     ),
     "prosody": Reduction("energy in dB, pitch in octaves from 120 Hz (0 without voice), voicing, onset", _PROSODY, _prosody),
+    "mfcc14": Reduction(
+        "14 mel-frequency cepstral coefficients (speech2affective-gestures)",
+        tuple(f"mfcc{k}" for k in range(_CEPSTRA)),
+        _mel_cepstrum,
+    ),
     "log-mel-400": Reduction(
         "log of 64 mel magnitudes, 125 to 7500 Hz, as PATS has them (Mix-StAGE)",
         LOG_MEL_NAMES,
@@ -175,7 +193,7 @@ def has_like_columns(name: str) -> bool:
     return _find(name).alike
 
 
-def prepared_by(name: str) -> str:
+def preparation_option(name: str) -> str:
     """The option of ``cospeech prepare`` that keeps what `reduce_audio` takes; "": stores have it without.
 
     Raises:
@@ -205,6 +223,7 @@ def louder(name: str) -> tuple[float, ...]:
     if name in ("mel29-linear", "waveform"):
         raise InputError(f"louder speech in {name!r}", "its columns are no logarithms: choose some, such as mel29")
     steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
+    steps |= {f"mfcc{k}": 0.0 if k else log(10) * N_MELS**0.5 for k in range(_CEPSTRA)}
     mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
     return tuple(steps.get(column, mel) for column in audio_names(name))
 

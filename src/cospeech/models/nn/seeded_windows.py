@@ -48,9 +48,11 @@ class SeededWindows(Windowed):
     """
 
     arrays: tuple[str, ...] = ("pose", "audio", "text")
-    optional_arrays = ("text",)
+    optional_arrays: tuple[str, ...] = ("text",)
     seeds: int = SEEDS
     """Poses that a window begins with; 0: it takes none."""
+    cut: bool = False
+    """Whether it makes windows of ``multiple`` frames and no others; of more frames each window is then made by itself."""
     embedding: SubwordTable | WordEmbedding | None
     """None: it reads no words."""
 
@@ -59,8 +61,8 @@ class SeededWindows(Windowed):
         raise NotImplementedError
 
     def speaker_style(self, speaker: Tensor) -> Tensor:
-        """(B,) numbers of speakers, −1 where unknown → (B, styles)."""
-        return torch.zeros(len(speaker), self.styles, device=speaker.device)
+        """(B,) numbers of speakers, −1 where unknown → (B, styles); of a network that has styles."""
+        raise NotImplementedError
 
     def measure(self, pose: int, audio: int, embedding: SubwordTable | WordEmbedding | None = None) -> None:
         """Set what the numbers of a `Windowed` are, of a network that takes any number of frames and has no style or noise."""
@@ -85,11 +87,14 @@ class SeededWindows(Windowed):
         for name in lacks:
             if name not in INPUTS:
                 raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
-        pose, speaker = arrays["pose"], arrays["speaker"]
+        pose = arrays["pose"]
         rows, frames = pose.shape[:2]
         audio = arrays["audio"] if "audio" in arrays else pose.new_zeros(rows, frames, 0)
         words = pose.new_zeros(rows, frames, 0) if self.embedding is None else self.embedding(arrays["text"])
-        style = self.speaker_style(torch.full_like(speaker, -1) if "speaker" in lacks else speaker)
+        style = pose.new_zeros(rows, 0)
+        if self.styles:
+            speaker = arrays["speaker"]
+            style = self.speaker_style(torch.full_like(speaker, -1) if "speaker" in lacks else speaker)
         begun = pose.new_zeros(rows, frames, 1)
         if "seed" not in lacks:
             begun[:, : self.seeds] = 1 if known is None else known[:, None, None]
@@ -126,7 +131,11 @@ class SeededWindows(Windowed):
         width = 0 if self.embedding is None else self.embedding.width
         heard, words = audio.split([self.audio - width, width], -1)
         seed = heard.new_zeros(*heard.shape[:2], self.pose + 1) if seed is None else seed
-        return self.poses(WindowInputs(heard, words, style, seed), mode_noise)
+        if not self.cut or audio.shape[1] == self.multiple:
+            return self.poses(WindowInputs(heard, words, style, seed), mode_noise)
+        count = audio.shape[1] // self.multiple
+        inputs = [x.reshape(len(x) * count, self.multiple, x.shape[2]) for x in (heard, words, style, seed, mode_noise)]
+        return self.poses(WindowInputs(*inputs[:4]), inputs[4]).reshape(len(audio), -1, self.pose)
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``make``: rows (1, T, A + W), style (N, T, C), noise (N, T, modes) where there are any, seed (N, T, D + 1) → poses.
@@ -143,7 +152,8 @@ class SeededWindows(Windowed):
         ahead = window // _AHEAD
         return {
             "make": ExportGraph(
-                _Playing(self), inputs, {"poses": ("N", "T", self.pose)}, frames=2 * window, multiple=self.multiple,
+                _Playing(self), inputs, {"poses": ("N", "T", self.pose)}, frames=window if self.cut else 2 * window,
+                fixed=self.cut, multiple=self.multiple,
                 shortest=self.shortest, window=window, hop=window - self.seeds - ahead, look_ahead=ahead, seeds=self.seeds,
             )
         }  # fmt: skip

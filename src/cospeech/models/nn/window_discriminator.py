@@ -7,13 +7,13 @@ from torch import Tensor, nn
 from .norm import BatchNorm1d
 from .recurrent import BothWaysGru
 
-__all__ = ["GruJudge", "WindowDiscriminator"]
+__all__ = ["GruDiscriminator", "WindowDiscriminator"]
 
 _CHANNELS = (16, 8, 8)  # of the convolutions; authors' code
 _HIDDEN, _LAYERS, _DROPOUT = 64, 4, 0.3  # of the GRU; authors' code
 
 
-class GruJudge(nn.Module):
+class GruDiscriminator(nn.Module):
     """(B, inputs, T) of a window of T frames → (B,) logits that it was recorded."""
 
     def __init__(self, inputs: int, frames: int) -> None:
@@ -26,7 +26,7 @@ class GruJudge(nn.Module):
         return scores
 
 
-class WindowDiscriminator(GruJudge):
+class WindowDiscriminator(GruDiscriminator):
     """(B, T, D) windows of the configuration's length → (B,) logits that a window was recorded."""
 
     def __init__(self, pose: int, frames: int, slope: float) -> None:

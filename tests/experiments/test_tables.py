@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,15 +15,17 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from cospeech.audio.features.frames import AUDIO_NAMES
+from cospeech.audio.features.waveform import WAVEFORM_NAMES
 from cospeech.cli.main import app
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
-from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, making, to_text, write_table
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.paper_tables import Claim
+from cospeech.experiments.tables.played_windows import play_windows
 from cospeech.experiments.tables.report import NOT, OPEN, REPRODUCED, summary, to_markdown, verdict
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL
 from cospeech.experiments.tables.tsne import tsne
@@ -54,7 +57,8 @@ def poses(frames: int, seed: int) -> np.ndarray:
 def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
     audio = np.random.default_rng(seed).normal(size=(frames, len(AUDIO_NAMES))).astype(np.float32)
     words = (np.arange(frames) // 9 % 3).astype(np.int32)  # 0: silence
-    values = {"pose": poses(frames, seed).astype(np.float32), "audio": audio, "word": words}
+    waveform = np.random.default_rng(seed).normal(0, 0.1, (frames, len(WAVEFORM_NAMES))).astype(np.float16)
+    values = {"pose": poses(frames, seed).astype(np.float32), "audio": audio, "word": words, "waveform": waveform}
     return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(values)), ("hello", "there"), lambda: dict(values))
 
 
@@ -62,7 +66,7 @@ def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
 def store(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("store") / "ted"
     pieces = [piece(f"{n}-{s}", n, s, 200, k * 7 + len(s)) for k, n in enumerate(SPEAKERS) for s in ("train", "test")]
-    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
+    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES, "waveform": WAVEFORM_NAMES}
     write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
     return folder
 
@@ -72,6 +76,10 @@ TINY = {
     "stylised-flow": SIZES,
     "moglow": {"steps": 2, "hidden": 8, "layers": 1, "frames": 8},
     "gesture-autoencoder": {"width": 8, "code": 4, "frames": 16},
+    **{key: {"hidden": 4, "layers": 1, "word_width": 4} for key in ("trimodal", "speech2affective-gestures")},
+    "joint-embedding": {"hidden": 4, "layers": 1, "word_width": 4, "speech_hidden": 4},
+    "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
+    "speech2gesture": {"channels": 8, "discriminator_channels": 4},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }
 
@@ -125,11 +133,16 @@ def test_every_row_has_a_recipe_that_builds(name):
 
     recipe = load_recipe(SHIPPED / f"{name}.toml")
     config = build(network(recipe.model).Config, recipe.config, "model")
-    assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
-    assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
+    if recipe.model in ("stylised-flow", "moglow"):
+        assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
+        assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
+    else:
+        assert config.frames == 34  # of which 4 are given
     small = dict(SMALL[recipe.model]["model"])
     kind = network(small.pop("name", recipe.model))
-    assert build(kind.Config, {**recipe.config, **small}, "model").hidden < config.hidden
+    width = "channels" if recipe.model == "speech2gesture" else "hidden"
+    narrow = build(kind.Config, {**recipe.config, **small}, "model")
+    assert getattr(narrow, width) < getattr(config, width)
 
 
 def test_recipes_of_the_flow_are_at_the_papers_values():
@@ -478,3 +491,37 @@ def test_results_on_the_page_are_those_that_are_kept():
     assert tool.page() == tool.PAGE.read_text("utf-8"), "run tools/write_tables.py"
     how = (ROOT / "docs" / "tables.md").read_text("utf-8")
     assert all(f"| `{name}` |" in how for name in TABLES)
+
+
+# systems of windows -------------------------------------------------------------------------------------------------------
+
+WINDOWED = ("Seq2Seq", "Speech2Gesture", "JEM", "Trimodal Context", "Speech2AffectiveGestures")
+
+
+@pytest.mark.slow
+def test_systems_of_windows_make_the_frames_that_flows_make(table_runs):
+    table = make_table("flow-1", table_runs, seeds=(0,), only=WINDOWED, tell=lambda text: None)
+    for name in WINDOWED:
+        cells = table["rows"][name]["cells"]
+        assert all("mean" in cells[metric] for metric in ("fgd", "pck_gfge", "pck", "diversity", "multimodality")), name
+        assert (cells["multimodality"]["mean"] > 0) is (name in ("JEM", "Trimodal Context", "Speech2AffectiveGestures"))
+    assert "not built" not in to_text(table)
+    excerpts = Excerpts(table_runs.folder)
+    player = table_runs.player("seq2seq_ted", 0)
+    one, other = (play_windows(player, excerpts.store, excerpts.starts[:3], 30, seed=seed) for seed in (0, 1))
+    assert one.shape == (3, 30, 27)
+    assert np.array_equal(one, other)  # it has no noise
+
+
+def test_a_store_without_samples_says_so_in_the_rows_that_need_them(store, table_runs, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(store, bare)
+    index = json.loads((bare / "index.json").read_text())
+    del index["arrays"]["waveform"], index["names"]["waveform"]
+    for clip in index["clips"]:
+        clip["has"].remove("waveform")
+    (bare / "index.json").write_text(json.dumps(index))
+    runs = replace(table_runs, folder=bare)
+    row = next(row for row in ROWS if row.name == "JEM")
+    made = making._row(row, None, TABLES["flow-1"], runs, (0,), lambda text: None, "row 1 of 1")
+    assert made["missing"] == "the store was prepared without --waveform"

@@ -121,7 +121,7 @@ def test_every_row_has_a_recipe_that_builds(row):
 
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
-    assert config.frames == (64 if recipe.model == "speech2gesture" else FRAMES)
+    assert config.frames == FRAMES
     small = build(
         network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
     )

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from ...metrics import Tools
+from ...motion.rotations import Array
 from .controls import faults_of
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import choose_excerpt, draw_latents, draw_poses
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .played_windows import NEW, play_windows, plays_windows
 from .runs import PlayableRun, Runs
 from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
 
@@ -24,10 +26,18 @@ __all__ = ["Latents", "Performances"]
 def _facts(player: PlayableRun) -> str:
     """What a row was trained with, in a line."""
     config, train = player.facts["config"], player.facts["recipe"]["train"]
-    return (
-        f"{train['steps']} steps of {train['batch']} windows, K {config['steps']}, {config['hidden']} units, "
-        f"{player.parameters:,} parameters"
-    )
+    flow = f"K {config['steps']}, " if "steps" in config else ""
+    width = next(f"{config[name]} {what}, " for name, what in (("hidden", "units"), ("channels", "channels")) if name in config)
+    return f"{train['steps']} steps of {train['batch']} windows, {flow}{width}{player.parameters:,} parameters"
+
+
+def _join(windows: Array, starts: Array, frames: int) -> Array:
+    """(N, `NEW`, D) windows → (frames, D), each from its start on; the last one ends with the frames."""
+    made = np.zeros((frames, windows.shape[2]), windows.dtype)
+    for start, window in zip(starts, windows, strict=True):
+        end = min(start + NEW, frames)
+        made[start:end] = window[start - end :]
+    return made
 
 
 class _Flows:
@@ -109,6 +119,11 @@ class Performances(_Flows):
         entry, frames = choose_excerpt(clips, store.fps, BEFORE, AFTER)
         first = entry.offset + BEFORE
         for label, player in self._players(table).items():
+            if plays_windows(player):
+                starts = first + np.arange(0, frames, NEW)
+                windows = play_windows(player, store, np.minimum(starts, first + frames - NEW), NEW, seed=table["seeds"][0])
+                made[label] = _join(windows, starts - first, frames)
+                continue
             before, after = player.context
             history = player.pose(np.asarray(store.arrays["pose"][first - before : first])[None])
             heard = player.audio(np.asarray(store.arrays["audio"][first - before : first + frames + after])[None])

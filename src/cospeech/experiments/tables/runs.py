@@ -62,6 +62,9 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
     },
     "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
     "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
+    "trimodal": {"model": {**_CHAIN, "adversarial_from": 60}, "train": _LSTM},
+    "joint-embedding": {"model": {**_CHAIN, "speech_hidden": 64}, "train": _LSTM},
+    "speech2affective-gestures": {"model": _CHAIN, "train": _LSTM},
     "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
     "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
     "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},

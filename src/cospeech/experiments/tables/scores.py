@@ -16,6 +16,7 @@ from ...metrics import FeatureNet, Sample, Tools, load_metric
 from ...motion.rotations import Array
 from .excerpts import Excerpts
 from .paper_tables import Cells
+from .played_windows import play_windows, plays_windows
 from .runs import PlayableRun, make_folder
 from .tsne import tsne
 
@@ -105,11 +106,13 @@ def score_columns(
 
 
 def generate_windows(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
-    """(N, made, D) what a system makes of the windows, in the units of the store, from latents drawn with ``seed``."""
+    """(N, made, D) what a system makes of the windows, in the units of the store, from latents or noise drawn with ``seed``."""
     from ..playing import perform
 
-    before, after = player.context
     chosen = np.arange(len(excerpts)) if which is None else which
+    if plays_windows(player):
+        return play_windows(player, excerpts.store, excerpts.starts[chosen], excerpts.protocol.made, seed=seed)
+    before, after = player.context
     history = player.pose(excerpts.rows("pose", before, 0)[chosen, :before])
     audio = player.audio(excerpts.rows("audio", before, after)[chosen])
     return player.unpose(perform(player.net, history, audio, seed=seed))

@@ -1,4 +1,4 @@
-"""Real-time factor of every model whose weights ship: rows for docs/benchmarks.md.
+"""Real-time factor of every model whose weights ship, and of `rules` without the learnt mouth: rows for docs/benchmarks.md.
 
     OMP_NUM_THREADS=1 python benchmarks/models.py SPEECH
 
@@ -13,19 +13,21 @@ import os
 import platform
 import sys
 import time
+from functools import partial
 
 import numpy as np
 
 import cospeech
-from cospeech.models import MODELS, NETWORKS, SHIPPED
+from cospeech.models import MODELS, NETWORKS, SHIPPED, Model
+from cospeech.rules import RuleBasedModel
 
 SECONDS = 60
 RUNS = 5
 
 
-def measure(name: str, speech: cospeech.Speech) -> tuple[float, float]:
+def measure(model: Model, speech: cospeech.Speech) -> tuple[float, float]:
     """(seconds of processor time per second of speech, frames per second) of a model."""
-    model, best = cospeech.load(name), np.inf
+    best = np.inf
     parts = tuple(part for part in ("face", "body", "hands") if part in model.makes)
     for _ in range(RUNS + 1):
         began = time.process_time()
@@ -39,10 +41,11 @@ def main(path: str) -> None:
     samples = np.resize(one.samples, SECONDS * one.rate)
     speech = cospeech.Speech(samples, one.rate)
     print(f"{platform.processor() or platform.machine()}, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
-    for name in MODELS:
-        if name not in NETWORKS or (SHIPPED / f"{name}.cospeech").is_file():
-            factor, fps = measure(name, speech)
-            print(f"| `{name}` | {factor:.2g} | {fps:g} |", flush=True)
+    shipped = [name for name in MODELS if name not in NETWORKS or (SHIPPED / f"{name}.cospeech").is_file()]
+    rows = {"`rules`, mouth by rule": RuleBasedModel} | {f"`{name}`": partial(cospeech.load, name) for name in shipped}
+    for name, make in rows.items():
+        factor, fps = measure(make(), speech)
+        print(f"| {name} | {factor:.2g} | {fps:g} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ PAGES = Path(__file__).parents[1] / "docs" / "metrics"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
 FPS, CLIP, PAUSE, TAKES = 15.0, 45.0, 0.5, 3  # per second; seconds; seconds; takes of each speech
 POINTS = {"pck_2d", "pck_mix_stage", "pck_s2g", "mode_f1", "mode_f1_published", "w1_speed_mix_stage"}
+FITTED = " The classifier of styles and the cluster centres are fitted to the same clips that they score."
 PIXELS = 900.0  # per metre: shoulders of 0.175 m are then 167 px wide or nearly
 
 
@@ -82,7 +83,7 @@ def key_points(clip: Clip) -> Clip:
 
 
 def tools_for(clips: list[Clip], flat: list[Clip]) -> Tools:
-    """Centres by k-means, t-SNE, and a classifier of styles by the nearest mean: all of these very clips."""
+    """Centres by k-means, t-SNE, and a classifier of styles by the nearest mean: all fitted to these very clips."""
     from sklearn.manifold import TSNE
 
     frames = np.concatenate([mode_features(sample_of(clip).points) for clip in flat])
@@ -129,7 +130,8 @@ def main() -> None:
         lines = ["| |" + "".join(f" `{n}` {arrows[load_metric(n).about.better]} |" for n in names)]
         lines += ["| --- |" + " ---: |" * len(names)]
         lines += [f"| {row} |" + "".join(f" {cell} |" for cell in rows[row]) for row in rows]
-        lines += ["", f"Synthetic: {solid.about}; rule-based model, {FPS:g} frames per second, 4 styles."]
+        fitted = FITTED if {"classifier", "centres"} & {need for n in names for need in load_metric(n).about.needs} else ""
+        lines += ["", f"Synthetic: {solid.about}; rule-based model, {FPS:g} frames per second, 4 styles.{fitted}"]
         lines += (
             ["", *(f"* `{n}`: {'; '.join(found)}." for n, found in faults.items() if found)] if any(faults.values()) else []
         )

@@ -2,10 +2,11 @@
 
     python tools/measure_style.py BUNDLE.cospeech --store STORE --raw CORPUS [--write]
 
-Ten seconds of a held-out neutral recording of each of five speakers are the examples, those that show the style best; each is
-played on the same held-out speeches, 20 s each. A classifier of speakers, trained here on the recordings of the training split,
-hears nothing and sees windows of 8 s; the windows of a performance vote, but for its first two seconds, which the example's own
-poses begin.
+Ten seconds of a held-out neutral take of each of five speakers are the examples, those that the classifier recognises best.
+Each is played on the speech of the same held-out takes, 20 s each. A classifier of speakers, trained here on the recordings of
+the training split, hears nothing and sees windows of 8 s; the windows of a performance vote, but for its first two seconds,
+which the example's own poses begin. The classifier sees mean pose and amplitude, which some of the ways set by themselves: the
+table compares what users see of a style, not what latents carry.
 """
 
 from __future__ import annotations

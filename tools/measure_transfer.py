@@ -2,8 +2,9 @@
 
     python tools/measure_transfer.py SYSTEM --store STORE --raw CORPUS [--write]
 
-Held-out speeches, 20 s each, are played in every speaker's style but their own. The classifier of measure_style.py, trained on
-the recordings of the training split, hears nothing and sees windows of 8 s, which vote. Rhythm: corrected beat alignment, in
+The speech of held-out takes, 20 s each, is played in every speaker's style but their own. The classifier of measure_style.py,
+trained on the recordings of the training split, hears nothing and sees windows of 8 s, which vote. It sees mean pose and
+amplitude, which bundles set to the speaker's own, so "named right" says nothing of the network. Rhythm: beat alignment, in
 which motion that does not know its speech has 0. Rate, amplitude and the right hand's share of the movement are set against the
 speakers' own recordings: their correlation over speakers.
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from importlib import import_module
 from importlib.util import find_spec
 
@@ -20,6 +21,8 @@ from cospeech.corpora.prepare import DEFAULT_POSES, prepare
 from cospeech.corpora.store import Store
 from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
 from cospeech.corpora.synthetic.speakers import choose_speakers
+from cospeech.corpora.synthetic.speech_splits import SPLIT_SENTENCES, split_recordings
+from cospeech.corpora.synthetic.texts import SENTENCES
 from cospeech.errors import CospeechWarning, InputError, InternalError
 
 pytestmark = pytest.mark.slow
@@ -38,6 +41,21 @@ def recordings(tmp_path_factory):
     (folder / "one.txt").write_text("well I never saw such a huge thing in all my life and you know it")
     (folder / "three.wav").write_bytes(b"RIFF nothing")
     return folder
+
+
+def test_other_gestures_of_the_same_speech(recordings, tmp_path):
+    """What an oracle row is made of: clips of the same names, lengths and sound, that move otherwise."""
+    pytest.importorskip("lmdb")
+    stores = []
+    for gestures in (0, 1):
+        raw = tmp_path / f"raw{gestures}"
+        synthesise(raw, "ted", speech=recordings, hours=1 / 90, speakers=2, seed=4, gestures=gestures, tts=False)
+        prepare("ted", raw, tmp_path / f"store{gestures}", filters=False)
+        stores.append(Store(tmp_path / f"store{gestures}"))
+    first, second = stores
+    assert [(clip.name, clip.frames) for clip in first.clips] == [(clip.name, clip.frames) for clip in second.clips]
+    np.testing.assert_allclose(first.arrays["audio"], second.arrays["audio"], atol=1e-5)
+    assert np.abs(first.arrays["pose"] - second.arrays["pose"]).mean() > 0.02
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -257,7 +275,7 @@ def quick(monkeypatch):
 
     monkeypatch.setattr("cospeech.corpora.synthetic.perform", still)
     monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
-    for layout in ("beat", "trinity"):
+    for layout in LAYOUTS:
         monkeypatch.setattr(f"cospeech.corpora.{layout}.read.write", keep)
     return seen
 
@@ -279,10 +297,64 @@ def test_emotions_are_dealt_evenly_and_speakers_have_voices(layout, quick, recor
 
 
 def test_only_beat_s_voices_act_and_only_when_asked(quick, recordings, tmp_path):
-    given = {len(speech.samples) for speech in voices.pieces_of(voices.recordings(recordings), 30.0)}
+    by_split = split_recordings(voices.recordings(recordings)).values()
+    given = {len(voices.repeat(piece, 5.0).samples) for own in by_split for piece in voices.pieces_of(own, 30.0)}
     for name, layout, options in [("a", "beat", {}), ("b", "beat", {"act": False}), ("c", "trinity", {})]:
         quick.clear()
         synthesise(tmp_path / name, layout, speech=recordings, hours=0.1, speakers=1, tts=False, **options)
         lengths = {len(clip.speech.samples) for clip in quick}
         assert (lengths <= given) == (name != "a")
         assert (len(lengths) > len(given)) == (name == "a")
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("readers", [1, 4])
+def test_no_speech_of_validation_or_test_is_in_training(layout, readers, quick, monkeypatch, tmp_path, capsys):
+    """Recordings, whose samples are numbers of their own, and sentences that engines say; overlap is printed, and is 0."""
+    pytest.importorskip(NEEDS.get(layout, "numpy"))
+    number = iter(range(1, 10**6))
+
+    def read(place):
+        for reader in range(readers):
+            for k in range(2 if reader == 0 else 12):
+                values = np.repeat([next(number) for _ in range(20)], 6400) / 2**20  # 0.4 s each: no cut goes through one
+                yield Speech(np.float32(values), 16_000, name=f"{reader}/{k}.wav")
+
+    def say(voice, seconds, seed, sentences):
+        chosen = np.random.default_rng(seed).permutation(len(sentences))[:3]
+        words = tuple(Word(sentences[k], 2.0 * n, 2.0 * n + 1) for n, k in enumerate(chosen))
+        return Speech(np.zeros(6 * 16_000, np.float32), 16_000, words, name="engine")
+
+    monkeypatch.setattr("cospeech.corpora.synthetic.recordings", read)
+    monkeypatch.setattr("cospeech.corpora.synthetic.say", say)
+    monkeypatch.setattr("cospeech.corpora.synthetic.find_voices", lambda seed: [voices.Voice("flite", "slt", 1.0)] * 3)
+    synthesise(tmp_path / "raw", layout, speech=tmp_path, hours=0.25, speakers=2, act=False)
+    heard = {split: (set(), set()) for split in ("train", "validation", "test")}
+    for clip in quick:
+        samples, texts = heard[clip.split]
+        samples |= set(np.unique(clip.speech.samples).tolist()) - {0.0}
+        texts |= {word.text for word in clip.speech.words or ()}
+    assert all(samples and texts for samples, texts in heard.values())
+    for kind, what in enumerate(("recordings", "sentences")):
+        for split in ("validation", "test"):
+            shared = heard[split][kind] & heard["train"][kind]
+            with capsys.disabled():
+                sys.stdout.write(f"\n{layout}, {readers} readers, {what} of {split} in training: {len(shared)}")
+            assert not shared
+
+
+def test_the_same_words_are_in_one_split_whoever_says_them():
+    def speech(name: str, *texts: str) -> Speech:
+        words = tuple(Word(text, k + 0.1, k + 0.9) for k, text in enumerate(texts))
+        return Speech(np.full(16_000 * len(texts), 0.1, np.float32), 16_000, words, name=name)
+
+    many = [speech(f"ann/{k}.wav", *f"a{k} b{k} c{k}".split()) for k in range(4)]
+    again = [speech("bob/0.wav", "a1", "b1", "c1"), speech("cy/0.wav", *"pqrstuvwxy"), speech("dee/0.wav", *"PQRSTUVWXY")]
+    found = split_recordings([*many, *again])
+    texts = {split: [[w.text.lower() for w in s.words] for s in own] for split, own in found.items()}
+    assert ["a1", "b1", "c1"] in texts["test"]
+    assert texts["test"].count(["a1", "b1", "c1"]) == 2
+    assert texts["train"].count(list("pqrstu")) == texts["validation"].count(list("vw")) == texts["test"].count(list("xy")) == 2
+    assert sum(map(len, texts.values())) == 4 + 1 + 2 * 3
+    assert not set(SPLIT_SENTENCES["train"]) & {*SPLIT_SENTENCES["test"], *SPLIT_SENTENCES["validation"]}
+    assert sum(map(len, SPLIT_SENTENCES.values())) == len(set(SENTENCES))

@@ -17,8 +17,9 @@ from cospeech.errors import InputError
 from cospeech.experiments.figures.lines import Lines, Series, draw_lines
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
 from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
-from cospeech.experiments.tables.cog_bench import COSTS, cost_cells, generate_clips
+from cospeech.experiments.tables.cog_bench import cost_cells, generate_clips
 from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
+from cospeech.experiments.tables.paper_tables import COSTS
 from cospeech.experiments.tables.runs import FEATURES, SMALL
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.poses.euler import EULER
@@ -260,6 +261,9 @@ def test_costs_are_differences_to_all_inputs():
 
     cost = cost_cells(cells(7.0, 0.2), cells(4.0, 0.5))
     assert cost["fgd_cost"]["value"] == 3.0
+    drawn = [{name: cell | {"draws": [cell["value"] + k for k in by]} for name, cell in cells(*values).items()}
+             for values, by in (((7.0, 0.2), (0, 1)), ((4.0, 0.5), (0, 2)))]  # fmt: skip
+    assert cost_cells(*drawn)["fgd_cost"]["draws"] == [3, 2]
     assert cost["srgr_cost"]["value"] == pytest.approx(0.3)
     assert cost_cells(cells(1, 1) | {FGD: {"why": "too short"}}, cells(1, 1))["fgd_cost"] == {"why": "too short"}
 

@@ -23,8 +23,7 @@ from cospeech.experiments.tables.mix import F1, IS, MIX, OURS, PCK, THEIRS, Attr
 from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, StyleTransfer
 from cospeech.experiments.tables.mix_scores import mean_cells, score_cells, score_target_style
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
-from cospeech.experiments.tables.paper_tables import Claim
-from cospeech.experiments.tables.report import NOT, REPRODUCED, summary, to_markdown, verdict
+from cospeech.experiments.tables.report import to_markdown
 from cospeech.experiments.tables.runs import CLASSIFIER, SMALL, PlayableRun, of_speakers
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
@@ -280,18 +279,10 @@ def test_means_over_speakers_are_plain():
     assert mean_cells([*parts, {"m": {"why": "none"}}]) == {"m": {"why": "none"}}
 
 
-def cells(*values: float) -> dict:
-    return {"cells": {"m": summary([{"m": {"value": v, "interval": None, "note": ""}} for v in values], "m")}}
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [((1, 1.1, 1.2), (1.1, 1.2, 1.3), REPRODUCED), ((1, 1.1, 1.2), (3, 3.1, 3.2), NOT), ((3, 3.1, 3.2), (1, 1.1, 1.2), NOT)],
-)
-def test_a_claim_that_nothing_is_gained(a, b, expected):
-    told = verdict(Claim("m", "a", "b", True, "t", alike=True), {"a": cells(*a), "b": cells(*b)}, {"m": "M ↑"})
-    assert told["verdict"] == expected
-    assert "is about" in told["claim"]
+def test_draws_of_means_over_speakers_are_means_of_draws():
+    parts = [{"m": {"value": v, "interval": (0, 1), "note": "x", "draws": [v, v + 1, v + 2]}} for v in (1.0, 3.0)]
+    assert mean_cells(parts)["m"]["draws"] == [2, 3, 4]
+    assert "draws" not in mean_cells([parts[0], {"m": {"value": 1.0, "interval": None, "note": ""}}])["m"]
 
 
 # playing ------------------------------------------------------------------------------------------------------------------

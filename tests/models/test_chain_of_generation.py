@@ -582,6 +582,21 @@ def test_parameters_at_paper_size(text, count):
     )
 
 
+def test_gesture_features_are_the_lstms_or_128_of_them():
+    """Section 4.1 has 128 gesture features, CaMN's code the 256 numbers of its LSTM: B̂ and Ĥ are of either width."""
+    hands = hand_columns(find_pose("euler").names)
+    made = {}
+    for width in (0, 128):
+        with torch.device("meta"):
+            net = ChainOfGeneration(ChainConfig(gesture_features=width), pose=141, audio=24, speakers=4, hands=hands, text=300)
+        assert net.cascade.hand_attention.gate.narrow.in_channels == 3 * 128 + (width or 256)
+        assert net.cascade.hands.mlp[0].in_channels == (width or 256)
+        made[width] = sum(value.numel() for value in net.parameters())
+    assert made == {0: 15_543_853, 128: 15_244_957}
+    with pytest.raises(InputError):
+        chain(gesture_features=-1)
+
+
 def test_hands_are_found_by_the_names_of_their_columns():
     assert len(hand_columns(find_pose("expmap-humanoid").names)) == 18
     assert len(hand_columns(find_pose("rot6d-smplx").names)) == 6 * 2 * 16

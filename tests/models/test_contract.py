@@ -58,7 +58,7 @@ CHANGES = {
     "stage": _MIX,
     "cmix-gan": _MIX,
     "speaker-classifier+plain": {"plain": True},
-    "chain-of-generation": _CHAIN,
+    "chain-of-generation": _CHAIN | {"gesture_features": 6},
     "chain-of-generation-extended": _CHAIN,
     "chain-of-generation-extended+played": _CHAIN | _PLAYED,
     "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooling_window": 5},

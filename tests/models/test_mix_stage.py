@@ -99,6 +99,18 @@ def test_less_reconstruction_and_played_poses_change_what_they_say_and_nothing_e
     assert {name for name in plain if plain[name] != played[name]} == {"id", "adv"}
 
 
+def test_the_style_joins_the_content_before_or_after_the_unet():
+    """Sections 4 and 4.5 against the authors' code, which is the default."""
+    for first in (False, True):
+        net = network(style_first=first).eval()
+        with torch.no_grad():
+            content, style = net.audio_content(batch()["audio"]), torch.eye(SPEAKERS)[:1].expand(ROWS, 1, -1)
+            z, row = net.latent(content, style), net.style(style).expand(-1, -1, 64)
+            wanted = net.unet(torch.cat([content, row], 1)) if first else torch.cat([net.unet(content), row], 1)
+        assert torch.equal(z, wanted)
+        assert z.shape[1] == net.config.channels + (0 if first else net.config.style)
+
+
 @pytest.mark.parametrize("modes", [1, 2, MODES])
 def test_priors_sum_to_one(modes):
     net = network(modes=modes).eval()

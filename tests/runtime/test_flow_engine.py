@@ -77,6 +77,7 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
         {},
         {"encoder": False},
         {"encoder_oldest": True},
+        {"encoder_relu": False},
         {"layers": 1, "look_ahead": 0},
         {"layers": 3, "steps": 1},
         {"residual": True},

@@ -17,7 +17,7 @@ __all__ = ["KINDS", "given", "make_network", "run_network"]
 _MIX = {"modes": 4, "channels": 16, "depth": 3, "style": 4, "patch_channels": 4}
 KINDS: dict[str, dict[str, Any]] = {
     "mix-stage": _MIX,
-    "stage": _MIX | {"modes": 1},
+    "stage": _MIX | {"modes": 1, "style_first": True},
     "cmix-gan": {name: value for name, value in _MIX.items() if name != "style"},
     "speech2gesture": {"frames": 64, "channels": 8, "depth": 4, "decoder": 2, "discriminator_channels": 4},
     "munit": {"frames": 64, "channels": 4, "style": 2, "mlp": 8, "blocks": 2},

@@ -30,7 +30,7 @@ from tests.support.runtime_bundles import cut, same  # noqa: E402
 FPS = 12.0
 _SMALL = {"frames": 16, "hidden": 8, "layers": 1, "word_width": 5}
 _CHAIN = _SMALL | {"latent": 8, "reduction": 4, "text_channels": 6, "classifier_channels": 6, "classifier_steps": 2, "noise": 2}
-_CHAIN |= {"seed_dropout": 0.5, "face_teacher_forcing": 0.5}
+_CHAIN |= {"seed_dropout": 0.5, "face_teacher_forcing": 0.5, "gesture_features": 5}
 _LIVE = {name: value for name, value in _CHAIN.items() if name not in ("seed_dropout", "face_teacher_forcing")} | {
     "look_ahead": 3
 }

@@ -66,6 +66,15 @@ Speakers = Annotated[
     int | None, Option("--speakers", metavar="NUMBER", help="Number of speakers. The default is 8; Trinity has 1.")
 ]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed. Another seed gives another corpus.")]
+Gestures = Annotated[
+    int,
+    Option(
+        "--gestures",
+        metavar="NUMBER",
+        min=0,
+        help="Seed of the motion alone. Another one gives the same speech and other motion.",
+    ),
+]
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
 Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
@@ -141,6 +150,7 @@ def _add_synthesise(app: typer.Typer) -> None:
         hours: Hours = 0.5,
         speakers: Speakers = None,
         seed: Seed = 0,
+        gestures: Gestures = 0,
         tts: Tts = True,
         act: Act = True,
         quiet: Quiet = False,
@@ -157,7 +167,16 @@ def _add_synthesise(app: typer.Typer) -> None:
 
         with show_progress("synthesising", quiet) as tell:
             report = make(
-                raw, layout, speech=speech, hours=hours, speakers=speakers, seed=seed, tts=tts, act=act, progress=tell
+                raw,
+                layout,
+                speech=speech,
+                hours=hours,
+                speakers=speakers,
+                seed=seed,
+                gestures=gestures,
+                tts=tts,
+                act=act,
+                progress=tell,
             )
         if not quiet:
             typer.echo(f"{raw}  {report.summary()}")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
@@ -38,13 +39,19 @@ Features = Annotated[
     Path | None,
     Option("--features", metavar="RUN", help="Feature network of FGD: the folder of its run (recipe fgd_ted, for example)."),
 ]
+HearingGain = Annotated[
+    bool,
+    Option("--hearing", help="Measure how much runs hear: their loss with another's speech, less that with their own."),
+]
 Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Also write the table as JSON to this file.")]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Table = Annotated[
     str | None,
     Option("--table", metavar="NAME", help="Reproduce a table of a paper: flow-1, mix-1, cog-1 and so on; see docs/tables.md."),
 ]
-Seeds = Annotated[str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed.")]
+Seeds = Annotated[
+    str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed. A verdict takes five.")
+]
 Rows = Annotated[
     list[str] | None,
     Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeatable."),
@@ -52,6 +59,18 @@ Rows = Annotated[
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="With --table: folder of the runs and of the table's files.")]
 Recipes = Annotated[
     Path | None, Option("--recipes", metavar="FOLDER", help="With --table: folder of recipes that replace those that ship.")
+]
+Oracle = Annotated[
+    Path | None,
+    Option(
+        "--oracle",
+        metavar="STORE",
+        help="With --table: store of the same synthetic speech with other gestures (`synthesise --gestures 1`), a control row.",
+    ),
+]
+Headroom = Annotated[
+    bool,
+    Option("--headroom", help="With --table: the control rows alone, and what each metric can tell apart; no row is trained."),
 ]
 Small = Annotated[bool, Option("--small", help="With --table: narrow networks and few steps, about two minutes per run.")]
 Change = Annotated[
@@ -83,40 +102,63 @@ def _numbers(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        raise InputError(f"--seeds {text!r}", "whole numbers separated by commas, such as 0,1,2") from None
+        raise InputError(f"--seeds {text!r}", "whole numbers separated by commas, such as 0,1,2,3,4") from None
 
 
 def _table(
-    name: str, store: Path, *, raw: Path | None, seeds: str, rows: list[str], runs: Path, recipes: Path | None, small: bool,
-    changes: list[str], threads: int, about: str, figure: Path | None,
-) -> dict[str, Any]:  # fmt: skip
-    """Make a table of a paper, its files and its figure."""
-    from ..experiments.tables import Runs, draw_table, make_table, write_table
+    name: str, store: Path, out: Path | None, as_json: bool, *, raw: Path | None, seeds: str, rows: list[str], runs: Path,
+    recipes: Path | None, small: bool, changes: list[str], threads: int, oracle: Path | None, headroom: bool, about: str,
+    figure: Path | None,
+) -> None:  # fmt: skip
+    """Make a table of a paper, its files and its figure, and print it."""
+    from ..experiments.tables import Runs, draw_table, make_table, to_text, write_table
     from ..training.recipe import SHIPPED
 
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
-    table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, about, tell)
-    table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, tell=tell)
-    for path in write_table(table, runs):
+    table_runs = Runs(store, runs, SHIPPED if recipes is None else recipes, small, tuple(changes), threads, oracle, about, tell)
+    table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, trained=not headroom, tell=tell)
+    for path in () if headroom else write_table(table, runs):
         tell(f"wrote {path}")
-    if figure is not None:
+    if figure is not None and not headroom:
         draw_table(table, table_runs, figure, raw=raw)
         tell(f"wrote {figure}")
-    return table
+    _show(json.dumps(table, indent=1, ensure_ascii=False), to_text(table), out, as_json)
 
 
-_OF_TABLES = frozenset({"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "about", "figure"})
-_OF_CONTESTS = frozenset({"metrics", "split", "takes", "seed", "seed_frames", "features"})
+def _hearing(systems: Mapping[str, str], store: Path, split: str, out: Path | None, as_json: bool) -> None:
+    """Measure the hearing gain of runs, and print it."""
+    from ..experiments.hearing import describe_hearing, measure_hearing
+
+    if not systems:
+        raise InputError("--hearing without a run", "name the folders of some runs")
+    found = {name: measure_hearing(folder, store, split=split) for name, folder in systems.items()}
+    told = {name: [each._asdict() for each in terms] for name, terms in found.items()}
+    _show(json.dumps(told, indent=1), describe_hearing(found), out, as_json)
 
 
-def _check_options(context: typer.Context, table: str | None) -> None:
-    """No option is given that would change nothing.
+def _names(metrics: str | None) -> list[str]:
+    """Names separated by commas; the default ones where none are given."""
+    from ..metrics.table import DEFAULT
+
+    return [*DEFAULT] if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()]
+
+
+_OF_TABLES = frozenset(
+    {"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "oracle", "headroom", "about", "figure"}
+)
+_OF_CONTESTS = frozenset({"hearing", "metrics", "split", "takes", "seed", "seed_frames", "features"})
+
+
+def _check_options(context: typer.Context, table: str | None, systems: list[str]) -> None:
+    """No option is given that would change nothing, and no system beside a table.
 
     Raises:
         InputError: one is.
     """
+    if table is not None and systems:
+        raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
     idle = _OF_TABLES if table is None else _OF_CONTESTS
     for option in context.command.params:
         if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
@@ -148,14 +190,17 @@ def register(app: typer.Typer) -> None:
         seed: Seed = 0,
         seed_frames: Given = 0,
         features: Features = None,
+        hearing: HearingGain = False,
         table: Table = None,
-        seeds: Seeds = "0,1,2",
+        seeds: Seeds = "0,1,2,3,4",
         rows: Rows = None,
         runs: Runs = Path("runs/tables"),
         recipes: Recipes = None,
         small: Small = False,
         changes: Change = None,
         threads: Threads = 0,
+        oracle: Oracle = None,
+        headroom: Headroom = False,
         about: About = "",
         figure: Figure = None,
         out: Out = None,
@@ -171,24 +216,20 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
-        _check_options(context, table)
+        _check_options(context, table, systems or [])
         if table is not None:
-            if systems:
-                raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
-            from ..experiments.tables import to_text
-
-            made = _table(
-                table, corpus, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
-                changes=changes or [], threads=threads, about=about, figure=figure,
+            _table(
+                table, corpus, out, as_json, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
+                changes=changes or [], threads=threads, oracle=oracle, headroom=headroom, about=about, figure=figure,
             )  # fmt: skip
-            _show(json.dumps(made, indent=1, ensure_ascii=False), to_text(made), out, as_json)
+            return
+        if hearing:
+            _hearing(_parse_source(systems or []), corpus, split, out, as_json)
             return
         from ..evaluation import evaluate_store
-        from ..metrics.table import DEFAULT
 
         result = evaluate_store(
             _parse_source(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
-            metrics=DEFAULT if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()],
-            seed_frames=seed_frames, features=features,
+            metrics=_names(metrics), seed_frames=seed_frames, features=features,
         )  # fmt: skip
         _show(result.to_json(), result.to_text(), out, as_json)

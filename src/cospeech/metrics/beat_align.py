@@ -32,7 +32,9 @@ FRAMES_SIGMA = 5.0  # frames (flow paper, "σ = 5"; the unit is not said, MINT's
 ORDER, ORDER_FPS = 10, 60.0  # MINT calculate_beat_scores.py: 10 frames at 60 per second
 HA2G_SIGMA, HA2G_LEAST = 0.1, 0.03  # s, of the normalised angle change (HA2G train.py)
 BEAT_SIGMA, BEAT_ORDER, BEAT_FROM, BEAT_TO = 0.3, 2, 10.0, 500.0  # s, frames, s, s (BEAT 2022 utils/metric.py, test.py)
-LIBRARY_RATE = 22_050.0  # BEAT 2022 leaves librosa's default where 16 kHz is meant: times × 16000 / 22050
+LIBRARY_RATE = 22_050.0
+"""Samples per second, the default of librosa. BEAT 2022 (utils/metric.py) computes onset strength at the rate of the sound, and
+leaves this default where it picks the peaks and where it computes times: times are × 16000 / 22050."""
 SHORTEST, JOINED = 1.5, 30.0  # s; ours: clips shorter than JOINED are judged end to end, so that they can be slid
 RING = ("RightHandRing2", "rightRingIntermediate")  # the finger whose three columns BEAT 2022 takes for the right wrist
 
@@ -97,7 +99,7 @@ def beat_align(generated: Sequence[Sample], reference: Sequence[Sample], tools: 
         else:
             runs.append(here)
     lift = lift_of_times(runs, seed=tools.seed)
-    return Score(lift.far, lift.interval, lift.accents, f"lag {lift.lag:+.2f} s")
+    return Score(lift.far, lift.interval, lift.accents, f"lag {lift.lag:+.2f} s", lift.draws)
 
 
 @metric("speech", "positions", better="higher", hears=True)
@@ -133,7 +135,10 @@ def beat_align_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], to
 
 @metric("speech", "rotations", better="higher", hears=True)
 def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """BEAT's BeatAlign as CoG quotes it (σ = .3 s, one finger, audio times × .7256): over audio beats; rewards jitter."""
+    """BEAT's BeatAlign as CoG quotes it (σ = .3 s, one finger, audio times × .7256): over audio beats; rewards jitter.
+
+    As coded: the peak windows of the onsets are those of 22,050 Hz, and onsets move back to a minimum of the Hann-weighted rms.
+    """
     values = []
     for sample in generated:
         assert sample.rotations is not None
@@ -141,13 +146,13 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
             raise InputError(f"{sample.name!r} has no joints")
         samples, rate = _speech(sample)
         samples = samples[round(BEAT_FROM * rate) : round(BEAT_TO * rate)]
-        frames = slice(round(BEAT_FROM * sample.fps), round(BEAT_TO * sample.fps))
+        frames = slice(round(BEAT_FROM * sample.fps), round(BEAT_TO * sample.fps) + 1)  # one more, for the last velocity
         joint = next((sample.names.index(name) for name in RING if name in sample.names), sample.rotations.shape[1] - 1)
         angles = np.degrees(quat_to_euler(sample.rotations[frames, joint], "XYZ"))
         if len(samples) < rate or len(angles) < sample.fps:
             continue
         motion = _minima(np.linalg.norm(np.diff(angles, axis=0), axis=1), BEAT_ORDER) / sample.fps
-        onsets = backtrack(onset_frames(onset_strength(samples, rate), rate), rms(samples))
+        onsets = backtrack(onset_frames(onset_strength(samples, rate), LIBRARY_RATE), rms(samples, hann=True))
         values.append(closeness(onsets * (HOP / LIBRARY_RATE), motion, BEAT_SIGMA))
     if not values:
         raise InputError("no clip is longer than 11 s", f"BEAT's form leaves out the first {BEAT_FROM:g} s")

@@ -23,6 +23,7 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ._scipy import scipy
+from .interval import Resampled
 from .movement import Track, wrist_speeds
 from .movement_signal import FPS, SMOOTH, low_pass
 
@@ -45,6 +46,7 @@ class BeatLift:
     Args:
         far, near: lift over chance, far and near shifts; 0 is chance, .31 … .64 a real speaker.
         interval: 95 % bootstrap interval of ``far``.
+        draws: some of the values that the interval is made of.
         lag: seconds from accent to wrist peak at the best lag; negative where the hands are first.
         beaten: share of far shifts that do worse than the speech's true place (1 = all).
         accents: how many accents were judged.
@@ -56,6 +58,7 @@ class BeatLift:
     lag: float
     beaten: float
     accents: int
+    draws: tuple[float, ...] = ()
 
 
 def energy_envelope(samples: Array, rate: float) -> Array:
@@ -136,12 +139,14 @@ def lift_of_times(recordings: Sequence[tuple[Array, Array, float]], *, seed: int
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     draws = rng.multinomial(block.max() + 1, np.full(block.max() + 1, 1 / (block.max() + 1)), RESAMPLES)[:, block]
     lifts = [v / max(c.mean(), 1e-12) - 1 for v, c, _ in (lift(w / w.sum()) for w in draws if w.sum())]
-    low, high = np.percentile(lifts, (2.5, 97.5))
+    drawn = Resampled.of(np.array(lifts))
+    assert drawn.interval is not None
     return BeatLift(
         far=float(value / max(chance.mean(), 1e-12) - 1),
         near=float(value / max(nearby.mean(), 1e-12) - 1),
-        interval=(float(low), float(high)),
+        interval=drawn.interval,
         lag=float(LAGS[np.argmax(true[0].mean(-1))]),
         beaten=float((chance < value).mean()),
         accents=count,
+        draws=drawn.draws,
     )

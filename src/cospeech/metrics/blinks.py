@@ -79,8 +79,8 @@ def _clips(samples: Sequence[Sample]) -> list[Blinks]:
 
 def _score(samples: Sequence[Sample], figure: Callable[[Sequence[Blinks]], float], tools: Tools) -> Score:
     clips = _clips(samples)
-    ends = bootstrap(lambda chosen: figure([clips[k] for k in chosen]), len(clips), draws=DRAWS, seed=tools.seed)
-    return Score(figure(clips), ends, sum(len(clip.widths) for clip in clips))
+    drawn = bootstrap(lambda chosen: figure([clips[k] for k in chosen]), len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(figure(clips), drawn.interval, sum(len(clip.widths) for clip in clips), draws=drawn.draws)
 
 
 @metric("face", better="reference", unit="per minute")

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..motion.rotations import Array, quat_to_euler
 from .interval import bootstrap, mean_score
 from .metric import metric
-from .sample import Sample, Score, Tools, pose_vectors
+from .sample import Sample, Score, Tools, pose_vectors, select_vectors
 
 __all__ = [
     "diversity", "diversity_gfge", "diversity_mix_stage", "l1_div", "l1_div_beat", "mean_pair_distance",
@@ -41,8 +41,10 @@ def mean_pair_distance(windows: Array) -> float:
     return float((place @ np.sort(windows, axis=0)).mean() * 2 / (count * (count - 1)))
 
 
-def _windows(sample: Sample) -> Array:
+def _windows(sample: Sample, *, root: bool = False) -> Array:
     poses = pose_vectors(sample)
+    if root:
+        poses = np.pad(poses, ((0, 0), (3, 0)))  # which is at 0
     count = len(poses) // FRAMES
     return poses[: count * FRAMES].reshape(count, FRAMES * poses.shape[1])
 
@@ -60,13 +62,17 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):
         raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
-    return Score(value, bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed), sum(map(len, clips)))
+    drawn = bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(value, drawn.interval, sum(map(len, clips)), draws=drawn.draws)
 
 
 @metric("positions", better="higher", unit="mm")
 def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Div of the flow paper: pairs within batches of 50 consecutive windows, without a smaller last batch; depends on order."""
-    rows = np.concatenate([w for s in generated if len(w := _windows(s))] or [np.zeros((0, 1))])
+    """Div of the flow paper: pairs within batches of 50 consecutive windows, without a smaller last batch; depends on order.
+
+    As coded, the root counts as a joint that never differs: with the 10 joints of TED, 9/10 of the value without it.
+    """
+    rows = np.concatenate([w for s in generated if len(w := _windows(s, root=True))] or [np.zeros((0, 1))])
     batches = [rows[k : k + BATCH] for k in range(0, len(rows) - BATCH + 1, BATCH)]
     if not batches:
         raise InputError(f"{len(rows)} windows of {FRAMES} frames", f"a batch is {BATCH}, and smaller ones are dropped")
@@ -75,12 +81,12 @@ def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], too
 
 @metric("positions|points", better="higher", unit="mm (px)")
 def diversity_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Mix-StAGE's diversity: mean |coordinate − mean pose of the reference|."""
+    """Mix-StAGE's diversity: mean |coordinate − mean pose of the reference|; not of neck, nose and eyes of PATS."""
     if not reference:
         raise InputError("no reference clips", "the mean pose is theirs")
-    mean = np.concatenate([pose_vectors(sample) for sample in reference]).mean(0)
+    mean = np.concatenate([select_vectors(sample) for sample in reference]).mean(0)
     unit = MILLI if generated[0].positions is not None else 1.0
-    values = [float(np.abs(pose_vectors(sample) - mean).mean() * unit) for sample in generated]
+    values = [float(np.abs(select_vectors(sample) - mean).mean() * unit) for sample in generated]
     return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
 
 

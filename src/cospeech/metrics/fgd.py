@@ -17,9 +17,9 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from ._scipy import scipy
-from .interval import LEVEL
+from .interval import Resampled
 from .metric import metric
-from .sample import FeatureNet, Sample, Score, Tools, pose_vectors
+from .sample import FeatureNet, Sample, Score, Tools, select_vectors
 
 __all__ = ["fgd", "fgd_published", "fid_poses", "frechet", "frechet_published", "moments"]
 
@@ -93,10 +93,10 @@ def _clips(samples: Sequence[Sample], net: FeatureNet) -> list[Array]:
     return found
 
 
-def _interval(a: list[Array], b: list[Array], value: float, seed: int) -> tuple[float, float] | None:
+def _resample(a: list[Array], b: list[Array], value: float, seed: int) -> Resampled:
     """Clips of both sides drawn with replacement; the draws' own upward bias is taken off."""
     if len(a) < 2 or len(b) < 2:
-        return None
+        return Resampled()
     rng, centre = np.random.default_rng(seed), np.concatenate(b).mean(0)
     sides = [[(len(x), (x - centre).sum(0), (x - centre).T @ (x - centre)) for x in side] for side in (a, b)]
     draws = []
@@ -109,8 +109,7 @@ def _interval(a: list[Array], b: list[Array], value: float, seed: int) -> tuple[
             spread = sum(clip[2] for clip in chosen) / count - np.outer(mean, mean)
             drawn += [mean, spread * count / max(count - 1, 1)]
         draws.append(frechet(*drawn))
-    low, high = np.percentile(draws, LEVEL) - np.mean(draws) + value
-    return float(max(low, 0)), float(max(high, 0))
+    return Resampled.of(np.maximum(np.array(draws) - np.mean(draws) + value, 0.0))
 
 
 @metric("features", better="lower")
@@ -120,7 +119,8 @@ def fgd(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
     a, b = _clips(generated, tools.features), _clips(reference, tools.features)
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
     count = sum(map(len, a))
-    return Score(value, _interval(a, b, value, tools.seed), count, f"{tools.features.name}, {count} windows")
+    drawn = _resample(a, b, value, tools.seed)
+    return Score(value, drawn.interval, count, f"{tools.features.name}, {count} windows", drawn.draws)
 
 
 @metric("features", better="lower")
@@ -133,8 +133,11 @@ def fgd_published(generated: Sequence[Sample], reference: Sequence[Sample], tool
 
 @metric("positions|points", better="lower")
 def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement."""
-    a, b = ([pose_vectors(sample) for sample in side] for side in (generated, reference))
+    """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement.
+
+    Neck, nose and eyes of PATS' key points do not count, as coded.
+    """
+    a, b = ([select_vectors(sample) for sample in side] for side in (generated, reference))
     joined = np.concatenate(b)
     mean, deviation = joined.mean(0), joined.std(0)
     moving = deviation > STILL * deviation.max(initial=0)
@@ -142,4 +145,5 @@ def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
         raise InputError("the reference does not move")
     a, b = ([((x - mean) / np.maximum(deviation, 1e-300))[:, moving] for x in side] for side in (a, b))
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
-    return Score(value, _interval(a, b, value, tools.seed), sum(map(len, a)), "frames")
+    drawn = _resample(a, b, value, tools.seed)
+    return Score(value, drawn.interval, sum(map(len, a)), "frames", drawn.draws)

@@ -66,8 +66,8 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     if not reference:
         raise InputError("no reference clips")
     made, true = _histograms(generated, end=end), np.sum(_histograms(reference, end=end), 0)
-    interval = bootstrap(lambda k: hellinger(np.sum([made[i] for i in k], 0), true), len(made), draws=DRAWS, seed=tools.seed)
-    return Score(hellinger(np.sum(made, 0), true), interval, len(made))
+    drawn = bootstrap(lambda k: hellinger(np.sum([made[i] for i in k], 0), true), len(made), draws=DRAWS, seed=tools.seed)
+    return Score(hellinger(np.sum(made, 0), true), drawn.interval, len(made), draws=drawn.draws)
 
 
 @metric("positions", better="lower")

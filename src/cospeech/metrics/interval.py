@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,10 +11,24 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .sample import Score
 
-__all__ = ["bootstrap", "mean_score"]
+__all__ = ["Resampled", "bootstrap", "mean_score"]
 
 DRAWS = 1000  # ours: the ends of the interval are then known to some 5 % of its width
 LEVEL = (2.5, 97.5)  # 95 %
+KEPT = 200  # ours: draws that a score keeps; the variance of a difference is then known to 10 %
+
+
+class Resampled(NamedTuple):
+    """What drawing clips with replacement gives: the interval (None for one clip), and the first `KEPT` values."""
+
+    interval: tuple[float, float] | None = None
+    draws: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, values: Array) -> Resampled:
+        """The percentile interval of values that were drawn; those that are not finite are left out of it."""
+        low, high = np.percentile([v for v in values if np.isfinite(v)] or [np.nan], LEVEL)
+        return cls((float(low), float(high)), tuple(map(float, values[:KEPT])))
 
 
 def mean_score(values: Sequence[float], weights: Sequence[float] | None = None, *, seed: int = 0, note: str = "") -> Score:
@@ -30,16 +45,14 @@ def mean_score(values: Sequence[float], weights: Sequence[float] | None = None, 
     if len(x) < 2:
         return Score(value, None, 1, note)
     counts = np.random.default_rng(seed).multinomial(len(x), np.full(len(x), 1 / len(x)), DRAWS) * w
-    total = counts.sum(1)
-    low, high = np.percentile((counts @ x)[total > 0] / total[total > 0], LEVEL)
-    return Score(value, (float(low), float(high)), len(x), note)
+    with np.errstate(all="ignore"):
+        drawn = Resampled.of((counts @ x) / counts.sum(1))
+    return Score(value, drawn.interval, len(x), note, drawn.draws)
 
 
-def bootstrap(statistic: Callable[[Array], float], count: int, *, draws: int, seed: int = 0) -> tuple[float, float] | None:
-    """Interval of ``statistic(indices)`` with ``count`` clips drawn ``draws`` times; None where there is one clip only."""
+def bootstrap(statistic: Callable[[Array], float], count: int, *, draws: int, seed: int = 0) -> Resampled:
+    """``statistic(indices)`` with ``count`` clips drawn ``draws`` times; nothing where there is one clip only."""
     if count < 2:
-        return None
+        return Resampled()
     rng = np.random.default_rng(seed)
-    values = [statistic(rng.integers(0, count, count)) for _ in range(draws)]
-    low, high = np.percentile([v for v in values if np.isfinite(v)] or [np.nan], LEVEL)
-    return float(low), float(high)
+    return Resampled.of(np.array([statistic(rng.integers(0, count, count)) for _ in range(draws)]))

@@ -84,8 +84,9 @@ def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
     def lag(chosen: Array) -> float:
         return float(LAGS[_of(clips[chosen].sum(0)).argmax()] / RATE)
 
-    ends = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
-    return Score(float(LAGS[best.argmax()] / RATE), ends, len(clips), f"correlation {best.max():.2f}")
+    drawn = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
+    note = f"correlation {best.max():.2f}"
+    return Score(float(LAGS[best.argmax()] / RATE), drawn.interval, len(clips), note, drawn.draws)
 
 
 @metric("face", "speech", better="higher", hears=True)
@@ -99,5 +100,6 @@ def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], to
         return float(_of(clips[chosen].sum(0)).max())
 
     values = _of(clips.sum(0))
-    ends = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
-    return Score(float(values.max()), ends, len(clips), f"lag {LAGS[values.argmax()] / RATE:+.2f} s")
+    drawn = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
+    note = f"lag {LAGS[values.argmax()] / RATE:+.2f} s"
+    return Score(float(values.max()), drawn.interval, len(clips), note, drawn.draws)

@@ -74,5 +74,5 @@ def lip_closure_agreement(generated: Sequence[Sample], reference: Sequence[Sampl
     every = np.stack(tables)
     if not all(every.sum(0).sum(1) > 0):
         raise InputError("the recorded mouth never opens, or never shuts", "recordings of faces that speak and pause")
-    ends = bootstrap(lambda chosen: kappa(every[chosen].sum(0)), len(every), draws=DRAWS, seed=tools.seed)
-    return Score(kappa(every.sum(0)), ends, int(every.sum()))
+    drawn = bootstrap(lambda chosen: kappa(every[chosen].sum(0)), len(every), draws=DRAWS, seed=tools.seed)
+    return Score(kappa(every.sum(0)), drawn.interval, int(every.sum()), draws=drawn.draws)

@@ -52,6 +52,7 @@ def macro_f1(true: Sequence[int], said: Sequence[int], clips: Sequence[str], *, 
     names = sorted(set(clips))
     counts = np.zeros((len(names), classes, classes))
     np.add.at(counts, (np.searchsorted(names, clips), a, b), 1)
-    interval = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
+    drawn = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
     occurring = int((counts.sum((0, 2)) > 0).sum())
-    return Score(mean_f1(counts.sum(0)), interval, len(a), f"{occurring} classes, {len(names)} clips")
+    note = f"{occurring} classes, {len(names)} clips"
+    return Score(mean_f1(counts.sum(0)), drawn.interval, len(a), note, drawn.draws)

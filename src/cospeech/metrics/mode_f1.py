@@ -76,9 +76,9 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     for made, true in parts:
         modes = [nearest_centre(mode_features(x), centres) for x in (true, made)]
         counts.append(confusion(modes[0], modes[1], len(centres)))
-    interval = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
+    drawn = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
     total = np.sum(counts, 0)
-    return Score(average_f1(total), interval, int(total.sum()), f"{len(centres)} centres")
+    return Score(average_f1(total), drawn.interval, int(total.sum()), f"{len(centres)} centres", drawn.draws)
 
 
 @metric("points", "centres", better="higher", paired=True)

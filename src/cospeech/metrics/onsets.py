@@ -36,12 +36,16 @@ def _frames(samples: Array) -> Array:
     return np.lib.stride_tricks.sliding_window_view(padded, WINDOW)[::HOP]
 
 
+def _hann() -> Array:
+    """(WINDOW,) weights of a periodic Hann window."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(WINDOW) / WINDOW))
+
+
 def onset_strength(samples: Array, rate: float) -> Array:
     """(1 + N // 512,) strength of each frame of (N,) mono samples."""
     if np.ndim(samples) != 1 or not len(samples) or not rate > 0:
         raise InputError(f"samples of shape {np.shape(samples)} at {rate} per second", "one channel of sound")
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(WINDOW) / WINDOW)
-    mel = np.square(np.abs(np.fft.rfft(_frames(samples) * window))) @ _triangles(rate).T
+    mel = np.square(np.abs(np.fft.rfft(_frames(samples) * _hann()))) @ _triangles(rate).T
     level = 10 * np.log10(np.maximum(mel, FLOOR))
     level = np.maximum(level, level.max() - RANGE_DB)
     rise = np.maximum(0, np.diff(level, axis=0)).mean(1)
@@ -67,9 +71,15 @@ def onset_frames(strength: Array, rate: float) -> Array:
     return np.array(found, int)
 
 
-def rms(samples: Array) -> Array:
-    """(1 + N // 512,) root mean square of each frame."""
-    return np.sqrt(np.square(_frames(samples)).mean(1))
+def rms(samples: Array, *, hann: bool = False) -> Array:
+    """(1 + N // 512,) root mean square of each frame of (N,) mono samples.
+
+    Args:
+        samples: of one channel.
+        hann: weight each frame by a Hann window, as ``librosa.feature.rms`` of the magnitudes of an STFT does.
+    """
+    frames = _frames(samples)
+    return np.sqrt(np.square(frames * _hann() if hann else frames).mean(1))
 
 
 def backtrack(onsets: Array, energy: Array) -> Array:

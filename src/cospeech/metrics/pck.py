@@ -14,14 +14,12 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from .interval import mean_score
 from .metric import metric, pair_samples
-from .sample import Sample, Score, Tools
+from .sample import Sample, Score, Tools, select_points
 
 __all__ = ["box_thresholds", "hits", "pck", "pck_2d", "pck_gfge", "pck_mix_stage", "pck_s2g"]
 
 NEAR = 0.1  # metres (GFGE cal_metrics.py, "< 0.1" in the unit of its bone lengths)
 ALPHAS = (0.1, 0.2)  # of the box (Mix-StAGE metrics.py); Speech2Gesture: .2 alone
-MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
-PATS = 52
 
 
 def hits(made: Array, true: Array, threshold: float | Array, *, closed: bool = False) -> Array:
@@ -39,11 +37,6 @@ def hits(made: Array, true: Array, threshold: float | Array, *, closed: bool = F
 def box_thresholds(true: Array, alpha: float) -> Array:
     """(T, 1) α × the longer side of each frame's box around all points (T, K, 2), the masked ones too."""
     return alpha * np.ptp(true, axis=1).max(-1, keepdims=True)
-
-
-def _select_points(points: int) -> list[int]:
-    masked = MASKED if points == PATS else (0,)
-    return [k for k in range(points) if k not in masked]
 
 
 @metric("positions", better="higher", paired=True)
@@ -69,7 +62,7 @@ def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: To
 def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
     shares, sizes = [], []
     for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = _select_points(made.shape[1])
+        keep = select_points(made.shape[1])
         judged = hits(made, true, box_thresholds(true, alpha))[:, keep]
         shares.append(float(judged.mean()))
         sizes.append(judged.size)
@@ -101,7 +94,7 @@ def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
     """PCK of Speech2Gesture: α = .2 of the box around the kept points, the threshold itself a hit."""
     values, sizes = [], []
     for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = _select_points(made.shape[1])
+        keep = select_points(made.shape[1])
         threshold = box_thresholds(true[:, keep], ALPHAS[1])
         judged = hits(made, true, threshold, closed=True)[:, keep]
         values.append(float(judged.mean()))

@@ -13,8 +13,10 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from .movement import Track
 
-__all__ = ["FeatureNet", "Sample", "Score", "Tools", "pose_vectors"]
+__all__ = ["FeatureNet", "Sample", "Score", "Tools", "select_points", "select_vectors", "pose_vectors"]
 
+MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
+PATS = 52  # key points of PATS
 
 _SHAPES: dict[str, tuple[int, int | None]] = {
     "positions": (3, 3), "points": (3, 2), "rotations": (3, 4), "face": (2, len(ARKIT)), "semantics": (1, None),
@@ -98,6 +100,24 @@ def pose_vectors(sample: Sample) -> Array:
     return np.asarray(values[:, 1:] - values[:, :1], np.float64).reshape(len(values), -1)
 
 
+def select_points(count: int) -> list[int]:
+    """Which of ``count`` points Mix-StAGE judges: of PATS' 52 all but neck, nose and eyes; of others all but the root."""
+    return [k for k in range(count) if k not in (MASKED if count == PATS else (0,))]
+
+
+def select_vectors(sample: Sample) -> Array:
+    """(T, D) as of `pose_vectors`; where a sample has PATS' key points, without neck, nose and eyes (`select_points`).
+
+    Raises:
+        InputError: as of `pose_vectors`.
+    """
+    poses = pose_vectors(sample)
+    if sample.positions is not None or sample.points is None:
+        return poses
+    kept = [k - 1 for k in select_points(sample.points.shape[1])]
+    return poses.reshape(len(poses), -1, 2)[:, kept].reshape(len(poses), -1)
+
+
 @dataclass(frozen=True)
 class FeatureNet:
     """A feature network, or any other function of a window; FGD, IS and clustering are of *this* one and no other.
@@ -151,9 +171,14 @@ class Tools:
 
 @dataclass(frozen=True)
 class Score:
-    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is."""
+    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is.
+
+    ``draws`` are the values for clips drawn with replacement, some of those that the interval is made of. Draw k takes the same
+    clips of every system that was scored on the same clips, so two systems are compared pair by pair.
+    """
 
     value: float
     interval: tuple[float, float] | None = None
     count: int = 1
     note: str = ""
+    draws: tuple[float, ...] = ()

@@ -49,11 +49,12 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     truth = np.quantile(np.concatenate(b), steps)
     value = distance(np.concatenate(a), np.concatenate(b))
     shift = value - distance(np.concatenate(small), truth)
-    found = bootstrap(
+    drawn = bootstrap(
         lambda k: distance(np.concatenate([small[i] for i in k]), truth), len(small), draws=DRAWS, seed=tools.seed
     )
-    interval = None if found is None else (max(found[0] + shift, 0.0), max(found[1] + shift, 0.0))
-    return Score(value, interval, len(generated))
+    ends = drawn.interval
+    interval = None if ends is None else (max(ends[0] + shift, 0.0), max(ends[1] + shift, 0.0))
+    return Score(value, interval, len(generated), draws=tuple(draw + shift for draw in drawn.draws))
 
 
 @metric("positions|points", better="lower", unit="m/s (px/s)")

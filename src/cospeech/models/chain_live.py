@@ -77,6 +77,7 @@ class ChainLive(ChainOfGenerationExtended):
             attention=lambda channels: PastAttention(channels, config.reduction, config.pooling_window),
             recurrent=lambda inputs: Forwards(inputs, config.hidden, config.layers, config.dropout),
             hidden=config.hidden,
+            features=config.gesture_features,
         )
 
     def train(self, mode: bool = True) -> ChainLive:

@@ -70,7 +70,9 @@ class ChainConfig(ModelConfig):
     latent: int = 128
     """Of audio, text, face features and style; section 4.1."""
     hidden: int = 256
-    """Of each LSTM, and of B̂; not stated, CaMN's code 256."""
+    """Of each LSTM, and, without ``gesture_features``, of B̂; not stated, CaMN's code 256."""
+    gesture_features: int = 0
+    """Of B̂ and Ĥ, by a linear layer after the LSTM; section 4.1: 128. 0: the LSTM's own numbers, as in CaMN's code."""
     layers: int = 4
     """Of each LSTM; not stated, CaMN's code 4."""
     dropout: float = 0.3
@@ -136,7 +138,7 @@ class ChainOfGeneration(Windowed):
     ) -> None:
         super().__init__()
         sizes = (config.latent, config.hidden, config.layers, config.word_width, config.text_channels, pose, audio, speakers)
-        if min(*sizes, config.reduction, config.classifier_channels) < 1:
+        if min(*sizes, config.reduction, config.classifier_channels) < 1 or config.gesture_features < 0:
             raise InputError(f"a chain of {config}"[:200], "sizes are positive")
         if config.frames < config.seeds + 1 or config.seeds < 0:
             raise InputError(f"clips of {config.frames} frames"[:200], "more than the seeds")
@@ -170,6 +172,7 @@ class ChainOfGeneration(Windowed):
             attention=lambda channels: ChannelAttention(channels, config.reduction),
             recurrent=lambda inputs: BothWays(inputs, config.hidden, config.layers, config.dropout),
             hidden=config.hidden,
+            features=config.gesture_features,
         )
 
     @classmethod

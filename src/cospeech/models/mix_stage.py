@@ -8,6 +8,8 @@ One network for many speakers: what is said and how somebody moves are encoded a
                               │ Z = [U-Net(content), S(i)]
       poses ─── Eˢₚ ── argmax i ── style matrix S
 
+That is the authors' code and the default. With ``style_first``, the paper's words: Z = U-Net([content, S(i)]).
+
 The priors Φ are one-hot in training: the k-means cluster of a frame's pose ⊕ velocity ⊕ speed (240 numbers, `mode_features` and
 `nearest_centre` of `cospeech.metrics.mode_f1`); to generate, H estimates them. With Zₐ of speech and Zₚ of poses:
 
@@ -101,6 +103,9 @@ class MixStageConfig(MixGanConfig):
 
     style: int = 10
     """D, length of a style embedding; not stated, authors' code 10."""
+    style_first: bool = False
+    """Whether the style joins the content before the U-Net, as sections 4 and 4.5 have it; else after it, as in the authors'
+    code."""
     identity: float = 0.1
     """λ_id; supplement."""
     id_freezes: bool = False
@@ -133,6 +138,7 @@ class MixGan(Windowed):
         audio: A, numbers of a frame of speech; 64 bands as published.
         style: Eˢₚ and S, or nothing.
         identity: λ_id.
+        style_first: whether the style joins the content before the U-Net.
 
     Raises:
         InputError: sizes that do not fit each other.
@@ -144,7 +150,14 @@ class MixGan(Windowed):
     config: MixGanConfig
 
     def __init__(
-        self, config: MixGanConfig, *, pose: int, audio: int, style: SpeakerStyle | NoStyle, identity: float = 0.0
+        self,
+        config: MixGanConfig,
+        *,
+        pose: int,
+        audio: int,
+        style: SpeakerStyle | NoStyle,
+        identity: float = 0.0,
+        style_first: bool = False,
     ) -> None:
         super().__init__()
         if min(config.modes, config.channels, config.patch_channels, pose, audio) < 1 or config.depth < HALVINGS:
@@ -159,11 +172,11 @@ class MixGan(Windowed):
         self.config, self.pose, self.audio, self.identity = config, pose, audio, identity
         self.multiple = self.shortest = 2**config.depth
         self.styles, self.modes = style.speakers, config.modes if config.modes > 1 else 0
-        z = config.channels + style.width
+        self.style_first, z = style_first, config.channels + style.width * (not style_first)
         self.audio_content = AudioContent(config.channels)
         self.pose_content = PoseContent(pose, config.channels)
         self.style = style
-        self.unet = UNet1d(config.channels, config.depth)
+        self.unet = UNet1d(config.channels, config.depth, style.width * style_first)
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
         self.discriminator = self._make_discriminator()
@@ -176,8 +189,14 @@ class MixGan(Windowed):
     # the parts of equation 2 ----------------------------------------------------------------------------------------
 
     def latent(self, content: Tensor, weights: Tensor) -> Tensor:
-        """Z = [U-Net(content), weights · S]: (B, channels, T), (B, T or 1, S) of the speakers → (B, channels + style, T)."""
+        """Z = [U-Net(content), weights · S]: (B, channels, T), (B, T or 1, S) of the speakers → (B, channels + style, T).
+
+        With ``style_first`` Z = U-Net([content, weights · S]): (B, channels, T).
+        """
         style = self.style(weights).expand(-1, -1, content.shape[-1])
+        if self.style_first:
+            styled: Tensor = self.unet(torch.cat([content, style], 1))
+            return styled
         return torch.cat([self.unet(content), style], 1)
 
     def _logits(self, z: Tensor) -> Tensor:
@@ -305,7 +324,7 @@ class MixStage(MixGan):
         if min(pose, config.channels, config.style, speakers) < 1:
             raise InputError(f"{config.style} numbers for each of {speakers} speakers", "sizes are positive")
         style = SpeakerStyle(pose, config.channels, speakers, config.style, freezes=config.id_freezes)
-        super().__init__(config, pose=pose, audio=audio, style=style, identity=config.identity)
+        super().__init__(config, pose=pose, audio=audio, style=style, identity=config.identity, style_first=config.style_first)
 
     @torch.no_grad()
     def style_of(self, poses: Tensor) -> Tensor:

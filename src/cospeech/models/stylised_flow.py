@@ -70,6 +70,9 @@ class FlowConfig(ModelConfig):
     """Of the encoder's convolutions and linear layers; not stated, authors' code 256."""
     encoder_blocks: int = 5
     """Residual blocks of a TCN; not stated, authors' code 5."""
+    encoder_relu: bool = True
+    """Whether a TCN ends in a ReLU, after its last batch norm; section 3.2 (blocks of convolution, batch norm, ReLU), authors'
+    code. Runs of earlier versions were trained without."""
     encoder_oldest: bool = False
     """Take the oldest position of a TCN's output in place of their mean, as the authors' interpolation to length 1 does."""
     history_dropout: float = 0.4
@@ -110,7 +113,7 @@ class StylisedFlow(Trainable):
         if config.encoder:
             self.encoder = GlobalEncoder(
                 pose, audio, channels=config.encoder_channels, blocks=config.encoder_blocks, feature=config.feature,
-                oldest=config.encoder_oldest,
+                oldest=config.encoder_oldest, relu=config.encoder_relu,
             )  # fmt: skip
         context = config.history * pose + self.speech_frames * audio + (config.feature if config.encoder else 0)
         context += self._add_encoders()
@@ -253,7 +256,7 @@ class StylisedFlow(Trainable):
             "history": c.history, "speech_frames": self.speech_frames, "cell": "gru", "nu": float(c.nu),
             "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0,
             "blocks": c.encoder_blocks if c.encoder else 0, "channels": c.encoder_channels if c.encoder else 0,
-            "oldest": c.encoder_oldest, "style": 0, "steps_seen": False,
+            "oldest": c.encoder_oldest, "encoder_relu": c.encoder and c.encoder_relu, "style": 0, "steps_seen": False,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from ..limits import RUN_BYTES
 from ..models import NETWORKS
 from ..models.nn.trainable import Trainable
 from .recipe import build
-from .renamed import RENAMED
+from .renamed import RENAMED, add_former_values
 
 __all__ = [
     "FORMAT",
@@ -93,7 +93,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
         needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
     """
     kind = network(facts["model"])
-    config = build_config(facts["model"], facts["config"])
+    config = build_config(facts["model"], add_former_values(facts["model"], facts["config"]))
     sizes = {name: facts["sizes"][name] for name in kind.dimensions_for(config) if name in facts["sizes"]}
     parts = {name: build_model(part) for name, part in facts["needs"].items()} if needs is None else needs
     try:

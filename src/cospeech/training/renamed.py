@@ -1,12 +1,13 @@
-"""Keys of recipes and runs whose names have changed since 0.1.0, for errors that say the new ones."""
+"""Keys of recipes and runs that have changed since 0.1.0: new names, for errors, and former values of settings that are new."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from ..errors import nearest
 
-__all__ = ["RENAMED", "suggest_key"]
+__all__ = ["RENAMED", "add_former_values", "suggest_key"]
 
 RENAMED = {
     "ear": ("speech_encoder",), "wordless": ("word_dropout",), "unseeded": ("seed_dropout",),
@@ -17,6 +18,18 @@ RENAMED = {
     "judge": ("discriminator_channels", "discriminator"), "by_clip": ("per_clip_normalisation",),
 }  # fmt: skip
 """Key, or objective, of recipes and runs of 0.1.0 → its names since, of which a model has one."""
+
+_FORMER = {"stylised-flow": {"encoder_relu": False}, "stylised-flow-extended": {"encoder_relu": False}}
+"""Network → the value of each setting that its runs had before the setting existed."""
+
+
+def add_former_values(name: str, config: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a run, with those that did not exist yet when it was trained at the value that it had.
+
+    >>> add_former_values("stylised-flow", {"steps": 8})
+    {'encoder_relu': False, 'steps': 8}
+    """
+    return _FORMER.get(name, {}) | dict(config)
 
 
 def suggest_key(name: str, known: Iterable[str]) -> str:

@@ -120,7 +120,7 @@ REDUCTIONS: dict[str, Reduction] = {
     "mel64": Reduction("log of 64 mel powers (Speech2Gesture, Mix-StAGE)", _mels(64), partial(_log_powers, count=64)),
     "mel40": Reduction("log of 40 mel powers (speech to face)", _mels(40), partial(_log_powers, count=40)),
     "mel29-linear": Reduction(
-        "29 mel powers, not their logarithm: what the stylised flow's code feeds in the end",
+        "29 mel powers, not their logarithm: what the stylised flow's code feeds for quiet sound; for loud sound its own bends",
         _mels(29),
         partial(_powers, count=29),
     ),

@@ -24,10 +24,11 @@ from ...files import describe_os_error, workplace
 from ...motion.motion import Motion
 from ...rules import EMOTIONS, Gesture, RuleBasedModel, Style
 from .. import CORPORA
-from ..clip import Clip, Semantic
+from ..clip import SPLITS, Clip, Semantic
 from .acting import Actor, act
 from .speakers import Speaker, choose_speakers
-from .voices import Voice, find_voices, pieces_of, reader_of, recordings, say
+from .speech_splits import SPLIT_SENTENCES, split_of, split_recordings
+from .voices import Voice, find_voices, pieces_of, reader_of, recordings, repeat, say
 
 __all__ = ["LAYOUTS", "Layout", "SynthesisReport", "perform", "synthesise"]
 
@@ -104,6 +105,7 @@ def synthesise(
     hours: float = 0.5,
     speakers: int | None = None,
     seed: int = 0,
+    gestures: int = 0,
     tts: bool = True,
     act: bool = True,
     progress: Callable[[float, float | None], None] | None = None,
@@ -118,6 +120,7 @@ def synthesise(
         hours: of motion, roughly (takes are not cut).
         speakers: how many; those of `LAYOUTS` where not given.
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
+        gestures: seed of the motion alone: with another one the same speakers say the same and move otherwise.
         tts: whether espeak-ng and flite speak, as far as they are installed.
         act: whether voices act the emotions, in layouts that say which there is (BEAT's).
         progress: called with seconds done and seconds in all.
@@ -137,12 +140,18 @@ def synthesise(
     people = choose_speakers(chosen.speakers if speakers is None else speakers, seed)
     take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
     engines = find_voices(seed) if tts else []
-    real = _up_to(pieces_of(_find_recordings(speech, tts and not engines), take), min(hours * 3600, _MOST_HELD))
-    if not real and not engines:
+    found = _up_to(_find_recordings(speech, tts and not engines), min(hours * 3600, _MOST_HELD))
+    real = {
+        split: [repeat(piece, _SHORTEST_TAKE) for piece in pieces_of(own, take)]
+        for split, own in split_recordings(found).items()
+    }
+    if not any(real.values()) and not engines:
         raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    clips = _clips(replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, seed, made, progress)
+    clips = _clips(
+        replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, (seed, gestures), made, progress
+    )
     write = import_module(CORPORA[layout].module).write
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -191,10 +200,11 @@ class _Tally:
 
 
 class _Pool:
-    """Speeches by number: even numbers are recordings, odd ones synthesised, as far as there are both."""
+    """Speeches of one split by number: even numbers are recordings, odd ones synthesised, as far as there are both."""
 
-    def __init__(self, real: list[Speech], engines: list[Voice], seconds: float, synthetic: int, seed: int) -> None:
+    def __init__(self, real: list[Speech], engines: list[Voice], seconds: float, synthetic: int, seed: int, split: str) -> None:
         self._real, self._engines, self._seconds, self._seed = real, engines, seconds, seed
+        self._sentences = SPLIT_SENTENCES[split]
         self._made: dict[int, Speech] = {}
         self._synthetic = synthetic if engines else 0
 
@@ -206,56 +216,74 @@ class _Pool:
         which = (number // 2 if self._real else number) % self._synthetic
         if which not in self._made:
             voice = self._engines[which % len(self._engines)]
-            self._made[which] = say(voice, 0.85 * self._seconds, self._seed * 1_000_003 + which)
+            self._made[which] = say(voice, 0.85 * self._seconds, self._seed * 1_000_003 + which, self._sentences)
         return -1 - which, self._made[which]
 
 
+_Pools = dict[str, _Pool]
+"""Split → what a speaker says in it; a split without speech is not there."""
+
+
 def _pools(
-    layout: Layout, people: int, real: list[Speech], engines: list[Voice], take: float, seconds: float, seed: int
-) -> list[_Pool]:
+    layout: Layout, people: int, real: dict[str, list[Speech]], engines: list[Voice], take: float, seconds: float, seed: int
+) -> list[_Pools]:
     """What each speaker says: all the same, or each in voices and by readers of its own, as far as they suffice."""
     count = min(seconds / _TAKES_PER_SPEECH, _MOST_HELD) / take
+    splits = [split for split in SPLITS if real[split] or engines]
+    shares = {"train": 0.8, "validation": 0.1, "test": 0.1}
+
+    def pool(split: str, own: list[Speech], voices: list[Voice], among: int, seed: int) -> _Pool:
+        number = max(2, int(count * shares[split] / among))
+        return _Pool(own, voices, take, number, seed + SPLITS.index(split) * 10_007, split)
+
     if not layout.acted:
-        return [_Pool(real, engines, take, max(2, int(count)), seed)] * people
-    readers: dict[str, list[Speech]] = {}
-    for speech in real:
-        readers.setdefault(reader_of(speech), []).append(speech)
-    everybody = list(readers.values())
+        return [{split: pool(split, real[split], engines, 1, seed) for split in splits}] * people
+    readers = [*dict.fromkeys(reader_of(speech) for own in real.values() for speech in own)]
     pools = []
     for who in range(people):
-        own = [speech for reader in everybody[who::people] for speech in reader]
-        voices = engines[who::people]
-        if not own and not voices:
-            own, voices = (everybody[who % len(everybody)], []) if everybody else ([], [engines[who % len(engines)]])
-        pools.append(_Pool(own, voices, take, max(2, int(count / people)), _take_seed(seed, who)))
+        chosen, voices = readers[who::people], engines[who::people]
+        if not chosen and not voices:
+            chosen, voices = ([readers[who % len(readers)]], []) if readers else ([], [engines[who % len(engines)]])
+        own = {split: [speech for speech in real[split] if reader_of(speech) in chosen] for split in splits}
+        own = {split: own[split] or ([] if voices else real[split]) for split in splits}
+        made = {
+            split: pool(split, own[split], voices, people, _take_seed(seed, who)) for split in splits if own[split] or voices
+        }
+        pools.append(made)
     return pools
 
 
 def _clips(
-    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pool], seconds: float, seed: int, made: _Tally,
-    progress: Callable[[float, float | None], None] | None,
+    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pools], seconds: float, seeds: tuple[int, int],
+    made: _Tally, progress: Callable[[float, float | None], None] | None,
 ) -> Iterator[Clip]:  # fmt: skip
-    """Takes, speaker by speaker, each until the speaker's share is full."""
+    """Takes, speaker by speaker, each until the speaker's share is full; each split has its own speech.
+
+    ``seeds`` are those of all, and of the gestures.
+    """
+    seed, gestures = seeds
     places: Counter[tuple[int, str, str]] = Counter()
     for who, person in enumerate(people):
         actor = Actor(seed, who)
         emotions = _emotions(chosen.neutral, seed, who)
-        done, k = 0.0, 0
+        done, k, said = 0.0, 0, Counter[str]()
         while done < seconds / len(people):
-            which, speech = pools[who][k + 3 * who]  # 3: ours, speakers begin at different speeches and meet at some
             emotion = next(emotions)
-            split = {1: "test", 2: "validation"}.get(k % 10, "train")
+            split = split_of(k) if split_of(k) in pools[who] else next(iter(pools[who]))
             if chosen.full:
                 emotion, split = _place(places, who, emotion, split)
+            which, speech = pools[who][split][said[split] + 3 * who]  # 3: ours, speakers begin at different speeches
+            said[split] += 1
             own = _take_seed(seed, who, k)
             if chosen.acted:
                 speech = act(speech, actor.acting(emotion, own), own)
-            clip = perform(speech, person.style, emotion=emotion, seed=own, fps=chosen.fps)
+            moved = _take_seed(seed, who, k, gestures) if gestures else own
+            clip = perform(speech, person.style, emotion=emotion, seed=moved, fps=chosen.fps)
             yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
             done, k = done + clip.duration, k + 1
             made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration
             made.emotions[emotion] += 1
-            made.speeches.add((id(pools[who]), which))
+            made.speeches.add((id(pools[who][split]), which))
             if progress is not None:
                 progress(made.seconds, seconds)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -19,7 +19,7 @@ from .. import folder
 from ..clip import Clip
 from .texts import SENTENCES
 
-__all__ = ["ENGINES", "Voice", "find_voices", "pieces_of", "reader_of", "recordings", "say"]
+__all__ = ["ENGINES", "Voice", "find_voices", "pieces_of", "reader_of", "recordings", "repeat", "say"]
 
 _RATE = 16_000  # Hz
 _PAUSE = 0.6  # seconds between two recordings or sentences; ours
@@ -69,8 +69,8 @@ def find_voices(seed: int) -> list[Voice]:
     return [found[k] for k in rng.permutation(len(found))]
 
 
-def say(voice: Voice, seconds: float, seed: int) -> Speech:
-    """Some sentences, some ``seconds`` long, with the times of their words.
+def say(voice: Voice, seconds: float, seed: int, sentences: Sequence[str] = SENTENCES) -> Speech:
+    """Some of the ``sentences``, some ``seconds`` long, with the times of their words.
 
     Raises:
         InternalError: the engine failed.
@@ -78,10 +78,10 @@ def say(voice: Voice, seconds: float, seed: int) -> Speech:
     rng = np.random.default_rng([seed, 10])
     parts: list[Speech] = []
     length = 0.0
-    order = [int(k) for k in rng.permutation(len(SENTENCES))]
+    order = [int(k) for k in rng.permutation(len(sentences))]
     with workplace(scratch()) as place:
         while length < seconds:
-            text = SENTENCES[order[len(parts) % len(order)]]
+            text = sentences[order[len(parts) % len(order)]]
             spoken = _speak(voice, text, place / f"{len(parts)}.wav")
             parts.append(replace(spoken, words=align(tokenise(text), spoken)))
             length += float(spoken.duration) + _PAUSE
@@ -159,6 +159,12 @@ def pieces_of(speeches: Iterable[Speech], seconds: float) -> Iterator[Speech]:
             waiting.append(part)
     if waiting:
         yield _join(waiting, waiting[0].name)
+
+
+def repeat(speech: Speech, seconds: float) -> Speech:
+    """The same speech as often as it takes to last so many seconds, with pauses."""
+    count = max(1, int(np.ceil(seconds / float(speech.duration))))
+    return speech if count == 1 else _join([speech] * count, speech.name)
 
 
 def _kind(speech: Speech) -> tuple[bool, str]:

@@ -14,16 +14,13 @@ from ...metrics import Tools
 from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
-from .controls import faults_of
+from .controls import ORACLE, check_oracle, faults_of, oracle_key
 from .figures import choose_excerpt, draw_poses
-from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, score_columns
 
-__all__ = ["COSTS", "Chains", "Lacking", "cost_cells", "generate_clips"]
-
-COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
-"""Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
+__all__ = ["Chains", "Lacking", "cost_cells", "generate_clips"]
 
 
 def generate_clips(player: PlayableRun, data: CogWindows, lacks: Sequence[str]) -> tuple[list[Array], list[Array] | None]:
@@ -103,12 +100,16 @@ class Chains:
         """As in all tables."""
 
         def work() -> dict[str, Cells]:
-            rows = self.data.controls()
+            rows = {**self.data.controls()}
+            if self.runs.oracle is not None:
+                other = CogWindows(self.runs.oracle, self.data.raw)
+                check_oracle(self.data.store, other.store)
+                rows[ORACLE] = other.truth
             return {
                 name: score_columns(self.columns, samples, samples, self.data, self.tools) for name, samples in rows.items()
             }
 
-        found: dict[str, Cells] = self._cache(["controls"], work)
+        found: dict[str, Cells] = self._cache(["controls", *oracle_key(self.runs.oracle)], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
@@ -141,6 +142,9 @@ def cost_cells(cells: Cells, whole: Cells) -> Cells:
         else:
             value = sign * (cells[metric]["value"] - whole[metric]["value"])
             found[name] = {"value": value, "interval": None, "note": ""}
+            draws = [side[metric].get("draws") or [] for side in (cells, whole)]
+            if draws[0] and len(draws[0]) == len(draws[1]):
+                found[name]["draws"] = (sign * np.subtract(draws[0], draws[1])).tolist()
     return found
 
 

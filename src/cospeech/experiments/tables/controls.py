@@ -3,17 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from hashlib import blake2b
 from math import gcd
+from os import PathLike
 
 import numpy as np
 
 from ...corpora.clip import Clip
+from ...corpora.store import Store
+from ...errors import InputError
 from ...metrics import Score, load_metric
 from ...metrics.controls import control_rows, faults_of_order
 from ...motion.rotations import Array
 from .paper_tables import Cells
 
-__all__ = ["far_rows", "faults_of", "order_apart"]
+__all__ = ["ORACLE", "check_oracle", "far_rows", "faults_of", "oracle_key", "order_apart"]
+
+ORACLE = "oracle: the same speech, another take"
+"""Row of a synthetic corpus: what the rules do to the same speech with another seed; no system can be expected to be nearer."""
+
+
+def check_oracle(store: Store, other: Store) -> None:
+    """Whether two stores have the same clips.
+
+    Raises:
+        InputError: they have not.
+    """
+    ours, theirs = ([(clip.name, clip.frames) for clip in each.clips] for each in (store, other))
+    if ours != theirs or store.pose != other.pose or store.fps != other.fps:
+        raise InputError(
+            f"{str(other.folder)!r} has other clips than {str(store.folder)!r}",
+            "an oracle is the same corpus with other gestures: cospeech synthesise … --gestures 1, prepared alike",
+        )
+
+
+def oracle_key(folder: str | PathLike[str] | None) -> list[str]:
+    """What scores of control rows are cached by, beside the store: the oracle's poses; nothing where there is none."""
+    if folder is None:
+        return []
+    store = Store(folder)
+    sums = np.asarray(store.arrays["pose"][:: max(1, len(store.arrays["pose"]) // 1000)], np.float64).tobytes()
+    return [blake2b(sums, digest_size=6).hexdigest()]
 
 
 def order_apart(count: int) -> Array:

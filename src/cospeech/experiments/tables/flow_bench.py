@@ -12,7 +12,7 @@ import numpy as np
 
 from ...metrics import Tools
 from ...motion.rotations import Array
-from .controls import faults_of
+from .controls import ORACLE, check_oracle, faults_of, oracle_key
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import choose_excerpt, draw_latents, draw_poses
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
@@ -98,12 +98,16 @@ class Performances(_Flows):
         """As in all tables."""
 
         def work() -> dict[str, Cells]:
-            rows = self.excerpts.controls()
+            rows = {**self.excerpts.controls()}
+            if self.runs.oracle is not None:
+                other = Excerpts(self.runs.oracle, self.excerpts.raw)
+                check_oracle(self.excerpts.store, other.store)
+                rows[ORACLE] = other.truth
             return {
                 name: score_columns(self.columns, samples, samples, self.excerpts, self.tools) for name, samples in rows.items()
             }
 
-        found: dict[str, Cells] = self._cache(self.features, ["controls"], work)
+        found: dict[str, Cells] = self._cache(self.features, ["controls", *oracle_key(self.runs.oracle)], work)
         return found
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:

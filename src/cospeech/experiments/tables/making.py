@@ -18,11 +18,12 @@ from .cog import COG
 from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
-from .paper_tables import Bench, PaperTable, TableSplit, TableSystem
-from .report import summary, to_markdown, verdicts
+from .paper_tables import Bench, Cells, PaperTable, TableSplit, TableSystem
+from .report import summary, to_markdown
 from .runs import Runs, make_folder
+from .verdicts import Evidence, below, headroom, judge
 
-__all__ = ["TABLES", "draw_table", "make_table", "part_of", "write_table"]
+__all__ = ["TABLES", "choose_rows", "draw_table", "make_table", "part_of", "write_table"]
 
 TABLES: dict[str, PaperTable] = {**FLOW, **MIX, **COG}
 """Name after ``--table`` → the table."""
@@ -55,26 +56,26 @@ def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
 
 def _row(
     row: TableSystem, bench: Bench, paper_table: PaperTable, runs: Runs, seeds: Sequence[int], tell: Tell, step: str
-) -> dict[str, Any]:
-    """A row of the table: scores of all seeds, or the published figures alone."""
+) -> tuple[dict[str, Any], list[Cells]]:
+    """A row of the table, and its scores with each seed; or the published figures alone."""
     told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
     if row.recipe is None:
-        return told
+        return told, []
     if not (Path(runs.recipes) / f"{row.recipe}.toml").is_file():
-        return told | {"missing": f"no recipe {row.recipe}.toml"}
+        return told | {"missing": f"no recipe {row.recipe}.toml"}, []
     store, audio = runs.store, runs.recipe(row.recipe).data.audio
     option = "" if audio is None else preparation_option(audio)
     if option and with_audio(store, audio) is store:
-        return told | {"missing": f"the store was prepared without {option}"}
+        return told | {"missing": f"the store was prepared without {option}"}, []
     scores, facts = [], ""
     for seed in seeds:
         tell(f"{step}: {row.name}, seed {seed}")
         cells, facts = bench.row(row, seed)
         scores.append(cells)
-    return told | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}
+    return told | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}, scores
 
 
-def _choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
+def choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     """Names of the rows that are made: those that hold one of the texts, or all.
 
     Raises:
@@ -108,8 +109,9 @@ def make_table(
     runs: Runs,
     *,
     raw: str | PathLike[str] | None = None,
-    seeds: Sequence[int] = (0, 1, 2),
+    seeds: Sequence[int] = (0, 1, 2, 3, 4),
     only: Sequence[str] = (),
+    trained: bool = True,
     tell: Tell,
 ) -> dict[str, Any]:
     """A table of `TABLES`, as a plain dictionary; `report.to_text` and so on tell it.
@@ -120,6 +122,7 @@ def make_table(
         raw: the corpus of the store, for metrics that hear.
         seeds: one run of every row with each.
         only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
+        trained: whether rows are trained and scored; False: control rows alone, and what each metric can tell apart.
         tell: told what is being done.
 
     Raises:
@@ -128,24 +131,30 @@ def make_table(
     paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
-    chosen = _choose_rows(part.rows, only)
+    chosen = choose_rows(part.rows, only) if trained else set()
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
     steps = count(1)
-    rows = {
-        row.name: _row(row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}")
-        if row.name in chosen
-        else {"recipe": row.recipe, "published": dict(row.published)}
-        for row in part.rows
-    }
+    rows: dict[str, dict[str, Any]] = {}
+    scores: dict[str, list[Cells]] = {}
+    for row in part.rows:
+        if row.name in chosen:
+            rows[row.name], scores[row.name] = _row(
+                row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}"
+            )
+        else:
+            rows[row.name] = {"recipe": row.recipe, "published": dict(row.published)}
+    faults = bench.faults(controls)
+    evidence = Evidence({name: cells for name, cells in scores.items() if cells}, controls, paper_table.columns, faults)
     return {
         "table": name, "title": f"{name}: {paper_table.title} ({runs.store.corpus})", "columns": dict(paper_table.columns),
         "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
         "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
         "controls": {row: {metric: summary([cells], metric) for metric in paper_table.columns}
             for row, cells in controls.items()},
-        "faults": bench.faults(controls), "verdicts": verdicts(paper_table, part, rows),
+        "faults": faults, "headroom": {} if trained else headroom(evidence), "below": below(part.claims, evidence),
+        "verdicts": judge(part.claims, evidence),
     }  # fmt: skip
 
 

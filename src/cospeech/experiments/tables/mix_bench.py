@@ -16,7 +16,7 @@ from ...corpora.clip import Clip
 from ...metrics import Tools
 from ...metrics.controls import CONTROLS, control_rows
 from ...motion.rotations import Array
-from .controls import far_rows, faults_of
+from .controls import ORACLE, check_oracle, far_rows, faults_of, oracle_key
 from .mix_figures import draw_styles
 from .mix_scores import NAMED, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
@@ -139,10 +139,21 @@ class StylePreservation(_Windowed):
             for name, clips in far_rows(self.data.load_recordings(which)).items():
                 vectors = np.stack([self.data.pose.encode(clip.points) for clip in clips])
                 found[name] = self._score_samples(self.data.samples(vectors, which), which)
+            if self._oracle is not None:
+                found[ORACLE] = self._score_samples(self.data.samples(self._oracle.rows("pose", which), which), which)
             return found
 
-        each = [self._cache(["controls", name], partial(work, name)) for name in self.part.speakers]
-        return {name: mean_cells([cells[name] for cells in each]) for name in CONTROLS}
+        key = oracle_key(self.runs.oracle)
+        each = [self._cache(["controls", name, *key], partial(work, name)) for name in self.part.speakers]
+        return {name: mean_cells([cells[name] for cells in each]) for name in each[0]}
+
+    @cached_property
+    def _oracle(self) -> MixWindows | None:
+        if self.runs.oracle is None:
+            return None
+        other = MixWindows(self.runs.oracle, self.data.raw)
+        check_oracle(self.data.store, other.store)
+        return other
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
         """Of all columns."""

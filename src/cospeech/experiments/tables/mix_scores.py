@@ -31,6 +31,9 @@ def mean_cells(parts: Sequence[Cells]) -> Cells:
         else:
             value = float(np.mean([part[metric]["value"] for part in parts]))
             found[metric] = {"value": value, "interval": None, "note": parts[0][metric]["note"]}
+            draws = [part[metric].get("draws") or [] for part in parts]
+            if draws[0] and len({*map(len, draws)}) == 1:
+                found[metric]["draws"] = np.mean(draws, 0).tolist()
     return found
 
 

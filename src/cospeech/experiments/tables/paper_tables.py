@@ -14,11 +14,14 @@ from ...corpora.store import Store
 if TYPE_CHECKING:
     from .runs import Runs
 
-__all__ = ["Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
+__all__ = ["COSTS", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
 
 Pictures = NDArray[np.uint8]
 Cells = dict[str, dict[str, Any]]
 """Metric → ``value``, ``interval`` over windows and ``note``, or ``why`` there is none."""
+
+COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
+"""Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class TableSystem:
 
     Args:
         name: of the system, as the paper has it.
-        recipe: name of a recipe; None: not built yet, the row has published figures alone.
+        recipe: name of a recipe; None: not run here, the row has published figures alone.
         published: metric → the paper's figure.
         overrides: ``"model.modes=4"``, what is changed in the recipe.
         runs: speakers of each run that the row is made of; ``((),)``: one run of all.
@@ -48,7 +51,13 @@ class TableSystem:
 class Claim:
     """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it.
 
-    With ``alike`` the claim is that there is next to no difference.
+    Args:
+        metric: by which.
+        better, worse: names of rows.
+        higher: whether more is better.
+        source: where the paper claims it.
+        margin: 0, or the claim is an equality: the rows differ by less than this.
+        expected: what was expected before the first run of the design, a word of `verdicts`; "": nothing.
     """
 
     metric: str
@@ -56,7 +65,13 @@ class Claim:
     worse: str
     higher: bool
     source: str
-    alike: bool = False
+    margin: float = 0.0
+    expected: str = ""
+
+    @property
+    def alike(self) -> bool:
+        """Whether the claim is an equality."""
+        return self.margin > 0
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from .paper_tables import Cells, Claim, PaperTable, TableSplit
+from .paper_tables import Cells
 
-__all__ = ["LEAST_SEEDS", "summary", "to_markdown", "to_text", "verdict", "verdicts"]
+__all__ = ["summary", "to_markdown", "to_text"]
 
-LEAST_SEEDS = 3  # evidence of an order takes three seeds at least
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
       2.101, 2.093)  # fmt: skip
 """97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
 _NOTHING = 1e-9  # rounding of what is equal
-REPRODUCED, NOT, OPEN = "reproduced", "not reproduced", "not told"
+BELOW = "‡"
 
 
 def _half(values: Sequence[float]) -> float | None:
@@ -40,43 +39,6 @@ def summary(runs: Sequence[Cells], metric: str) -> dict[str, Any]:
     return {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
 
 
-def verdict(claim: Claim, rows: Mapping[str, Mapping[str, Any]], heads: Mapping[str, str]) -> dict[str, Any] | None:
-    """Whether a claim's order holds, with intervals over seeds that do not overlap; None where a row was not run.
-
-    Args:
-        claim: of the paper.
-        rows: name → row of the table.
-        heads: metric → head of its column; a claim about another metric is left out.
-    """
-    names = (claim.better, claim.worse)
-    if claim.metric not in heads or any(not rows.get(name, {}).get("cells") for name in names):
-        return None
-    better, worse = (rows[name]["cells"][claim.metric] for name in names)
-    sign = "is about" if claim.alike else ">" if claim.higher else "<"
-    text = f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
-    if "mean" not in better or "mean" not in worse:
-        return {"claim": text, "verdict": OPEN, "because": better.get("why") or worse.get("why")}
-    told = f"{_number(better)} and {_number(worse)}"
-    if min(len(better["values"]), len(worse["values"])) < LEAST_SEEDS:
-        return {"claim": text, "verdict": OPEN, "because": f"{told}: fewer than {LEAST_SEEDS} seeds"}
-    gap = (better["mean"] - worse["mean"]) * (1 if claim.higher else -1)
-    if claim.alike:
-        near = abs(gap) <= better["half"] + worse["half"]
-        because = f"{told}: the intervals {'overlap' if near else 'do not overlap'}"
-        return {"claim": text, "verdict": REPRODUCED if near else NOT, "because": because}
-    if gap <= 0:
-        return {"claim": text, "verdict": NOT, "because": f"{told}: the order is the other way round"}
-    if gap <= better["half"] + worse["half"]:
-        return {"claim": text, "verdict": NOT, "because": f"{told}: the order holds, but the intervals overlap"}
-    return {"claim": text, "verdict": REPRODUCED, "because": told}
-
-
-def verdicts(paper_table: PaperTable, part: TableSplit, rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of all claims whose rows were run."""
-    found = (verdict(claim, rows, paper_table.columns) for claim in part.claims)
-    return [told for told in found if told is not None]
-
-
 def _number(cell: Mapping[str, Any]) -> str:
     half = cell.get("half")
     if abs(cell["mean"]) < _NOTHING:
@@ -90,10 +52,11 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
     yield ["", *columns.values()]
     for name, row in table["rows"].items():
         if row.get("cells"):
-            yield [name, *(_number(c) if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
+            below = table.get("below", {}).get(name, {})
+            marks = {metric: f" {BELOW}" for metric in below}
+            yield [name, *(_number(c) + marks.get(m, "") if "mean" in (c := row["cells"][m]) else "–" for m in columns)]
         if row["published"]:
-            why = "left out" if row["recipe"] else "not built yet"
-            label = f"{name}, published" if row.get("cells") else f"{name}, published ({why})"
+            label = f"{name}, published" if row.get("cells") else f"{name}, published (not run)"
             yield [label, *(f"({row['published'][m]:g})" if m in row["published"] else "" for m in columns)]
     for name, cells in table["controls"].items():
         yield [f"control: {name}", *(_number(c) if "mean" in (c := cells[m]) else "–" for m in columns)]
@@ -106,6 +69,9 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
         "One seed: no intervals.",
         "Figures in brackets are the paper's, of its own data and feature networks: not comparable with ours.",
     ]  # fmt: skip
+    controls = dict.fromkeys(control for row in table.get("below", {}).values() for control in row.values())
+    if controls:
+        notes.append(f"{BELOW} not better than a control row: {', '.join(controls)}.")
     if table.get("note"):
         notes.append(table["note"])
     facts = {name: row["facts"] for name, row in table["rows"].items() if row.get("facts")}
@@ -116,6 +82,7 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
             if "why" in cell:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
     notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
+    notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
     notes += [
         f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()
@@ -124,7 +91,11 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
 
 
 def _verdict_lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{told['verdict']}: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+    return [f"{told['verdict']}: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
+
+
+def _claim(told: Mapping[str, str]) -> str:
+    return told["claim"] + (f" [expected: {told['expected']}]" if "expected" in told else "")
 
 
 def to_text(table: Mapping[str, Any]) -> str:
@@ -145,5 +116,5 @@ def to_markdown(table: Mapping[str, Any]) -> str:
     lines += ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     lines += ["", *(f"* {note}" for note in _notes(table)), ""]
-    lines += [f"* **{told['verdict']}**: {told['claim']}: {told['because']}" for told in table["verdicts"]]
+    lines += [f"* **{told['verdict']}**: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
     return "\n".join(lines).rstrip() + "\n"

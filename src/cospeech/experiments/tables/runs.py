@@ -179,6 +179,7 @@ class Runs:
         small: whether `SMALL` holds.
         overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
+        oracle: folder of the store of the same speech with other gestures; None: no such row.
         about: what the store is, where it does not say it itself: "synthetic"; printed at the head of the table.
         tell: is told what is being done.
     """
@@ -189,6 +190,7 @@ class Runs:
     small: bool = False
     overrides: tuple[str, ...] = ()
     threads: int = 0
+    oracle: str | PathLike[str] | None = None
     about: str = ""
     tell: Tell = field(default=lambda text: None)
 
@@ -269,6 +271,10 @@ class Runs:
 
             train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
         return folder
+
+    def is_done(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> bool:
+        """Whether a run is there, trained to its last step."""
+        return self._is_done(self.folder_of(name, seed, more), self.recipe(name, seed, more))
 
     def _is_done(self, folder: Path, recipe: Recipe) -> bool:
         """Whether a run is there, of this recipe, with all its steps."""

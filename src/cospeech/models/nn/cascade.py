@@ -42,6 +42,7 @@ class Layers:
         recurrent: inputs → an LSTM, ``hidden`` numbers out.
         hidden: of those.
         style: (channels, width) → what a style does to features.
+        features: numbers of B̂ and Ĥ, a linear layer after the LSTM; 0: none, they are the LSTM's ``hidden`` numbers.
     """
 
     conv: Conv
@@ -49,6 +50,7 @@ class Layers:
     recurrent: Callable[[int], nn.Module]
     hidden: int
     style: Callable[[int, int], nn.Module] = GestureAdaLN
+    features: int = 0
 
 
 @dataclass(frozen=True)
@@ -101,15 +103,17 @@ class Through(nn.Module):
 
 
 class _Decoder(nn.Module):
-    """LSTM and MLP: features and what comes with them → B̂ (B, hidden, T), B (B, outputs, T)."""
+    """LSTM and MLP: features and what comes with them → B̂ (B, features or hidden, T), B (B, outputs, T)."""
 
     def __init__(self, layers: Layers, inputs: int, latent: int, outputs: int) -> None:
         super().__init__()
         self.recurrent = layers.recurrent(inputs)
-        self.mlp = nn.Sequential(nn.Conv1d(layers.hidden, latent, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(latent, outputs, 1))
+        self.features = nn.Conv1d(layers.hidden, layers.features, 1) if layers.features else nn.Identity()
+        made = layers.features or layers.hidden
+        self.mlp = nn.Sequential(nn.Conv1d(made, latent, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(latent, outputs, 1))
 
     def forward(self, x: Tensor, memory: Memory) -> tuple[Tensor, Tensor]:
-        state = self.recurrent(x, memory)
+        state = self.features(self.recurrent(x, memory))
         return state, self.mlp(state)
 
 
@@ -136,7 +140,7 @@ class Cascade(nn.Module):
         if not body or len(body) + len(hands) != pose or not hands:
             raise InputError(f"{len(hands)} columns of hands in a pose of {pose}"[:200], "some, each once, and not all")
         latent, extra = widths.latent, widths.extra
-        both = 3 * latent + layers.hidden
+        both = 3 * latent + (layers.features or layers.hidden)
         self.text = TextTcn(widths.word, widths.text, latent, dropout)
         self.face = ConvStack(layers.conv, (*[latent] * _FACE_LAYERS, FACE), _KERNEL)
         self.face_features = ConvStack(layers.conv, (FACE, *[latent] * _FEATURE_LAYERS), _KERNEL)

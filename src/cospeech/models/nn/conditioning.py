@@ -51,7 +51,7 @@ class _Residual(nn.Module):
 
 
 class TCN(nn.Module):
-    """A window of vectors → `CODE` numbers: convolution, batch norm, ReLU; residual blocks; convolution, batch norm; pooling.
+    """A window of vectors → `CODE` numbers: convolution, batch norm, ReLU; residual blocks; the same three again; pooling.
 
     (N, D, W) → (N, 64). Kernels 4 with stride 2 at both ends, 3 between (authors’ code; the paper says residual blocks
     of convolution, batch norm and ReLU).
@@ -60,16 +60,17 @@ class TCN(nn.Module):
         inputs: D.
         channels, blocks: width and number of the residual blocks.
         oldest: take the first position of the result, not the mean over all.
+        relu: whether there is a ReLU before the pooling; networks that were trained without one have none.
     """
 
-    def __init__(self, inputs: int, *, channels: int, blocks: int, oldest: bool) -> None:
+    def __init__(self, inputs: int, *, channels: int, blocks: int, oldest: bool, relu: bool) -> None:
         super().__init__()
         self.first = nn.Conv1d(inputs, channels, 4, stride=2, padding=1, bias=False)
         self.first_norm = BatchNorm1d(channels)
         self.blocks = nn.Sequential(*(_Residual(channels) for _ in range(blocks)))
         self.last = nn.Conv1d(channels, CODE, 4, stride=2, padding=1, bias=False)
         self.last_norm = BatchNorm1d(CODE)
-        self.oldest = oldest
+        self.oldest, self.relu = oldest, relu
         for part in self.modules():
             if isinstance(part, nn.Conv1d):
                 nn.init.kaiming_normal_(part.weight)
@@ -77,16 +78,18 @@ class TCN(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         x = self.blocks(torch.relu(self.first_norm(self.first(x))))
         x = self.last_norm(self.last(x))
+        x = torch.relu(x) if self.relu else x
         return x[..., 0] if self.oldest else x.mean(-1)
 
 
 class GlobalEncoder(nn.Module):
     """f_t of the flow paper (section 3.2, figure 4): two TCNs over history and speech, then three fully connected layers."""
 
-    def __init__(self, pose: int, audio: int, *, channels: int, blocks: int, feature: int, oldest: bool) -> None:
+    def __init__(self, pose: int, audio: int, *, channels: int, blocks: int, feature: int, oldest: bool, relu: bool) -> None:
         super().__init__()
-        self.poses = TCN(pose, channels=channels, blocks=blocks, oldest=oldest)
-        self.speech = TCN(audio, channels=channels, blocks=blocks, oldest=oldest)
+        self.poses, self.speech = (
+            TCN(inputs, channels=channels, blocks=blocks, oldest=oldest, relu=relu) for inputs in (pose, audio)
+        )
         self.full = nn.Sequential(
             nn.Linear(2 * CODE, channels), nn.ReLU(), nn.Linear(channels, channels), nn.ReLU(), nn.Linear(channels, feature)
         )

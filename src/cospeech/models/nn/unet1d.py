@@ -28,18 +28,19 @@ class UNet1d(nn.Module):
     """Two convolutions; ``depth`` halvings of time; as many doublings (nearest), each given what was there before the halving.
 
     Args:
-        channels: of everything.
+        channels: of everything but perhaps what comes in.
         depth: halvings; T is a multiple of 2 ** depth.
+        more: channels of what comes in beyond ``channels``.
     """
 
-    def __init__(self, channels: int, depth: int) -> None:
+    def __init__(self, channels: int, depth: int, more: int = 0) -> None:
         super().__init__()
-        self.first = nn.Sequential(conv_block(channels, channels), conv_block(channels, channels))
+        self.first = nn.Sequential(conv_block(channels + more, channels), conv_block(channels, channels))
         self.down = nn.ModuleList(conv_block(channels, channels, down=True) for _ in range(depth))
         self.up = nn.ModuleList(conv_block(channels, channels) for _ in range(depth))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, T) → (B, C, T).
+        """(B, C + more, T) → (B, C, T).
 
         Raises:
             InputError: T is no multiple of 2 ** depth.

@@ -91,6 +91,8 @@ class _Builder(GraphBuilder):
         for n in range(self.sizes.blocks):
             values = self.node("Relu", self.node("Add", self.conv(values, f"{side}.blocks.{n}", strides=[1]), values))
         values = self.conv(values, f"{side}.last", strides=[2])
+        if self.sizes.encoder_relu:
+            values = self.node("Relu", values)
         if self.sizes.oldest:
             return self.node("Gather", values, self.const(0, np.int64), axis=2)
         return self.node("ReduceMean", values, self.const([2], np.int64), keepdims=0)

@@ -55,6 +55,8 @@ class FlowSizes:
     """Of the encoders of feature and style."""
     oldest: bool = False
     """Whether the encoder takes the oldest position rather than the mean."""
+    encoder_relu: bool = False
+    """Whether the encoder's convolutions end in a ReLU; bundles that do not say so were trained without."""
     style: int = 0
     """Width of a style code; 0: there is none."""
     residual: bool = False

@@ -1,0 +1,268 @@
+"""Verdicts on the claims of a table: paired by seed and by test clip, corrected for how many claims there are.
+
+A claim says that row A is better than row B by a metric. With seeds s = 1 … n and draws k of test clips, which are the same
+draws for both rows,
+
+    d_s = A_s − B_s,    D = mean d_s,    V = var(d_s) / n + var_k(mean_s (A_sk − B_sk)),    t = D / √V
+
+is judged by Student's t. Its degrees of freedom are those of Satterthwaite: n − 1 for the seeds, no limit for the clips. The p
+values of a table are corrected by Holm 1979. Equality is claimed within a margin, by two one-sided tests (Schuirmann 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...metrics import METRICS, load_metric
+from ...metrics._scipy import scipy
+from ...metrics.controls import CONTROLS
+from .paper_tables import COSTS, Cells, Claim
+
+__all__ = [
+    "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
+    "below_controls", "compare", "correct", "headroom", "judge",
+]  # fmt: skip
+
+HOLDS, CONTRADICTED, UNDECIDED, NOT_ASSAYED = WORDS = ("holds", "contradicted", "undecided", "not assayed")
+LEVEL = 0.05
+LEAST_SEEDS = 5  # ours: with 3, an effect of two standard deviations is found in 9 % of cases
+LEAST_LIFT = 0.25  # ours: of the recordings' beat lift; a system below it hardly follows the speech
+LIFT = "beat_align"
+
+
+class Difference(NamedTuple):
+    """Row A less row B by one metric.
+
+    Args:
+        mean: over seeds.
+        error: standard error, over seeds and clips.
+        freedom: degrees of freedom; inf where clips alone vary.
+        seeds: how many.
+    """
+
+    mean: float
+    error: float
+    freedom: float
+    seeds: int
+
+    def above(self, limit: float) -> float:
+        """One-sided p value of a difference that is not above ``limit``."""
+        if self.error == 0:
+            return float(self.mean <= limit)
+        return float(scipy("stats").t.sf((self.mean - limit) / self.error, self.freedom))
+
+    def below(self, limit: float) -> float:
+        """One-sided p value of a difference that is not below ``limit``."""
+        return Difference(-self.mean, self.error, self.freedom, self.seeds).above(-limit)
+
+    @property
+    def differs(self) -> float:
+        """Two-sided p value of no difference."""
+        return min(1.0, 2 * min(self.above(0.0), self.below(0.0)))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the mean."""
+        half = self.error * float(scipy("stats").t.ppf(1 - LEVEL / 2, self.freedom)) if self.error else 0.0
+        return self.mean - half, self.mean + half
+
+
+def compare(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> Difference:
+    """Cells of two rows by one metric, one of each seed, in the same order of seeds.
+
+    Args:
+        a, b: cells with ``value``, and ``draws`` where clips were drawn.
+    """
+    gaps = np.array([x["value"] - y["value"] for x, y in zip(a, b, strict=True)], np.float64)
+    seeds = gaps.var(ddof=1) / len(gaps) if len(gaps) > 1 else 0.0
+    drawn = [(x.get("draws") or (), y.get("draws") or ()) for x, y in zip(a, b, strict=True)]
+    clips = 0.0
+    if all(len(x) == len(y) > 1 for x, y in drawn):
+        means = np.mean([np.subtract(x, y) for x, y in drawn], 0)
+        means = means[np.isfinite(means)]
+        clips = float(means.var(ddof=1)) if len(means) > 1 else 0.0
+    total = seeds + clips
+    freedom = total**2 / (seeds**2 / (len(gaps) - 1)) if seeds > 0 else np.inf
+    return Difference(float(gaps.mean()), sqrt(total), float(freedom), len(gaps))
+
+
+def correct(chances: Sequence[float]) -> list[float]:
+    """p values of one family of tests, corrected (Holm 1979)."""
+    order = np.argsort(chances, kind="stable")
+    corrected, largest = [1.0] * len(chances), 0.0
+    for rank, k in enumerate(order):
+        largest = max(largest, min(1.0, (len(chances) - rank) * chances[k]))
+        corrected[k] = largest
+    return corrected
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What verdicts are made of.
+
+    Args:
+        rows: name of a row → its cells with each seed; rows that were not run are missing.
+        controls: name of a control row → its cells.
+        heads: metric → head of its column.
+        faults: metric → what it puts in the wrong order among the control rows.
+    """
+
+    rows: Mapping[str, Sequence[Cells]]
+    controls: Mapping[str, Cells]
+    heads: Mapping[str, str]
+    faults: Mapping[str, Sequence[str]]
+
+    def mean(self, row: str, metric: str) -> float:
+        """Of a row over its seeds."""
+        return float(np.mean([cells[metric]["value"] for cells in self.rows[row]]))
+
+
+def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
+    """Control rows that a system has to beat by a metric: those that know nothing, or have nothing to do with the speech."""
+    truth, frozen, noise, shuffled, another = CONTROLS
+    about = load_metric(metric).about if metric in METRICS else None
+    rivals = {frozen, noise}
+    if about is not None and about.hears:
+        rivals |= {shuffled, another}
+    if about is not None and about.paired:
+        rivals |= {another}
+    known = {truth, frozen, noise, shuffled, another}
+    others = [name for name in controls if name not in known and not name.startswith(("ground truth", "recordings", "oracle"))]
+    return [name for name in controls if name in rivals] + others
+
+
+def below_controls(metric: str, higher: bool, row: str, evidence: Evidence) -> str | None:
+    """The control row that a row does not beat by a metric; None: it beats all."""
+    sign = 1 if higher else -1
+    found = [name for name in _rivals(metric, evidence.controls) if "value" in evidence.controls[name].get(metric, {})]
+    best = max(found, key=lambda name: sign * evidence.controls[name][metric]["value"], default=None)
+    if best is None or sign * evidence.mean(row, metric) > sign * evidence.controls[best][metric]["value"]:
+        return None
+    return best
+
+
+def below(claims: Sequence[Claim], evidence: Evidence) -> dict[str, dict[str, str]]:
+    """Row → metric → the control row that it does not beat, of the metrics of the claims."""
+    found: dict[str, dict[str, str]] = {}
+    for metric, higher in dict.fromkeys((claim.metric, claim.higher) for claim in claims):
+        for row, scores in evidence.rows.items():
+            if metric in evidence.heads and all("value" in cells.get(metric, {}) for cells in scores):
+                control = below_controls(metric, higher, row, evidence)
+                if control is not None:
+                    found.setdefault(row, {})[metric] = control
+    return found
+
+
+def _lack_headroom(metric: str, evidence: Evidence) -> str | None:
+    """Why a metric cannot tell the recordings from a control row; None: it can."""
+    told = [fault for fault in evidence.faults.get(metric, ()) if fault.endswith(CONTROLS[0])]
+    return f"the metric has no headroom: {told[0]}" if told else None
+
+
+def headroom(evidence: Evidence) -> dict[str, str]:
+    """Metric → by how much the recordings, and an oracle, are from the best control row; or why the metric tells nothing."""
+    found = {}
+    for metric in evidence.heads:
+        known = {name: cells[metric]["value"] for name, cells in evidence.controls.items() if "value" in cells.get(metric, {})}
+        best = [name for name in known if name.startswith((CONTROLS[0], "oracle"))]
+        why = _lack_headroom(metric, evidence)
+        if why is None and best:
+            rivals = ", ".join(f"{name} {known[name]:.3g}" for name in _rivals(metric, evidence.controls) if name in known)
+            why = f"{', '.join(f'{name} {known[name]:.3g}' for name in best)} against {rivals}"
+        if why is not None:
+            found[metric] = why
+    return found
+
+
+def _whole(row: str, metric: str, evidence: Evidence) -> str:
+    """The row that must follow the speech: for the cost of a missing input the system with all inputs, else the row itself."""
+    whole = f"{row.partition(': ')[0]}: all"
+    return whole if metric in COSTS and whole in evidence.rows else row
+
+
+def _gate(claim: Claim, evidence: Evidence) -> str | None:
+    """Why the systems of a claim are no fair test of it; None: they are."""
+    told = _lack_headroom(claim.metric, evidence)
+    if told is not None:
+        return told
+    rows = [_whole(row, claim.metric, evidence) for row in (claim.better, claim.worse)]
+    for row in rows if claim.metric not in COSTS else ():
+        control = below_controls(claim.metric, claim.higher, row, evidence)
+        if control is not None:
+            return f"{row} is not better than the control row {control!r}"
+    truth = evidence.controls.get(CONTROLS[0], {}).get(LIFT, {}).get("value")
+    if truth is not None:
+        for row in rows:
+            if all("value" in cells.get(LIFT, {}) for cells in evidence.rows[row]):
+                lift = evidence.mean(row, LIFT)
+                if lift < LEAST_LIFT * truth:
+                    return f"{row} hardly follows the speech: beat lift {lift:.3f}, of the recordings {truth:.3f}"
+    return None
+
+
+def _text(claim: Claim, heads: Mapping[str, str]) -> str:
+    sign = "is about" if claim.alike else ">" if claim.higher else "<"
+    return f"{heads[claim.metric].rstrip(' ↑↓→')}: {claim.better} {sign} {claim.worse} ({claim.source})"
+
+
+def _reason(difference: Difference, p: float) -> str:
+    low, high = difference.interval
+    chance = "p < .001" if p < 0.001 else f"p = {p:.3f}"
+    return (
+        f"difference {difference.mean:+.3g}, 95 % interval {low:+.3g} … {high:+.3g}, {chance} (Holm), {difference.seeds} seeds"
+    )
+
+
+def _decide(claim: Claim, difference: Difference, p: float, against: float) -> str:
+    """The word: ``p`` speaks for what is claimed, ``against`` for the opposite; both corrected."""
+    if claim.alike:
+        return HOLDS if p < LEVEL else CONTRADICTED if against < LEVEL else UNDECIDED
+    if p >= LEVEL:
+        return UNDECIDED
+    return HOLDS if (difference.mean > 0) == claim.higher else CONTRADICTED
+
+
+def _chances(claim: Claim, difference: Difference) -> tuple[float, float]:
+    """p values for what is claimed, and of an equality for its opposite."""
+    if not claim.alike:
+        return difference.differs, 1.0
+    outside = min(1.0, 2 * min(difference.above(claim.margin), difference.below(-claim.margin)))
+    return max(difference.below(claim.margin), difference.above(-claim.margin)), outside
+
+
+def judge(claims: Sequence[Claim], evidence: Evidence) -> list[dict[str, Any]]:
+    """One of four words for each claim whose rows were run, and why.
+
+    Returns:
+        For each claim ``claim``, ``verdict``, ``because``, and ``expected`` where something was expected before the run.
+    """
+    found: list[dict[str, Any]] = []
+    tested: list[tuple[Claim, dict[str, Any], Difference, float, float]] = []
+    for claim in claims:
+        if claim.metric not in evidence.heads or not {claim.better, claim.worse} <= {*evidence.rows}:
+            continue
+        told: dict[str, Any] = {"claim": _text(claim, evidence.heads)} | (
+            {"expected": claim.expected} if claim.expected else {}
+        )
+        found.append(told)
+        pair = [[cells[claim.metric] for cells in evidence.rows[row]] for row in (claim.better, claim.worse)]
+        lacking = next((cell["why"] for cells in pair for cell in cells if "value" not in cell), None)
+        why = lacking or _gate(claim, evidence)
+        if why is not None:
+            told |= {"verdict": NOT_ASSAYED, "because": why}
+        elif len(pair[0]) < LEAST_SEEDS:
+            told |= {"verdict": UNDECIDED, "because": f"{len(pair[0])} seeds; a verdict takes {LEAST_SEEDS}"}
+        else:
+            difference = compare(*pair)
+            tested.append((claim, told, difference, *_chances(claim, difference)))
+    chances = correct([p for *_, p, _ in tested])
+    against = correct([p for *_, p in tested])
+    for (claim, told, difference, *_), p, q in zip(tested, chances, against, strict=True):
+        word = _decide(claim, difference, p, q)
+        told |= {"verdict": word, "because": _reason(difference, q if word == CONTRADICTED and claim.alike else p)}
+    return found

@@ -1,0 +1,184 @@
+"""Verdicts: a planted effect is found and none is invented, pairs count, families of claims are corrected, gates hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cospeech.experiments.tables.paper_tables import Claim
+from cospeech.experiments.tables.verdicts import (
+    CONTRADICTED,
+    HOLDS,
+    NOT_ASSAYED,
+    UNDECIDED,
+    Evidence,
+    below,
+    compare,
+    correct,
+    judge,
+)
+
+stats = pytest.importorskip("scipy.stats")
+
+HEADS = {"fgd": "FGD ↓", "pck": "PCK ↑", "beat_align": "BA, lift ↑"}
+CONTROLS = {
+    "ground truth": {"fgd": 0.0, "pck": 1.0, "beat_align": 0.3},
+    "frozen pose": {"fgd": 30.0, "pck": 0.2, "beat_align": 0.0},
+    "white noise": {"fgd": 20.0, "pck": 0.1, "beat_align": 0.0},
+    "another clip": {"fgd": 0.0, "pck": 0.3, "beat_align": 0.01},
+}
+CLAIM = Claim("fgd", "ours", "theirs", False, "table 0")
+
+
+def cells(metric: str, values, draws=None, lift: float | None = 0.2) -> list[dict]:
+    """One row, a value of each seed."""
+    found = []
+    for k, value in enumerate(values):
+        cell = {"value": float(value), "interval": None, "note": ""} | ({"draws": list(draws[k])} if draws is not None else {})
+        found.append({metric: cell} | ({"beat_align": {"value": lift}} if lift is not None and metric != "beat_align" else {}))
+    return found
+
+
+def evidence(rows, *, faults=None, controls=CONTROLS) -> Evidence:
+    known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
+    return Evidence(rows, known, HEADS, faults or {})
+
+
+def word(ours, theirs, claim=CLAIM, **more) -> str:
+    rows = {"ours": cells(claim.metric, ours), "theirs": cells(claim.metric, theirs)}
+    (told,) = judge([claim], evidence(rows, **more))
+    return told["verdict"]
+
+
+# statistics ---------------------------------------------------------------------------------------------------------------
+
+
+def test_without_draws_it_is_the_paired_t_test():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 7))
+    found = compare([{"value": v} for v in a], [{"value": v} for v in b])
+    expected = stats.ttest_rel(a, b)
+    assert found.differs == pytest.approx(expected.pvalue)
+    assert found.freedom == 6
+    assert found.interval == pytest.approx(tuple(expected.confidence_interval()))
+
+
+def test_clips_that_both_rows_share_cancel_and_others_do_not():
+    rng = np.random.default_rng(1)
+    shared = rng.normal(scale=5.0, size=200)
+    seeds = rng.normal(scale=0.1, size=(2, 6))
+    a = [{"value": v + 1, "draws": [*(v + 1 + shared)]} for v in seeds[0]]
+    paired = compare(a, [{"value": v, "draws": [*(v + shared)]} for v in seeds[1]])
+    apart = compare(a, [{"value": v, "draws": [*(v + rng.permutation(shared))]} for v in seeds[1]])
+    assert paired.error < 0.1
+    assert apart.error > 1
+    assert paired.mean == pytest.approx(apart.mean)
+
+
+def test_no_effect_is_found_in_one_case_of_twenty_and_a_large_one_nearly_always():
+    """Seeds and clips both vary; the truth is known."""
+    rng = np.random.default_rng(2)
+
+    def share(effect: float, trials: int = 400) -> float:
+        found = 0
+        for _ in range(trials):
+            clips = rng.normal(scale=0.5, size=40)  # by how much row A is better on each test clip
+            chosen = rng.multinomial(40, np.full(40, 1 / 40), 200)
+            a, b = [], []
+            for _ in range(6):
+                own = clips + rng.normal(scale=0.3, size=40) + rng.normal(scale=0.1) + effect
+                a.append({"value": own.mean(), "draws": [*(chosen @ own / 40)]})
+                b.append({"value": 0.0, "draws": [0.0] * 200})
+            found += compare(a, b).differs < 0.05
+        return found / trials
+
+    assert 0.02 <= share(0.0) <= 0.085
+    assert share(0.4) > 0.9
+
+
+def test_holm_as_published():
+    assert correct([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])  # by hand
+    assert correct([]) == []
+    assert correct([0.9, 0.8]) == [1.0, 1.0]
+
+
+# words --------------------------------------------------------------------------------------------------------------------
+
+NEAR = np.array([0.0, 0.1, -0.1, 0.05, -0.05])
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "expected"),
+    [
+        (1 + NEAR, 3 - NEAR, HOLDS),
+        (3 + NEAR, 1 - NEAR, CONTRADICTED),
+        (1 + 20 * NEAR, 1.2 - 20 * NEAR, UNDECIDED),
+        ((1, 1, 1, 1, 1), (1, 1, 1, 1, 1), UNDECIDED),
+        ((1.0, 1.1, 0.9), (3.0, 3.1, 2.9), UNDECIDED),  # three seeds
+        (1 + NEAR, 25 + NEAR, NOT_ASSAYED),  # worse than white noise
+    ],
+)
+def test_words(ours, theirs, expected):
+    assert word(ours, theirs) == expected
+
+
+def test_many_claims_make_each_harder():
+    rng = np.random.default_rng(3)
+    rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 1.09 + NEAR[::-1])}
+    (alone,) = judge([CLAIM], evidence(rows))
+    assert alone["verdict"] == HOLDS
+    others = {f"row {k}": cells("fgd", 1 + rng.normal(scale=0.1, size=5)) for k in range(12)}
+    claims = [CLAIM, *(Claim("fgd", f"row {k}", "theirs", False, "table 0") for k in range(12))]
+    told = judge(claims, evidence(rows | others))
+    assert told[0]["verdict"] == UNDECIDED
+    assert "Holm" in told[0]["because"]
+
+
+@pytest.mark.parametrize(("gap", "expected"), [(0.0, HOLDS), (0.5, CONTRADICTED), (0.1, UNDECIDED)])
+def test_equality_is_claimed_within_a_margin(gap, expected):
+    claim = Claim("pck", "ours", "theirs", True, "t", margin=0.1)
+    assert word(0.7 + gap / 2 + NEAR / 10, 0.7 - gap / 2 - NEAR / 10, claim) == expected
+
+
+def test_a_wide_interval_is_no_equality():
+    claim = Claim("pck", "ours", "theirs", True, "t", margin=0.01)
+    assert word(0.5 + NEAR, 0.5 - NEAR, claim) == UNDECIDED
+
+
+# gates --------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_metric_that_cannot_tell_people_from_noise_gives_no_verdict():
+    faults = {"fgd": ["white noise is not worse than ground truth"]}
+    assert word(1 + NEAR, 3 - NEAR, faults=faults) == NOT_ASSAYED
+    harmless = {"fgd": ["frozen pose is not worse than another clip"], "pck": faults["fgd"]}
+    assert word(1 + NEAR, 3 - NEAR, faults=harmless) == HOLDS
+
+
+def test_systems_that_do_not_follow_the_speech_give_no_verdict():
+    rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR, lift=0.07)}
+    (told,) = judge([CLAIM], evidence(rows))
+    assert told["verdict"] == NOT_ASSAYED
+    assert "theirs hardly follows" in told["because"]
+    silent = {"ours": cells("fgd", 1 + NEAR, lift=None), "theirs": cells("fgd", 3 - NEAR, lift=None)}
+    assert judge([CLAIM], evidence(silent))[0]["verdict"] == HOLDS  # a table without sound does not know it
+
+
+def test_what_was_not_run_is_left_out_and_what_has_no_figure_is_said():
+    rows = {"ours": cells("fgd", 1 + NEAR)}
+    assert judge([CLAIM], evidence(rows)) == []
+    assert judge([Claim("srgr", "ours", "ours", True, "t")], evidence(rows)) == []
+    lacking = rows | {"theirs": [{"fgd": {"why": "too short"}}] * 5}
+    assert judge([CLAIM], evidence(lacking))[0]["because"] == "too short"
+
+
+def test_rows_below_a_control_are_named():
+    rows = {"ours": cells("pck", 0.25 + NEAR / 100), "theirs": cells("pck", 0.6 + NEAR)}
+    found = below([Claim("pck", "theirs", "ours", True, "t")], evidence(rows))
+    assert found == {"ours": {"pck": "another clip"}}
+
+
+def test_what_was_expected_is_told():
+    claim = Claim("fgd", "ours", "theirs", False, "table 0", expected=HOLDS)
+    rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR)}
+    assert judge([claim], evidence(rows))[0]["expected"] == HOLDS

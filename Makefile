@@ -36,6 +36,7 @@ bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/python benchmarks/flow.py
 	@$(BIN)/python benchmarks/mix_stage.py
 	@$(BIN)/python benchmarks/chain.py
+	@$(BIN)/python benchmarks/live.py
 
 media: $(VENV)/.core             ## the README's moving picture
 	$(BIN)/python tools/make_media.py

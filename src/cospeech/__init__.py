@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .audio.speech import Speech, Word
     from .errors import CospeechError, InputError
     from .evaluation import evaluate
+    from .generate import open_live_session
     from .models import load
     from .motion.motion import Motion
     from .motion.skeleton import Skeleton, humanoid
@@ -24,6 +25,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CospeechError", "InputError", "Motion", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid", "load",
+    "open_live_session",
 ]  # fmt: skip
 
 NO_TELEMETRY = {
@@ -48,6 +50,7 @@ _HOME = {
     "evaluate": "evaluation",
     "humanoid": "motion.skeleton",
     "load": "models",
+    "open_live_session": "generate",
 }
 
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import __version__
 from .audio.emotions import EmotionTrack, read_emotion_track
@@ -37,6 +37,9 @@ from .runtime.report import Report
 from .runtime.styles.style import example_files
 
 __all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path"]
+
+if TYPE_CHECKING:
+    from .runtime.live_session import LiveSession
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
 Progress = Callable[[float, float | None], None]
@@ -185,20 +188,31 @@ def take_path(path: File, take: int, takes: int) -> Path:
 
 
 def open_live_session(
-    model: str = DEFAULT, *, emotion: str | PathLike[str] | EmotionTrack = "auto", **options: Any
-) -> GenerationSession:
-    """A session whose frames somebody watches while the speech goes on: with a stance, and no more look-ahead than is usual.
+    model: str | Model = DEFAULT,
+    *,
+    emotion: str | PathLike[str] | EmotionTrack = "auto",
+    idle_after: float | None = None,
+    **options: Any,
+) -> LiveSession:
+    """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
+
+    A body without legs has a stance, and no model has more look-ahead than is usual.
 
     Args:
-        model, emotion: see `generate_files`.
+        model: a name, a bundle or a run, as of `generate_files`; or a model.
+        emotion: see `generate_files`.
+        idle_after: see `LiveSession`.
         options: of `GenerationOptions`.
 
     Raises:
         InputError: an option is out of range or a name unknown.
     """
-    opened = load_model(model)
+    from .runtime.live_session import LiveSession
+
+    opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}
-    return opened.session(GenerationOptions(emotion=_read_emotion(emotion)[0], **usual, **options))
+    given = GenerationOptions(**{**usual, "emotion": _read_emotion(emotion)[0], **options})
+    return LiveSession(opened, given, idle_after=idle_after)
 
 
 def speech_chunks(source: SpeechSource) -> Iterator[Speech]:

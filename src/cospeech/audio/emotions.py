@@ -17,12 +17,14 @@ from ..files import read_regular
 from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
 from ..motion.rotations import Array
 
-__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "emotion_track", "read_emotion_track"]
+__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "SteeredMoods", "emotion_track", "read_emotion_track"]
 
 EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 """The eight emotions of BEAT in its order."""
 BLEND = 0.5
 """Seconds in which a named emotion takes over from the one before it; ours: faces show one in about so long."""
+
+_REMEMBERED = 10.0  # seconds for which moods that were replaced are kept [ours: the longest look-ahead of a session is 2.3]
 
 _SUM = 1e-6  # how far the weights of a moment may be from 1
 
@@ -90,6 +92,37 @@ class EmotionTrack:
         length = np.where(low < high, self.times[high] - self.times[low], 1.0)
         share = np.clip((wanted - self.times[low]) / length, 0.0, 1.0)[..., None]
         return self.weights[low] + share * (self.weights[high] - self.weights[low])
+
+
+class SteeredMoods:
+    """Moods that somebody changes while they are played.
+
+    >>> moods = SteeredMoods(EmotionTrack.constant("neutral"))
+    >>> moods.change(EmotionTrack.constant("happiness"), 2.0)
+    >>> moods.at(np.array([2.0, 2.25, 9.0]))[:, 1].tolist()
+    [0.0, 0.5, 1.0]
+
+    Args:
+        first: hold from the beginning.
+    """
+
+    def __init__(self, first: Moods) -> None:
+        self._layers: list[tuple[float, Moods]] = [(-np.inf, first)]
+
+    def change(self, moods: Moods, time: float) -> None:
+        """Other moods from ``time`` seconds on; they take over within `BLEND`. Times of changes ascend."""
+        while len(self._layers) > 1 and self._layers[1][0] < time - _REMEMBERED:
+            del self._layers[0]
+        self._layers.append((time, moods))
+
+    def at(self, times: Array) -> Array:
+        """(…, 8) weights at these times (…) in seconds, none more than ten seconds before the last change."""
+        times = np.asarray(times, float)
+        weights = self._layers[0][1].at(times)
+        for start, moods in self._layers[1:]:
+            share = np.clip((times - start) / BLEND, 0.0, 1.0)[..., None]
+            weights = weights + share * (moods.at(times) - weights)
+        return weights
 
 
 def emotion_track(emotion: object) -> Moods | None:

@@ -19,13 +19,15 @@ from ..errors import InputError
 from .speech import Speech
 
 __all__ = [
-    "FORMATS", "PIECE", "decode_pcm", "pace_pieces", "read_microphone", "read_pcm", "read_websocket", "wait_for_each",
+    "FORMATS", "PIECE", "decode_pcm", "pace_pieces", "read_lines", "read_microphone", "read_pcm", "read_websocket",
+    "wait_for_each",
 ]  # fmt: skip
 
 PIECE = 0.02  # seconds of a piece: what telephones and browsers send (ours)
 FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f4")}
 """Raw samples: whole numbers of 16 bits, floats of 32 bits; little-endian, one channel."""
 _SLACK = 0.1  # seconds that sound may be late before silence takes its place (ours: more than a network's jitter)
+_LINE = 1 << 16  # bytes of a line (ours)
 _BEHIND = 30.0  # seconds of blocks that may wait: who sends more than that ahead is made to wait (ours)
 
 Samples = NDArray[np.float32]
@@ -118,6 +120,13 @@ def read_pcm(file: IO[bytes], rate: int, kind: str = "s16") -> Iterator[Samples]
         raise InputError(f"the sound ends within a sample: {len(rest)} bytes more", f"samples are {kind}, little-endian")
 
 
+def read_lines(number: int = 0) -> Iterator[bytes]:
+    """Lines of standard input, or of another file descriptor, as they come; without a lock that would hold up the end."""
+    with open(number, "rb", buffering=0, closefd=False) as file:
+        while line := file.readline(_LINE):
+            yield line
+
+
 def decode_pcm(data: bytes, kind: str) -> Samples:
     """Bytes → float32 samples, full scale ±1; what is no number becomes silence."""
     values = np.frombuffer(data, FORMATS[kind])
@@ -126,14 +135,20 @@ def decode_pcm(data: bytes, kind: str) -> Samples:
     return np.clip(np.nan_to_num(values.astype(np.float32), posinf=0, neginf=0), -1, 1)
 
 
-def read_websocket(connection: Any, kind: str = "s16") -> Iterator[Samples]:
-    """The binary messages of a WebSocket, each a whole number of samples; other messages are left out.
+def read_websocket(
+    connection: Iterable[str | bytes], kind: str = "s16", on_text: Callable[[str], object] | None = None
+) -> Iterator[Samples]:
+    """The binary messages of a WebSocket, each a whole number of samples; texts are given to ``on_text``.
 
     Raises:
         InputError: a message ends within a sample.
     """
     for message in connection:
-        if isinstance(message, str) or not message:
+        if isinstance(message, str):
+            if on_text is not None:
+                on_text(message)
+            continue
+        if not message:
             continue
         if len(message) % FORMATS[kind].itemsize:
             raise InputError(f"a message of {len(message)} bytes ends within a sample", f"samples are {kind}, little-endian")

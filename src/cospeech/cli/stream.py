@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,17 +27,21 @@ from .options import (
     Seed,
     Style,
     Temperature,
+    number,
     option,
     whole,
 )
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
+    from ..export.live.pacing import FramePacer
+    from ..runtime.live_session import LiveSession
 
 __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
+_SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Source = Annotated[
     str,
     option(
@@ -60,6 +66,24 @@ Rate = Annotated[
 ]
 Kind = Annotated[str, option("--samples", metavar="KIND", help="Raw samples: s16 or f32, little-endian, one channel.")]
 Words = Annotated[str | None, option("--transcript", metavar="FILE", help="Words of a sound file, with their times.")]
+Control = Annotated[
+    str | None,
+    option(
+        "--control",
+        metavar="SOURCE",
+        help="Messages that steer: - for JSON lines on standard input, listen://HOST:PORT or ws://HOST:PORT for a WebSocket. "
+        'For example {"interrupt": true} or {"emotion": "happiness"}.',
+    ),
+]
+IdleAfter = Annotated[
+    float | None,
+    option(
+        "--idle-after",
+        metavar="SECONDS",
+        parser=number,
+        help="Silence after which the character listens and idles. Where it is not given: 3 s of live sound, never for a file.",
+    ),
+]
 Unpaced = Annotated[
     bool, typer.Option("--unpaced", help="Send frames when they are made, and read a file as fast as it can be played.")
 ]
@@ -84,6 +108,8 @@ def stream(
     fps: Fps = 60.0,
     avatar: Avatar = None,
     transcript: Words = None,
+    control: Control = None,
+    idle_after: IdleAfter = None,
     rate: Rate = 16_000,
     samples: Kind = "s16",
     unpaced: Unpaced = False,
@@ -99,25 +125,25 @@ def stream(
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
     my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
     """
-    from ..audio.live_sources import FORMATS, PIECE
+    from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, FramePacer
     from ..export.live.targets import StreamSettings, open_outlet
     from ..generate import open_live_session
 
-    if samples not in FORMATS:
-        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
-    if not _RATES[0] <= rate <= _RATES[1]:
-        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
+    _check_sources(source, control, rate, samples)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
         model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
-        face_gain=face_gain, fps=fps,
+        face_gain=face_gain, fps=fps, idle_after=_idle_after(source) if idle_after is None else idle_after,
     )  # fmt: skip
+    if not unpaced:
+        session.warm_up()
     delay = session.latency + PIECE + MARGIN
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
-        pieces = _pieces(stack, source, transcript, rate, samples, unpaced)
+        controls = _open_control(stack, control)
+        pieces = _pieces(stack, source, transcript, rate, samples, unpaced, controls)
         outlets = []
         for address in to:
             outlets.append(open_outlet(address, settings, tell))
@@ -126,13 +152,7 @@ def stream(
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
         over = False
         try:
-            for piece in pieces:
-                if not pacer.is_started:
-                    pacer.begin(float(piece.duration))
-                for motion in session.push(piece):
-                    pacer.push(motion)
-            for motion in session.finish():
-                pacer.push(motion)
+            _play(session, pieces, controls, pacer, tell)
             over = True
         finally:
             pace = pacer.close(drop=not over)
@@ -149,8 +169,77 @@ def _say_nothing(text: str) -> None:
     """With --quiet."""
 
 
-def _pieces(stack: ExitStack, source: str, transcript: str | None, rate: int, kind: str, unpaced: bool) -> Iterator[Speech]:
-    """The speech of a source, piece by piece; what it opens is closed with ``stack``."""
+def _check_sources(source: str, control: str | None, rate: int, samples: str) -> None:
+    from ..audio.live_sources import FORMATS
+
+    if samples not in FORMATS:
+        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
+    if control == source:
+        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
+
+
+def _play(
+    session: LiveSession, pieces: Iterable[Speech], controls: SimpleQueue[str | bytes], pacer: FramePacer,
+    tell: Callable[[str], None],
+) -> None:  # fmt: skip
+    """From the first piece of sound to the last frame."""
+    for piece in pieces:
+        if not pacer.is_started:
+            pacer.begin(float(piece.duration))
+        _steer(session, controls, tell)
+        for motion in session.push(piece):
+            pacer.push(motion)
+    for motion in session.finish():
+        pacer.push(motion)
+
+
+def _idle_after(source: str) -> float | None:
+    live = source in ("mic", "-") or source.startswith(("ws://", "wss://", "listen://"))
+    return _SILENCE if live else None
+
+
+def _open_control(stack: ExitStack, control: str | None) -> SimpleQueue[str | bytes]:
+    """Messages that steer, as they come: those of ``--control``; the input adds its own."""
+    controls: SimpleQueue[str | bytes] = SimpleQueue()
+    if control is None:
+        return controls
+    messages: Iterable[str | bytes]
+    if control == "-":
+        from ..audio.live_sources import read_lines
+
+        messages = read_lines(sys.stdin.fileno())
+    else:
+        from ..export.live.websocket import open_receiver
+
+        messages = stack.enter_context(open_receiver(control))
+    threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()
+    return controls
+
+
+def _collect(messages: Iterable[str | bytes], controls: SimpleQueue[str | bytes]) -> None:
+    """In a thread."""
+    for message in messages:
+        controls.put(message)
+
+
+def _steer(session: LiveSession, controls: SimpleQueue[str | bytes], tell: Callable[[str], None]) -> None:
+    """Do what the messages say that have come; one that says nothing sensible is told, and the stream goes on."""
+    from ..runtime.live_control import apply_control
+
+    while not controls.empty():
+        try:
+            apply_control(session, controls.get())
+        except InputError as error:
+            tell(f"control: {error}")
+
+
+def _pieces(
+    stack: ExitStack, source: str, transcript: str | None, rate: int, kind: str, unpaced: bool,
+    controls: SimpleQueue[str | bytes],
+) -> Iterator[Speech]:  # fmt: skip
+    """The speech of a source, piece by piece; what it opens is closed with ``stack``. Texts of a WebSocket are controls."""
     from ..audio.live_sources import pace_pieces, read_microphone, read_pcm, read_websocket
 
     live: dict[str, Callable[[], Any]] = {
@@ -161,7 +250,7 @@ def _pieces(stack: ExitStack, source: str, transcript: str | None, rate: int, ki
         from ..export.live.websocket import open_receiver
 
         receiver = stack.enter_context(open_receiver(source))
-        return pace_pieces(read_websocket(receiver, kind), rate)
+        return pace_pieces(read_websocket(receiver, kind, controls.put), rate)
     if transcript is not None and source in live:
         raise InputError("a transcript of live speech", "leave out --transcript, or give a sound file")
     if source in live:

@@ -62,7 +62,7 @@ class GazePlanner:
     """
 
     def __init__(self, seed: int, averted: float) -> None:
-        self._random, self._averted = Random(seed), averted
+        self._random, self.averted = Random(seed), averted
         self.away = False
         """Whether the eyes are off the listener."""
         self._at = (0.0, 0.0)
@@ -77,9 +77,7 @@ class GazePlanner:
             phrases: those that are known, in order; the end of the last may still move.
             averted: more than the speaker's own share, by emotion.
         """
-        chance = (
-            min(max(self._averted + averted, 0.0), 1.0) / _USUAL
-        ) ** 0.5  # a shy speaker looks away more, not all the time
+        chance = (min(max(self.averted + averted, 0.0), 1.0) / _USUAL) ** 0.5  # a shy speaker looks away more, not all the time
         for phrase in phrases:
             if phrase.start > self._phrase and phrase.start <= now + 0.35:
                 self._phrase = phrase.start

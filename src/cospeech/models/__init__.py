@@ -80,6 +80,18 @@ class GenerationSession(Protocol):
         """Seconds of sound after a frame's time on which the frame depends, at most."""
         ...
 
+    def restyle(self, style: Any) -> None:
+        """Another style while the speech goes on, faded in over half a second."""
+        ...
+
+    def set_emotion(self, emotion: Any) -> None:
+        """Another emotion, or "auto", likewise."""
+        ...
+
+    def set_intensity(self, intensity: float) -> None:
+        """Another size of all movement, likewise."""
+        ...
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear the next piece, at once; gives the motion that is certain now. What is not taken comes with the next call."""
         ...

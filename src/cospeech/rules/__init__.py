@@ -7,23 +7,20 @@ analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import isfinite
-from pathlib import Path
 from typing import Any
 
 from ..audio.emotions import EMOTIONS
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..face.gains import face_gains
 from ..face.mouth import Mouth, MouthMaker
 from ..motion.motion import Motion
-from ..motion.named_numbers import read_named_numbers
 from ..motion.parts import PARTS
 from .options import GenerationOptions
 from .plan import Gesture
 from .session import LATENCY, LOOK_AHEAD, Session, check_speech, stream_motion
-from .styles import STYLES, Style, mix_styles
+from .styles import STYLES, Style, find_style
 
 __all__ = [
     "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleBasedModel",
@@ -73,7 +70,7 @@ class RuleBasedModel:
             raise InputError(f"{options.takes} takes of the rule-based model at once", "one session for each")
         mouth = self._mouth() if self._mouth is not None and moving and "face" in options.parts else None
         session = Session(
-            _find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
+            find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
             gains=face_gains(options.face_gain), aimed=aimed,
         )  # fmt: skip
@@ -115,32 +112,6 @@ class RuleBasedModel:
             InputError: at once, for an option; as the pieces are taken, for a piece of speech.
         """
         return stream_motion(self.session(**options), chunks)
-
-
-def _find_style(style: object) -> Style:
-    """A style by name, a mixture such as ``"calm:0.7,lively:0.3"``, or a `Style` as it is."""
-    if style is None:
-        return next(iter(STYLES.values()))
-    if isinstance(style, Style):
-        return style
-    parts = (
-        []
-        if not isinstance(style, str)
-        else read_named_numbers(
-            style, number="weight", of="style", hint="a number, as in calm:0.7,lively:0.3", is_name=STYLES.__contains__
-        )
-    )
-    if not parts or any(Path(part.name).suffix for part in parts):
-        hint = f"trained models can, see `cospeech list models`; of its own it has {', '.join(STYLES)}"
-        raise InputError("the rule-based model cannot learn a style from an example", hint)
-    weights: dict[str, float] = {}
-    for name, weight, _ in parts:
-        if name not in STYLES:
-            raise InputError(f"no style is called {name!r}", nearest(name, STYLES))
-        weights[name] = weights.get(name, 0.0) + (1.0 if weight is None else weight)
-    if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
-        raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
-    return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)
 
 
 RuleGesturer = RuleBasedModel  # as the first documentation called it

@@ -66,6 +66,10 @@ class Arousal:
         self._total += self.level
         self._ticks += 1
 
+    def begin(self, time: float) -> None:
+        """The first look is at ``time`` seconds; before anything is followed."""
+        self._first = round(time / LOOKS)
+
     @property
     def mean(self) -> float:
         """Over all that was heard."""

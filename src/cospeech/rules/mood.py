@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, EmotionTrack, Moods
+from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
 from ..audio.event_detection import quantile
 from ..audio.prosodic_events import RATE, Accent, Heard
 from ..motion.rotations import Array
@@ -58,6 +58,10 @@ _WEIGHTS = np.array(  # rows: emotions; columns: bias, pitch movement, effort, a
 )
 
 
+_FOLLOWED, _IGNORED = EmotionTrack.constant("neutral"), EmotionTrack.constant("happiness")
+"""What `Mood` plays while it follows the voice; and any other, for the share of the voice."""
+
+
 class Mood:
     """What is felt, followed over a stream.
 
@@ -73,6 +77,32 @@ class Mood:
         self._guess = self.probabilities
         self._heard, self._felt = np.zeros(len(EMOTIONS)), np.zeros(len(EMOTIONS))
         self._ticks = 0
+        self._voice: SteeredMoods | None = None  # once the mood was changed: neutral where the voice is followed
+
+    def change(self, track: Moods | None, time: float) -> None:
+        """Another track, or None for the voice, from ``time`` seconds on, for which nothing was decided yet.
+
+        The old emotion fades out while the new one fades in, and so does the arousal of the voice.
+        """
+        if self._voice is None:
+            self._voice = SteeredMoods(_FOLLOWED if self.track is None else _IGNORED)
+            if self.track is not None:
+                self.arousal.begin(time)
+            self.track = SteeredMoods(self.track or _FOLLOWED)
+        assert isinstance(self.track, SteeredMoods)
+        self.track.change(track or _FOLLOWED, time)
+        self._voice.change(_FOLLOWED if track is None else _IGNORED, time)
+
+    @property
+    def listens(self) -> bool:
+        """Whether the arousal of the voice is followed: always, where it may be played again after a change."""
+        return self.track is None or self._voice is not None
+
+    def voice_share(self, times: Array) -> Array:
+        """(…,) how far the arousal of the voice is played at ``times`` (…) in seconds, 0 … 1."""
+        if self._voice is None:
+            return np.full(np.shape(times), float(self.track is None))
+        return self._voice.at(times)[..., 0]  # type: ignore[no-any-return]
 
     def keep(self, time: float) -> None:
         """What the track says of this time in seconds."""
@@ -89,8 +119,12 @@ class Mood:
             guess = np.maximum(guess / guess.sum() - _DOUBT, 0.0)
             guess[0] += 1.0 - guess.sum()
             self._guess = _INERTIA * self._guess + (1 - _INERTIA) * guess
-        self.arousal.follow(heard.last(WINDOW), accents)
+        self.listen(heard, accents)
         self._count()
+
+    def listen(self, heard: Heard, accents: list[Accent]) -> None:
+        """The part of `follow` that is arousal."""
+        self.arousal.follow(heard.last(WINDOW), accents)
 
     def _count(self) -> None:
         self._heard = self._heard + self._guess

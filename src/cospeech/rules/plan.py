@@ -24,7 +24,7 @@ from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
-from .repertoire import FORMS, LEXICAL_FORMS, Form
+from .repertoire import FORMS, LEXICAL_FORMS, Form, weigh_forms
 from .rest_poses import RESTS
 from .strokes import draw_arc, draw_skew, draw_twist
 from .styles import Style
@@ -93,7 +93,16 @@ class Planner:
         self._last_accent = -1.0
         self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
-        self._forms = {name: form.weight * style.repertoire.get(name, 1.0) for name, form in FORMS.items()}
+        self._forms = weigh_forms(style.repertoire)
+
+    def restyle(self, now: float, style: Style, intensity: float, modifier: EmotionModifier) -> None:
+        """Another style and size for what is planned from ``now`` seconds on; hands at rest go to its resting place."""
+        moved = (style.rest, style.idle) != (self.style.rest, self.style.idle)
+        self.style, self.intensity, self._forms = style, intensity, weigh_forms(style.repertoire)
+        self._gesture_space.style, self._gesture_space.intensity = style, intensity
+        self.posture.restyle(style, intensity)
+        for hand in [h for h, state in enumerate(self.hands) if moved and state.place != "up" and now > state.busy]:
+            self._retract(now, hand, self.hands[hand], self.hands[hand].place, modifier)
 
     @property
     def body(self) -> MinimumJerkTrack:
@@ -350,14 +359,10 @@ class Planner:
         quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
-            if (
-                state.place == "up"
-                and now > state.busy
-                and (now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold))
-            ):
-                self._retract(
-                    now, hand, state, "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest", modifier
-                )
+            tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)
+            if state.place == "up" and now > state.busy and tired:
+                place = "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest"
+                self._retract(now, hand, state, place, modifier)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier)
 

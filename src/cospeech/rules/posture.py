@@ -38,6 +38,12 @@ class Posture:
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None
 
+    def restyle(self, style: Style, intensity: float) -> None:
+        """Another style and size for what is planned from now on; somebody who stands goes on standing."""
+        self.style, self.size = style, max(intensity, 0.25) ** 0.5
+        self.stance.amounts = StanceAmounts(style.sway * self.size, style.steps, style.seated)
+        self.gaze.averted = style.averted
+
     def decide(self, now: float, *, phrases: Sequence[Phrase], modifier: EmotionModifier, speaking: bool) -> None:
         """One tick."""
         if self._modifier is None:

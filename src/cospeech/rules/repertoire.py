@@ -7,6 +7,7 @@ and kinds follow gesture annotation practice (McNeill 1992; Kendon 2004); the po
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from ..motion.kinematics.hands import HAND_SHAPES
 from ..motion.rotations import Array
 
-__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "HandPose"]
+__all__ = ["FORMS", "LEXICAL_FORMS", "Form", "HandPose", "weigh_forms"]
 
 
 class HandPose(NamedTuple):
@@ -390,3 +391,8 @@ LEXICAL_FORMS: dict[str, Form] = {
     ),
 }
 """Forms that words call for (`lexicon`)."""
+
+
+def weigh_forms(factors: Mapping[str, float]) -> dict[str, float]:
+    """Weight of each of the common forms, times the factor that a style gives it."""
+    return {name: form.weight * factors.get(name, 1.0) for name, form in FORMS.items()}

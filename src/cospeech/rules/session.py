@@ -26,7 +26,9 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from .arousal import LOOKS, arouse
+from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
+from .manner import Manner, MannerCourse, make_manner, mix_frames
 from .mood import SPAN, Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import Pieces, gaze_only, realise
@@ -61,7 +63,7 @@ _LOOK = round(LOOKS / TICK)  # ticks
 _MOST_AT_ONCE = 2.0  # seconds of motion realised in one go when there is plenty to do
 
 
-class Session:
+class Session(SessionControls):
     """A performance under way.
 
     Args:
@@ -92,16 +94,11 @@ class Session:
         gains: Array | None = None,
         aimed: bool = True,
     ) -> None:
-        self.style, self.seed, self.fps, self.parts = style, seed, fps, parts
-        self.intensity = intensity
+        self.seed, self.fps, self.parts, self.gains = seed, fps, parts, gains
+        self.manners = MannerCourse(make_manner(style, intensity, seed=seed, gains=gains))
         self.detector = EventDetector()
         self.mood = Mood(emotion)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
-        self.face = Face(
-            seed=seed, intensity=min(intensity, 1.3), expressiveness=style.expressiveness,
-            emphasis=style.emphasis, blink_rate=style.blinks / 60,
-            gains=gains,
-        )  # fmt: skip
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
@@ -113,7 +110,7 @@ class Session:
         self._frame = 0
         self._moods: deque[tuple[float, Array]] = deque()
         self._signs = QuatStream()
-        self._modifier = MANNERS["neutral"]
+        self.modifier = MANNERS["neutral"]
         self._ready: deque[Motion] = deque()
 
     def share(self, prosody: SharedProsody) -> None:
@@ -135,14 +132,16 @@ class Session:
     @property
     def arousal(self) -> float | None:
         """Mean arousal that was heard in the voice and played, −1 … 1; None where an emotion is given."""
-        return self.mood.arousal.mean if self.mood.track is None else None
+        return self.mood.arousal.mean if self.mood.listens else None
 
     def arousal_at(self, times: Array) -> Array:
         """(n,) arousal to play at ``times (n,)`` seconds, for who makes the body; 0 where an emotion is given.
 
         It is that of `AROUSAL_DELAY` before, so that it is known as soon as the speech of these times was pushed.
         """
-        return self.mood.arousal.at(times - AROUSAL_DELAY) if self.mood.track is None else np.zeros(len(times))
+        if not self.mood.listens:
+            return np.zeros(len(times))
+        return self.mood.arousal.at(times - AROUSAL_DELAY) * self.mood.voice_share(times)
 
     @property
     def speaker(self) -> None:
@@ -179,11 +178,11 @@ class Session:
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
             heard = self.detector.certain_until + LEVEL_DELAY
-            while self._ticks * TICK + LOOK_AHEAD <= heard:
+            while self.planned_until + LOOK_AHEAD <= heard:
                 self._decide()
-            if self._ticks * TICK - self._frame / self.fps >= _MOST_AT_ONCE:
-                self._make(self._ticks * TICK)
-        self._make(self._ticks * TICK)
+            if self.planned_until - self._frame / self.fps >= _MOST_AT_ONCE:
+                self._make(self.planned_until)
+        self._make(self.planned_until)
         return self._next_frames()
 
     def finish(self) -> Iterator[Motion]:
@@ -206,7 +205,7 @@ class Session:
             self.mouth.finish()
         while self._frame < total:
             end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
-            while self._ticks * TICK < end:
+            while self.planned_until < end:
                 self._decide()
             self._make(end, total)
         return self._next_frames()
@@ -231,7 +230,7 @@ class Session:
             self.mouth.push(samples)
 
     def _decide(self) -> None:
-        now = self._ticks * TICK
+        now = self.planned_until
         visible = now + LOOK_AHEAD
         detector = self.detector
         accents = [a for a in detector.accents if now - 1.5 < a.time <= now + HORIZON]
@@ -239,16 +238,18 @@ class Session:
         words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
         if self.mood.track is not None:
             self.mood.keep(now)
-        elif self._ticks % _LOOK == 0:
+        if self.mood.listens and self._ticks % _LOOK == 0:
             recent = [a for a in detector.accents if a.time <= now + HORIZON]
-            self.mood.follow(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
+            listen = self.mood.follow if self.mood.track is None else self.mood.listen
+            listen(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
         if self.mood.track is not None or self._ticks % _LOOK == 0:
-            self._modifier = arouse(blend_modifiers(self.mood.probabilities), self.mood.arousal.level)
+            level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
+            self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self._eyes_only:
-            self.planner.posture.look(now, phrases, self._modifier)
+            self.planner.posture.look(now, phrases, self.modifier)
         elif self.parts:
-            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=self._modifier)
+            self.gestures += self.planner.decide(now, accents=accents, phrases=phrases, words=words, modifier=self.modifier)
         self._ticks += 1
 
     def _make(self, until: float, total: int | None = None) -> None:
@@ -267,6 +268,7 @@ class Session:
         """What no frame after this time in seconds asks for."""
         for track in (self.planner.body, *(s.track for s in self.planner.hands)):
             track.forget(made - 0.5)
+        self.manners.forget(made)
         while len(self._moods) > 1 and self._moods[1][0] < made - 1.5:
             self._moods.popleft()
         if "body" in self.parts or "hands" in self.parts:  # nobody else makes them, and asks for the arousal
@@ -277,29 +279,38 @@ class Session:
             self.gestures.popleft()
 
     def _realise(self, times: Array) -> Motion:
-        mood = self._mood_at(times)
-        pose = gaze_only(times, self.planner.body) if self._eyes_only else self._pose(times, mood)
-        rotations = pose.rotations
+        mood, layers = self._mood_at(times), self.manners.layers(times)
+        made = [(self._pose(times, mood, manner), share) for manner, share in layers]
+        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
         rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
-            heard = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
-            accents = [a for a in self.detector.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
-            words = [w for w in self._words if w.start < times[-1] + 1.0]
-            shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
-            spoken = None if self.mouth is None else self.mouth.at(times)
-            face = self.face.weights(
-                times, heard, accents=accents, words=words, emotion=mood, shifts=shifts, spoken=spoken
-            ).astype(np.float32)
-            rotations[:, _EYES] = toward(pose.gaze)[:, None]
+            faces = self._faces(times, mood, [manner.face for manner, _ in layers])
+            face = mix_frames([(each, share) for each, (_, share) in zip(faces, layers, strict=True)]).astype(np.float32)
+            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
         rotations = self._signs.push(rotations.astype(np.float32))
-        made = Motion(self.fps, rotations, pose.root.astype(np.float32), face, humanoid(), float(times[0]))
-        return self.aim(made) if self._aimed else made
+        root = mix_frames([(pose.root, share) for pose, share in made]).astype(np.float32)
+        motion = Motion(self.fps, rotations, root, face, humanoid(), float(times[0]))
+        return self.aim(motion) if self._aimed else motion
 
-    def _pose(self, times: Array, mood: Array) -> Pieces:
+    def _pose(self, times: Array, mood: Array, manner: Manner) -> Pieces:
+        if self._eyes_only:
+            return gaze_only(times, self.planner.body)
         tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         fear = mood[:, EMOTIONS.index("fear")]
-        return realise(times, self.planner.body, tracks, self.style, seed=self.seed, size=self.intensity, tremor=fear)
+        return realise(times, self.planner.body, tracks, manner.style, seed=self.seed, size=manner.intensity, tremor=fear)
+
+    def _faces(self, times: Array, mood: Array, faces: list[Face]) -> list[Array]:
+        """(n, 52) weights of each of these faces."""
+        heard = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
+        accents = [a for a in self.detector.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
+        words = [w for w in self._words if w.start < times[-1] + 1.0]
+        shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
+        spoken = None if self.mouth is None else self.mouth.at(times)
+        return [
+            face.weights(times, heard, accents=accents, words=words, emotion=mood, shifts=shifts, spoken=spoken)
+            for face in faces
+        ]
 
     def aim(self, motion: Motion) -> Motion:
         """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.
@@ -310,7 +321,7 @@ class Session:
         if motion.face is None:
             return motion
         angles = eye_angles(motion.rotations, motion.root, direction_of(motion.rotations[:, _EYES[0]].astype(float)))
-        face = self.face.finish(motion.face.astype(float), angles).astype(np.float32)
+        face = self.manners.last.face.finish(motion.face.astype(float), angles).astype(np.float32)
         return replace(motion, rotations=look(motion.rotations, angles), face=face)
 
     def _mood_at(self, times: Array) -> Array:

@@ -5,9 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from math import isfinite
+from pathlib import Path
 from types import MappingProxyType
 
-__all__ = ["STYLES", "Style", "mix_styles"]
+from ..errors import InputError, nearest
+from ..motion.named_numbers import read_named_numbers
+
+__all__ = ["STYLES", "Style", "find_style", "mix_styles"]
 
 
 @dataclass(frozen=True)
@@ -283,3 +288,33 @@ def mix_styles(parts: Mapping[str, float]) -> Style:
     mixed["repertoire"] = {f: sum(STYLES[s].repertoire.get(f, 1.0) * w for s, w in share.items()) for f in sorted(forms)}
     mixed["exempt"] = tuple(sorted({row for style in share for row in STYLES[style].exempt}))
     return replace(main, what=", ".join(f"{weight:.0%} {name}" for name, weight in share.items()), **mixed)  # type: ignore[arg-type]
+
+
+def find_style(style: object) -> Style:
+    """A style by name, a mixture such as ``"calm:0.7,lively:0.3"``, or a `Style` as it is; the first one where None.
+
+    Raises:
+        InputError: none of these.
+    """
+    if style is None:
+        return next(iter(STYLES.values()))
+    if isinstance(style, Style):
+        return style
+    parts = (
+        []
+        if not isinstance(style, str)
+        else read_named_numbers(
+            style, number="weight", of="style", hint="a number, as in calm:0.7,lively:0.3", is_name=STYLES.__contains__
+        )
+    )
+    if not parts or any(Path(part.name).suffix for part in parts):
+        hint = f"trained models can, see `cospeech list models`; of its own it has {', '.join(STYLES)}"
+        raise InputError("the rule-based model cannot learn a style from an example", hint)
+    weights: dict[str, float] = {}
+    for name, weight, _ in parts:
+        if name not in STYLES:
+            raise InputError(f"no style is called {name!r}", nearest(name, STYLES))
+        weights[name] = weights.get(name, 0.0) + (1.0 if weight is None else weight)
+    if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
+        raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")
+    return STYLES[next(iter(weights))] if len(weights) == 1 else mix_styles(weights)

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..audio.emotions import Moods
 from ..motion.rotations import Array
 from .crossfade import Crossfade
 from .flow.engine import FlowEngine
@@ -126,6 +127,9 @@ class AutoregressiveDecoder:
         """See `Decoder`."""
         s, centres = self._system.statistics, self._mix_sources("speaker_mean", at)
         return (centres + self._intensity * amplitude * self._deviate(poses, centres, at)) * s.pose_std + s.pose_mean
+
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """A flow knows no emotions."""
 
     def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Decoder`."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..audio.emotions import Moods
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..motion.motion import Motion
@@ -60,6 +61,14 @@ class FaceOverride:
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.rules.Session`."""
         self._session.share(prosody)
+
+    def set_emotion(self, emotion: str | Moods) -> None:
+        """See `cospeech.rules.Session`."""
+        self._session.set_emotion(emotion)
+
+    def set_intensity(self, intensity: float) -> None:
+        """See `cospeech.rules.Session`."""
+        self._session.set_intensity(intensity)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""

@@ -110,7 +110,7 @@ class TrainedModel:
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
-            direct=self._resolve_style, before=conditioning.before, stances=self._stances(options),
+            direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=self._stances(options),
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:

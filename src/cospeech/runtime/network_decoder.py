@@ -59,6 +59,10 @@ class NetworkDecoder:
         """See `Decoder`."""
         return self._style.speaker
 
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """Other emotions from ``time`` seconds on, for a network that knows some."""
+        self._style.set_emotion(moods, time)
+
     def restyle(self, blend: StyleMixture, frame: int) -> None:
         """See `Decoder`."""
         self._style.restyle(blend, frame)

@@ -11,34 +11,33 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
 from typing import Protocol
 
 import numpy as np
 
-from ..audio.emotions import Moods
+from ..audio.emotions import Moods, emotion_track
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.points import Points
 from ..motion.poses import Pose, find_pose
-from ..motion.poses.lift import lift
-from ..motion.rotations import Array, QuatStream, quat_identity
+from ..motion.rotations import Array, QuatStream
 from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.arousal import amplitude
+from ..rules.options import INTENSITY_RANGE, check_range
 from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
 from .conditioning import Seam
+from .crossfade import Crossfade
 from .face_override import FaceOverride
 from .pose_resampler import PoseResampler
+from .session_frames import WaitingFrames, decode_poses, eye_joints, resting_joints, select_parts
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
 
 __all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
 
-_EYES = ("leftEye", "rightEye")
 PIECE = 2.0  # seconds of speech worked off at once
 
 
@@ -96,6 +95,10 @@ class Decoder(Protocol):
         """Another style, faded in from this frame of the model on; no row beyond it has been pushed yet."""
         ...
 
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """Other emotions from ``time`` seconds on, for a network that knows some; None: neutral."""
+        ...
+
 
 @dataclass(frozen=True)
 class ResolvedStyle:
@@ -119,6 +122,7 @@ class TrainedSession:
         fps: of the motion.
         parts: what is generated.
         resolved_style: the style that the player begins with.
+        intensity: how far poses stray from the mean one, as the decoder was told.
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
         stances: what carries the body of each take; none for a body that has legs of its own.
@@ -135,6 +139,7 @@ class TrainedSession:
         parts: tuple[str, ...],
         resolved_style: ResolvedStyle,
         direct: Callable[[object], ResolvedStyle],
+        intensity: float = 1.0,
         before: Motion | None = None,
         stances: Sequence[StanceLayer] = (),
     ) -> None:
@@ -143,17 +148,18 @@ class TrainedSession:
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
-        self._resolved_style, self._direct = resolved_style, direct
+        self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
+        self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
         behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)  # and of the cubic
         self._latency = self._look_ahead = decoder.latency + behind + frontend.delay
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
         self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
-        self._bodies = [_Waiting() for _ in faces]
-        self._heads = [_Waiting() for _ in faces]
+        self._bodies = [WaitingFrames() for _ in faces]
+        self._heads = [WaitingFrames() for _ in faces]
         self._signs = [QuatStream() for _ in faces]
-        still = [joint for joint in _resting(parts) if "face" not in parts or joint not in _eyes()]
+        still = [joint for joint in resting_joints(parts) if "face" not in parts or joint not in eye_joints()]
         placed = "body" in parts
         self._seams = [] if before is None else [Seam(before, fps, still=still, placed=placed) for _ in faces]
         self._ready: deque[list[Motion]] = deque()
@@ -215,6 +221,32 @@ class TrainedSession:
         self._decoder.restyle(resolved_style.blend, self._frontend.frames)
         self._frontend.control(resolved_style.controls)
         self._resolved_style = resolved_style
+
+    def set_intensity(self, intensity: float) -> None:
+        """Another size of all movement, 0 … 2, faded in over half a second from where the speech has come to.
+
+        The sway of a stance stays as it is.
+
+        Raises:
+            InputError: it is no number, or out of range; or the session was opened with 0.
+        """
+        check_range("intensity", intensity, INTENSITY_RANGE)
+        if not self._intensity:
+            raise InputError("a session of intensity 0 cannot be enlarged", "open it with a larger one")
+        self._sizes.change(np.full((1, 1, 1), intensity / self._intensity), self._frontend.frames)
+        for face in self._faces:
+            face.set_intensity(intensity)
+
+    def set_emotion(self, emotion: str | Moods) -> None:
+        """Another emotion, or "auto", of the face, and of the body where a network knows emotions; see
+        `cospeech.rules.Session.set_emotion`.
+
+        Raises:
+            InputError: there is no such emotion.
+        """
+        self._decoder.set_emotion(emotion_track(emotion), self._frontend.frames / self._rate_of_poses)
+        for face in self._faces:
+            face.set_emotion(emotion)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
@@ -286,7 +318,9 @@ class TrainedSession:
         poses, at = self._sampled.push(made, total, last)
         if len(at):
             aroused = amplitude(self._faces[0].arousal_at(at / self._rate_of_poses))[:, None]
-            self._rows.append(self._decoder.denormalise(poses, at, aroused.astype(np.float32)))
+            size = aroused * self._sizes.mix(lambda factor: factor, at)[0]
+            self._sizes.forget(at[0])
+            self._rows.append(self._decoder.denormalise(poses, at, size.astype(np.float32)))
 
     def _decode(self) -> None:
         """All that waits for it; many frames at once take hardly longer than few."""
@@ -294,17 +328,17 @@ class TrainedSession:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
         for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
-            rotations, root = _moving(self._pose, vectors, self._fps)
+            rotations, root = decode_poses(self._pose, vectors, self._fps)
             if "body" not in self._parts or "hands" not in self._parts:
-                rotations, root = _select_parts(rotations, root, self._parts)
+                rotations, root = select_parts(rotations, root, self._parts)
             rotations = signs.push(rotations)
             kept.push(self._stances[take].push(rotations, root) if self._stances else (rotations, root))
 
-    def _see(self, kept: _Waiting, made: Iterator[Motion]) -> None:
+    def _see(self, kept: WaitingFrames, made: Iterator[Motion]) -> None:
         """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
         for head in made:
             if "face" in self._parts and head.face is not None:
-                kept.push((head.rotations[:, _eyes()], head.face))
+                kept.push((head.rotations[:, eye_joints()], head.face))
 
     def _count(self) -> int:
         """Frames that body and face have both come to."""
@@ -327,68 +361,10 @@ class TrainedSession:
             if "face" in self._parts:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
-                rotations[:, _eyes()] = eyes
+                rotations[:, eye_joints()] = eyes
                 aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
                 rotations, face = aimed.rotations, aimed.face
             if self._seams:
                 rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
             made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
         return made
-
-
-class _Waiting:
-    """Frames of arrays that lie side by side, in pieces, until they are wanted."""
-
-    def __init__(self) -> None:
-        self._pieces: list[tuple[Array, ...]] = []
-        self._frames = 0
-
-    def __len__(self) -> int:
-        return self._frames
-
-    def push(self, piece: tuple[Array, ...]) -> None:
-        """What comes next."""
-        self._pieces.append(piece)
-        self._frames += len(piece[0])
-
-    def take(self, count: int) -> tuple[Array, ...]:
-        """The first frames, which wait no more."""
-        if len(self._pieces) > 1 and len(self._pieces[0][0]) < count:
-            self._pieces = [tuple(np.concatenate(arrays) for arrays in zip(*self._pieces, strict=True))]
-        first, self._frames = self._pieces[0], self._frames - count
-        rest = tuple(array[count:] for array in first)
-        self._pieces[:1] = [rest] if len(rest[0]) else []
-        return tuple(array[:count] for array in first)
-
-
-def _moving(pose: Pose, vectors: Array, fps: float) -> tuple[Array, Array]:
-    """Vectors of any representation as rotations and root of our humanoid, in float32."""
-    made = pose.decode(vectors, fps)
-    if isinstance(made, Points):
-        made = lift(made)
-    if made.skeleton != humanoid():
-        made = made.retarget("humanoid")
-    return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
-
-
-@cache
-def _resting(parts: tuple[str, ...]) -> list[int]:
-    """Joints that were not asked for."""
-    s = humanoid()
-    fingers = {*s.left_hand, *s.right_hand}
-    resting = [] if "hands" in parts else sorted(fingers)
-    return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
-
-
-def _select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
-    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
-    rotations = rotations.copy()
-    rotations[:, _resting(parts)] = quat_identity(1)
-    if "body" not in parts:
-        root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
-    return rotations, root
-
-
-@cache
-def _eyes() -> list[int]:
-    return [humanoid().index[name] for name in _EYES]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..audio.emotions import EMOTIONS, Moods
+from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
 from ..motion.rotations import Array
 from ..rules.mood import SPAN
 from .network import Network
@@ -106,6 +106,13 @@ class SpeakerEmotionTracker:
         """(…, 8) weights of the emotions that are played at these times in seconds."""
         times = np.asarray(times, float)
         return np.broadcast_to(_NEUTRAL, (*times.shape, 8)) if self._emotions is None else self._emotions.at(times)
+
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """Other emotions to play from ``time`` seconds on; None: neutral."""
+        neutral = EmotionTrack.constant("neutral")
+        if not isinstance(self._emotions, SteeredMoods):
+            self._emotions = SteeredMoods(self._emotions or neutral)
+        self._emotions.change(moods or neutral, time)
 
     def forget(self, before: int) -> None:
         """Drop what only frames before this one need."""

@@ -10,7 +10,7 @@ from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjug
 from ..skeleton import humanoid
 from .body import Body
 
-__all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "plant", "stand", "weight_shift"]
+__all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "place_feet", "plant", "read_feet", "stand", "weight_shift"]
 
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
@@ -165,6 +165,49 @@ def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
     legs = _legs(hips, root, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
     return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), root[:, 1]
+
+
+def read_feet(rotations: Array, root: Array) -> Array:
+    """Where the feet of finished motion are: the inverse of `place_feet`.
+
+    Args:
+        rotations, root: (N, J, 4) local rotations of our humanoid, (N, 3) metres.
+
+    Returns:
+        (N, 2, 5) of the left and the right foot: x and z of the ankle of the flat foot in metres, yaw in degrees, by how many
+        metres it is lifted, by how many radians it is rolled over its ball.
+    """
+    bones = rotations[:, _leg_joints()]
+    world, ankle = rotations[:, :1], root[:, None] + quat_rotate(rotations[:, :1], _leg()[0] * _SIDES)
+    for k, bone in enumerate((_leg()[1], _leg()[2])):
+        world = quat_multiply(world, bones[:, :, k])
+        ankle = ankle + quat_rotate(world, bone * _SIDES)
+    toes = quat_rotate(quat_multiply(world, bones[:, :, 2]), np.array([0.0, 0.0, 1.0]))
+    turn, tip = np.arctan2(toes[..., 0], toes[..., 2]), -np.arcsin(np.clip(toes[..., 1], -1.0, 1.0))
+    away = _ankles(np.stack([0 * turn, 0 * turn, np.degrees(turn)], -1), 0 * tip, tip)
+    flat = ankle - away
+    return np.stack([flat[..., 0], flat[..., 2], np.degrees(turn), flat[..., 1], tip], -1)
+
+
+def place_feet(hips: Array, place: Array, feet: Array, soft: Array) -> tuple[Array, Array, Array]:
+    """Legs for hips and feet that somebody else moved.
+
+    Args:
+        hips, place: (N, 4) rotations and (N, 3) places of the hips, metres; lowered where a leg would not reach its foot.
+        feet: (N, 2, 5) as of `read_feet`.
+        soft: (N,) 0 … 1: how far hips begin to sink before a leg is stretched, so that no knee snaps.
+
+    Returns:
+        The eight joints, their local rotations (N, 8, 4), and the place (N, 3).
+    """
+    lift, tip = feet[..., 3], feet[..., 4]
+    ankles = _ankles(feet[..., :3], lift, tip)
+    place = place.copy()
+    width = np.maximum(_SOFT * soft, 1e-9)
+    place[:, 1] = -width * np.logaddexp(-place[:, 1] / width, -_height(place, hips, ankles) / width)
+    legs = _legs(hips, place, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
+    joints = np.concatenate([_leg_joints().ravel(), _toes()])
+    return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), place
 
 
 def _about_x(angle: Array) -> Array:

@@ -75,6 +75,9 @@ class StyleTrack:
         """Another style from this frame on."""
         self._styles.change(self._space.mix(mixture), frame)
 
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """Such a network knows no emotions."""
+
     def forget(self, before: int) -> None:
         """Drop what only frames before this one need."""
         self._styles.forget(before - MOST_LAG)
@@ -136,6 +139,10 @@ class SpokenStyleTrack:
     def restyle(self, mixture: StyleMixture, frame: int) -> None:
         """See `StyleTrack`."""
         self._asked.change(self._space.mix(mixture).code[None, None], frame)
+
+    def set_emotion(self, moods: Moods | None, time: float) -> None:
+        """Other emotions from ``time`` seconds on."""
+        self._tracker.set_emotion(moods, time)
 
     def forget(self, before: int) -> None:
         """See `StyleTrack`."""

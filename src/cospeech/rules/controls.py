@@ -1,0 +1,70 @@
+"""What can be changed while a session of the rules runs: style, size, emotion."""
+
+from __future__ import annotations
+
+from ..audio.emotions import Moods, emotion_track
+from ..audio.event_detection import TICK
+from ..errors import InputError
+from ..motion.rotations import Array
+from .emotion_modifiers import EmotionModifier
+from .manner import MannerCourse, make_manner
+from .mood import Mood
+from .options import INTENSITY_RANGE, check_range
+from .plan import Planner
+from .styles import Style, find_style
+
+__all__ = ["SessionControls"]
+
+
+class SessionControls:
+    """The controls of `cospeech.rules.Session`, which has all that they change."""
+
+    seed: int
+    gains: Array | None
+    mood: Mood
+    planner: Planner
+    manners: MannerCourse
+    modifier: EmotionModifier
+    _ticks: int
+
+    @property
+    def planned_until(self) -> float:
+        """Seconds up to which movement is planned."""
+        return self._ticks * TICK
+
+    def restyle(self, style: object) -> None:
+        """Another style, for all frames that are not made yet; it is faded in over half a second.
+
+        Raises:
+            InputError: a style that there is not, or one that sits where the old one stands; the old one goes on.
+        """
+        found = find_style(style)
+        if found.seated != self.manners.last.style.seated:
+            problem = "a style that sits for a session that stands" if found.seated else "a style that stands for one that sits"
+            raise InputError(problem, "open a new session with it")
+        self._perform(found, self.manners.last.intensity)
+
+    def set_intensity(self, intensity: float) -> None:
+        """Another size of all movement, 0 … 2, for what is not planned yet.
+
+        Raises:
+            InputError: it is no number, or out of range.
+        """
+        check_range("intensity", intensity, INTENSITY_RANGE)
+        self._perform(self.manners.last.style, float(intensity))
+
+    def set_emotion(self, emotion: str | Moods) -> None:
+        """Another emotion, or "auto", from the first frame on that is not made yet; it is faded in over half a second.
+
+        Args:
+            emotion: as the option of `RuleBasedModel.generate`; times of a track count from the beginning of the session.
+
+        Raises:
+            InputError: there is no such emotion.
+        """
+        self.mood.change(emotion_track(emotion), self.planned_until)
+
+    def _perform(self, style: Style, intensity: float) -> None:
+        now = self.planned_until
+        self.planner.restyle(now, style, intensity, self.modifier)
+        self.manners.change(make_manner(style, intensity, seed=self.seed, gains=self.gains), now)

@@ -1,0 +1,81 @@
+"""A character that listens and waits: the rules hear silence, and the head nods now and then.
+
+The rules breathe, look, blink, and shift the weight in silence. All of it is drawn or hashed from a seed, so nothing repeats.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..audio.features.mel import RATE
+from ..audio.speech import Speech
+from ..motion.motion import Motion
+from ..motion.noise import hash_uniform
+from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply
+from ..motion.skeleton import humanoid
+from ..rules import RuleBasedModel
+from ..rules.options import GenerationOptions
+from ..rules.session import Session
+from ..rules.styles import find_style
+
+__all__ = ["IdleSource", "nod_angles"]
+
+_PIECE = 0.1  # seconds of silence that are heard at once: a tick of the rules
+_SLOT = 9.0  # seconds in which there is one row of nods, or none [ours: listeners nod some six times a minute]
+_CHANCE = 0.75  # that there is one [ours]
+_NOD, _LESS = 0.42, 0.65  # seconds of a nod, and the size of each after the first [ours, as nods on accents in the rules]
+_SIZE = (2.5, 5.5)  # degrees [ours: small nods of listeners]
+_BLINKS = 15.0  # a minute, and some more as the gaze moves: people at rest blink 17 times (Bentivoglio et al. 1997)
+_STREAM = 7703  # of the hash
+
+
+class IdleSource:
+    """Frames of somebody who does not speak, one after the other.
+
+    Args:
+        options: of the session that idles; its emotion, intensity, parts and seed count, and its style, one of the rules.
+    """
+
+    def __init__(self, options: GenerationOptions) -> None:
+        self._seed, self._fps = options.seed, options.fps
+        style = replace(find_style(options.style), blinks=_BLINKS)
+        self._session: Session = RuleBasedModel().session(options, style=style, aimed=False)
+        self._nods = "body" in options.parts
+        self._kept: list[Motion] = []
+        self._frame = 0
+
+    @property
+    def session(self) -> Session:
+        """The session of the rules, for its controls."""
+        return self._session
+
+    def take(self, frames: int) -> Motion:
+        """The next frames; there are always some."""
+        while sum(map(len, self._kept)) < frames:
+            self._kept += self._session.push(Speech(np.zeros(round(_PIECE * RATE), np.float32), RATE))
+        whole = self._kept[0] if len(self._kept) == 1 else Motion.concatenate(self._kept)
+        taken, rest = whole[:frames], whole[frames:]
+        self._kept = [rest] if len(rest) else []
+        if self._nods:
+            angles = nod_angles(self._seed, (self._frame + np.arange(frames)) / self._fps)
+            rotations, head = taken.rotations.copy(), humanoid().index["head"]
+            nods = axis_angle_to_quat(np.array([1.0, 0.0, 0.0]), angles)
+            rotations[:, head] = quat_multiply(rotations[:, head].astype(float), nods)
+            taken = replace(taken, rotations=rotations)
+        self._frame += frames
+        return self._session.aim(taken)
+
+
+def nod_angles(seed: int, times: Array) -> Array:
+    """(n,) radians by which a listener's head is lowered at ``times (n,)`` seconds; a function of time alone."""
+    slot = np.floor(times / _SLOT).astype(np.int64)
+    drawn = hash_uniform(seed, _STREAM + np.arange(4)[:, None], slot)
+    begin = (slot + 0.05 + 0.6 * drawn[0]) * _SLOT
+    count = 1 + np.floor(3 * drawn[1])
+    size = np.radians(_SIZE[0] + (_SIZE[1] - _SIZE[0]) * drawn[2]) * (drawn[3] < _CHANCE)
+    u = (times - begin) / _NOD
+    number = np.floor(u)
+    inside = (u >= 0) & (number < count)
+    return np.where(inside, size * _LESS ** np.clip(number, 0, 3) * np.sin(np.pi * (u - number)) ** 2, 0.0)

@@ -1,0 +1,95 @@
+"""One source of motion takes over from another, without a jump: the difference between the two fades out.
+
+This is inertialisation (Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018). The new
+source is played at once. On top of it lies what is missing to the pose that was shown last. The offset and its speed die away
+along a polynomial of degree five, so that place and speed of every joint go on as they were. Feet step from stance to stance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from ..motion.curves import smoothstep
+from ..motion.motion import Motion
+from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT
+from .step_over import StepOver, decay, run_out
+
+__all__ = ["LIPS", "PoseTransition"]
+
+LIPS = 0.2
+"""Seconds in which a mouth comes to its new shape [ours: a pause's closure takes .1 to .2 s]."""
+_LIDS = 0.12  # s [ours]: lids close within about .1 s
+_ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
+_HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
+_LENGTH = 2.0  # s until nothing is left [ours: the end of the steps]
+
+
+@cache
+def _seconds() -> Array:
+    """(J, 1) seconds of each joint."""
+    names = humanoid().names
+    seconds = np.full((len(names), 1), _ARMS)
+    parts = {("spine", "chest", "upperChest"): _TRUNK, ("neck", "head", "jaw"): _HEAD, ("leftEye", "rightEye"): _EYES}
+    for members, value in parts.items():
+        seconds[[k for k, name in enumerate(names) if name in members]] = value
+    seconds[names.index("hips")] = _HIPS
+    return seconds
+
+
+@cache
+def _face_seconds() -> Array:
+    """(52,) seconds of each weight."""
+    return np.array([_LIDS if "Blink" in name or "Wide" in name or "eyeLook" in name else LIPS for name in ARKIT])
+
+
+class PoseTransition:
+    """What is missing to the pose that was shown, laid over the frames that come next.
+
+    Args:
+        shown: the last two frames that were shown, or the last one.
+        new: the frames of the new source at the same times; or its first frame alone, where it begins there.
+    """
+
+    def __init__(self, shown: Motion, new: Motion) -> None:
+        old_q, new_q = shown.rotations.astype(float), new.rotations.astype(float)
+        self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
+        self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
+        self._way: Array = shown.root[-1].astype(float) - new.root[-1]
+        moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (shown, new)]
+        self._moving: Array = moving[0] - moving[1]
+        faces = shown.face is not None and new.face is not None
+        self._face: Array | None = shown.face[-1].astype(float) - new.face[-1] if faces else None  # type: ignore[index]
+        self._steps = StepOver(shown)
+        self._frame = 0
+
+    def apply(self, motion: Motion) -> Motion:
+        """The next frames of the new source, with what is left of the offset."""
+        times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
+        self._frame += len(motion)
+        rest, run = decay(times / _seconds()), run_out(times)
+        turns = rest * self._turns + run * self._turning
+        turned = quat_multiply(rotvec_to_quat(turns), motion.rotations.astype(float))
+        root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run[:, 0] * self._moving
+        root = self._steps.apply(times[:, 0, 0], motion, turned, root)
+        face = motion.face
+        if face is not None and self._face is not None:
+            left = smoothstep(np.clip(1 - times[:, 0] / _face_seconds(), 0, 1))
+            face = np.clip(face + left * self._face, 0, 1).astype(face.dtype)
+        rotations = turned.astype(motion.rotations.dtype)
+        return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
+
+    def is_over(self, fps: float) -> bool:
+        """Whether nothing is left of it."""
+        return self._frame >= _LENGTH * fps
+
+
+def _speed(rotations: Array, fps: float) -> Array:
+    """(J, 3) rotation vector per second, at the end of (1 or 2, J, 4)."""
+    if len(rotations) < 2:
+        return np.zeros(rotations.shape[1:-1] + (3,))
+    return quat_to_rotvec(quat_multiply(rotations[-1], quat_conjugate(rotations[-2]))) * fps  # type: ignore[no-any-return]

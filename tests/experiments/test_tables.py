@@ -19,16 +19,17 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from cospeech.audio.features.frames import AUDIO_NAMES
+from cospeech.audio.features.waveform import WAVEFORM_NAMES
 from cospeech.cli.main import app
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
-from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text, write_table
+from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, making, to_text, write_table
 from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
-from cospeech.experiments.tables.inputs import StoreInputs, find_context
+from cospeech.experiments.tables.inputs import StoreInputs, find_context, generate_rows
 from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL, PlayableRun
 from cospeech.experiments.tables.scores import generate_windows
@@ -62,7 +63,8 @@ def poses(frames: int, seed: int) -> np.ndarray:
 def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
     audio = np.random.default_rng(seed).normal(size=(frames, len(AUDIO_NAMES))).astype(np.float32)
     words = (np.arange(frames) // 9 % 3).astype(np.int32)  # 0: silence
-    values = {"pose": poses(frames, seed).astype(np.float32), "audio": audio, "word": words}
+    waveform = np.random.default_rng(seed).normal(0, 0.1, (frames, len(WAVEFORM_NAMES))).astype(np.float16)
+    values = {"pose": poses(frames, seed).astype(np.float32), "audio": audio, "word": words, "waveform": waveform}
     return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(values)), ("hello", "there"), lambda: dict(values))
 
 
@@ -70,7 +72,7 @@ def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
 def store(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("store") / "ted"
     pieces = [piece(f"{n}-{s}", n, s, 200, k * 7 + len(s)) for k, n in enumerate(SPEAKERS) for s in ("train", "test")]
-    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
+    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES, "waveform": WAVEFORM_NAMES}
     write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
     return folder
 
@@ -80,6 +82,10 @@ TINY = {
     "stylised-flow": SIZES,
     "moglow": {"steps": 2, "hidden": 8, "layers": 1, "frames": 8},
     "gesture-autoencoder": {"width": 8, "code": 4, "frames": 16},
+    **{key: {"hidden": 4, "layers": 1, "word_width": 4} for key in ("trimodal", "speech2affective-gestures")},
+    "joint-embedding": {"hidden": 4, "layers": 1, "word_width": 4, "speech_hidden": 4},
+    "seq2seq": {"hidden": 4, "layers": 1, "word_width": 4},
+    "speech2gesture": {"channels": 8, "discriminator_channels": 4},
     "fgd-autoencoder": {"channels": 4, "hidden": 16, "code": 4},
 }
 
@@ -135,12 +141,16 @@ def test_every_row_has_a_recipe_that_builds(name):
     config = build(network(recipe.model).Config, recipe.config, "model")
     if name == "gesticulator_trinity":
         assert (config.frames, config.history, config.look_ahead) == (40, 10, 19)
-    else:
+    elif recipe.model in ("stylised-flow", "moglow"):
         assert (config.steps, config.frames) == (16, 95 if "trinity" in name else 30)
         assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
+    else:
+        assert config.frames == 34  # of which 4 are given
     small = dict(SMALL[recipe.model]["model"])
     kind = network(small.pop("name", recipe.model))
-    assert build(kind.Config, {**recipe.config, **small}, "model").hidden < config.hidden
+    width = "channels" if recipe.model == "speech2gesture" else "hidden"
+    narrow = build(kind.Config, {**recipe.config, **small}, "model")
+    assert getattr(narrow, width) < getattr(config, width)
 
 
 def test_recipes_of_the_flow_are_at_the_papers_values():
@@ -619,3 +629,43 @@ def test_plans_that_come_with_the_project_are_whole(capsys):
             assert len(entry["seeds"]) >= 4
             for change in entry.get("set", ()):
                 assert "=" in change
+
+
+# systems of windows -------------------------------------------------------------------------------------------------------
+
+WINDOWED = ("Seq2Seq", "Speech2Gesture", "JEM", "Trimodal Context", "Speech2AffectiveGestures")
+
+
+@pytest.mark.slow
+def test_systems_of_windows_make_the_frames_that_flows_make(table_runs):
+    table = make_table("flow-1", table_runs, seeds=(0,), only=WINDOWED, tell=lambda text: None)
+    for name in WINDOWED:
+        cells = table["rows"][name]["cells"]
+        assert all("mean" in cells[metric] for metric in ("fgd", "pck_gfge", "pck", "diversity", "multimodality")), name
+        assert (cells["multimodality"]["mean"] > 0) is (name in ("JEM", "Trimodal Context", "Speech2AffectiveGestures"))
+    assert "not built" not in to_text(table)
+    excerpts = Excerpts(table_runs.folder)
+    player = table_runs.player("seq2seq_ted", 0)
+    chosen = np.arange(3)
+    one, other = (generate_windows(player, excerpts, seed=seed, which=chosen) for seed in (0, 1))
+    assert one.shape == (3, 30, 27)
+    assert np.array_equal(one, other)  # it has no noise
+    cut = table_runs.player("trimodal_ted", 0)
+    speakers = [excerpts.speakers()[k] for k in chosen]
+    longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, given=4, seed=0)
+    assert longer.shape == (3, 75, 27)
+    np.testing.assert_allclose(longer[:, :30], generate_windows(cut, excerpts, seed=0, which=chosen), atol=1e-5)
+
+
+def test_a_store_without_samples_says_so_in_the_rows_that_need_them(store, table_runs, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(store, bare)
+    index = json.loads((bare / "index.json").read_text())
+    del index["arrays"]["waveform"], index["names"]["waveform"]
+    for clip in index["clips"]:
+        clip["has"].remove("waveform")
+    (bare / "index.json").write_text(json.dumps(index))
+    runs = replace(table_runs, folder=bare)
+    row = next(row for row in ROWS if row.name == "JEM")
+    made, _ = making._row(row, None, TABLES["flow-1"], runs, (0,), lambda text: None, "row 1 of 1")
+    assert made["missing"] == "the store was prepared without --waveform"

@@ -130,7 +130,7 @@ def test_every_row_has_a_recipe_that_builds(row):
 
     recipe = load_recipe(SHIPPED / f"{row.recipe}.toml", row.overrides)
     config = config_of(row)
-    frames = {"speech2gesture": 64, "audio2gestures": 64, "talkshow": 88, "gesturediffuclip": 36}
+    frames = {"audio2gestures": 64, "talkshow": 88, "gesturediffuclip": 36}
     assert config.frames == frames.get(recipe.model, FRAMES)
     small = build(
         network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"

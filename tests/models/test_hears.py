@@ -20,6 +20,11 @@ CASES: dict[str, dict[str, Any]] = {
     "audio2gestures": {"term": "gestures.relaxed_position", "steps": 120, "lr": 1e-2},
     "talkshow": {"term": "prior.body"},
     "gesturediffuclip": {"term": "diffusion.velocity", "steps": 200},
+    "trimodal": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
+    "joint-embedding": {"term": "speech_l1", "steps": 200, "lr": 1e-2},
+    "speech2affective-gestures": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
+    "speech2gesture+seeded": {"term": "generator.l1", "steps": 250, "lr": 1e-2},
+    "seq2seq, words": {"term": "gestures.regression", "steps": 60, "lr": 1e-2},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""
 AT_MOST = 0.8

@@ -82,3 +82,4 @@ def test_the_size_is_that_of_the_authors_later_code():
     around = (400 * 200 + 200) + 200 + (227 * 200 + 200) + 2 * 200 + (200 * 27 + 27)
     assert sum(p.numel() for p in net.parameters()) - 2001 * 300 == reader + decoder + around
     assert (reader, decoder) == (1_324_800, 482_400)
+    assert reader + decoder + around + 26_000 * 300 == 9_739_027

@@ -89,7 +89,6 @@ def measure_hearing(
     swapped = arrays | {name: arrays[name].roll(1, 0) for name in swaps if name in arrays}
     which, _, part = term.partition(".")
     with torch.no_grad():
-        own, other = (
-            objectives[which].loss(Batch(some, StepRandom(0, 0)), first_step + steps)[part].item() for some in (arrays, swapped)
-        )
-    return Hearing(own, other)
+        pair = [Batch(some, StepRandom(0, 0)) for some in (arrays, swapped)]
+        losses = [objectives[which].loss(one, first_step + steps)[part] if part else net.validate(one)[which] for one in pair]
+    return Hearing(losses[0].item(), losses[1].item())

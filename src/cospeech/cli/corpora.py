@@ -53,6 +53,9 @@ Encoder = Annotated[
     str | None,
     Option("--wav2vec", metavar="NAME", help="Also store the features of a wav2vec 2.0: its folder, or its name on the hub."),
 ]
+Waveform = Annotated[
+    bool, Option("--waveform", help="Also store the samples of the speech: the trimodal and joint-embedding models hear them.")
+]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace a store that exists.")]
 Layout = Annotated[str, Option("--layout", metavar="NAME", help="File layout: ted, trinity, pats or beat.")]
 Speech = Annotated[
@@ -101,6 +104,7 @@ def _add_prepare(app: typer.Typer) -> None:
         backend: Backend = "loky",
         scheduler: Scheduler = None,
         wav2vec: Encoder = None,
+        waveform: Waveform = False,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
         debug: Debug = False,
@@ -124,7 +128,7 @@ def _add_prepare(app: typer.Typer) -> None:
             report = make(
                 corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
                 derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec,
-                overwrite=overwrite, progress=tell,
+                waveform=waveform, overwrite=overwrite, progress=tell,
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")

@@ -5,6 +5,7 @@ All clips lie end to end along the first axis of every array, N frames at one ra
 ``pose.npy`` (N, D) float32; ``audio.npy`` (N, A) float32, at the same rate; ``face.npy`` (N, 52) float32; ``semantic.npy`` (N,)
 float32; ``emotion.npy`` (N,) int8, index in `EMOTIONS`; ``word.npy`` (N,) int32, index in the index's ``words``, 0: silence;
 ``wav2vec.npy`` (N, 512) float16, what wav2vec 2.0's CNN hears (`cospeech.models.nn.speech_encoder`);
+``waveform.npy`` (N, 1080) float16, the samples of each frame (`cospeech.audio.features.waveform`);
 ``pose_mean.npy``, ``pose_std.npy``, ``audio_mean.npy``, ``audio_std.npy`` (1 + S, …) float32: all speakers, then each, over the
 train split. What a clip lacks is NaN, or −1. ``index.json`` has the clips and all names.
 """

@@ -21,7 +21,7 @@ __all__ = ["ARRAYS", "FORMAT", "NUMBERED", "STATISTICS", "Entry", "open_array", 
 FORMAT = "cospeech-store-1"
 ARRAYS = {
     "pose": "<f4", "audio": "<f4", "face": "<f4", "semantic": "<f4", "emotion": "|i1", "word": "<i4", "control": "<f4",
-    "cluster": "<i4", "text": "<i4", "wav2vec": "<f2",
+    "cluster": "<i4", "text": "<i4", "wav2vec": "<f2", "waveform": "<f2",
 }  # fmt: skip
 """Name → type of the arrays that run along the frames; only the pose is always there. ``control``, ``cluster`` and ``text``
 are in no file: they are worked out of the poses (`cospeech.training.style_controls`, `cospeech.training.movement_modes`) and

@@ -148,13 +148,16 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     return poses
 
 
-def play_inputs(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = ()) -> dict[str, Array]:
+def play_inputs(
+    net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = (), noise: Array | None = None
+) -> dict[str, Array]:
     """Windows of all inputs that there are, but for what is lacking.
 
     Args:
         net: with ``play``: a Chain of Generation, which then makes it of the speech, or a network of many inputs.
         arrays: of a batch: poses and audio standardised, numbers as int64, ``speaker`` (B,).
         lacks: of text, face, emotion, speaker and seed.
+        noise: (B, 1 or T, modes) of a network whose takes differ by noise; None: it is 0.
 
     Returns:
         ``pose`` (B, T, D), standardised, and, where it makes one, ``face`` (B, T, 52).
@@ -167,11 +170,14 @@ def play_inputs(net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[s
         raise InputError(
             f"{type(net).__name__} does not generate from many inputs", "Chain of Generation, CaMN and multi-context do"
         )
-    told = {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, ChainOfGeneration) else {}
+    told: dict[str, Any] = (
+        {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, ChainOfGeneration) else {}
+    )
     device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
     for k in range(0, count, BATCH):
         some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}
-        parts.append({name: made.cpu().numpy() for name, made in asked(some, lacks, **told).items()})
+        drawn = {} if noise is None else {"noise": _tensor(noise[k : k + BATCH], device)}
+        parts.append({name: made.cpu().numpy() for name, made in asked(some, lacks, **told, **drawn).items()})
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     if not all(np.isfinite(made).all() for made in found.values()):
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")

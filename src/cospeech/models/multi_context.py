@@ -28,19 +28,15 @@ from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
 from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
-from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWaysGru
 from .nn.settings import check_least
+from .nn.speaker_latent import SpeakerLatent, kl_divergence, pose_diversity
 from .nn.temporal import Memory, TextTcn
+from .nn.window_discriminator import WindowDiscriminator
 from .nn.words import word_embedding
 
 __all__ = ["MultiContext", "MultiContextConfig"]
-
-CUT = 1000.0  # that diversity is not worth more than, per window; authors' code
-NEAR = 1e-5  # added to |z' − z|₁; authors' code
-JUDGED = (16, 8, 8)  # channels of the discriminator's convolutions; authors' code
-JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT = 64, 4, 0.3  # of its GRU; authors' code
 
 
 @dataclass(frozen=True)
@@ -100,39 +96,6 @@ class MultiContextConfig(ModelConfig):
 # parts ---------------------------------------------------------------------------------------------------------------
 
 
-class _Speaker(nn.Module):
-    """(B, T, S) weights of the speakers → μ and log σ² of z, (B, width, T) each."""
-
-    def __init__(self, speakers: int, width: int, slope: float) -> None:
-        super().__init__()
-        self.embedding = nn.Embedding(speakers, width)
-        self.encoder = nn.Sequential(nn.Linear(width, width), nn.LeakyReLU(slope))
-        self.mean, self.variance = nn.Linear(width, width), nn.Linear(width, width)
-
-    def forward(self, weights: Tensor) -> tuple[Tensor, Tensor]:
-        encoded = self.encoder(weights @ self.embedding.weight)
-        return self.mean(encoded).mT, self.variance(encoded).mT
-
-
-class _Discriminator(nn.Module):
-    """(B, T, D) windows of the configuration's length → (B,) logits that a window was recorded."""
-
-    def __init__(self, pose: int, frames: int, slope: float) -> None:
-        super().__init__()
-        first, second, third = JUDGED
-        self.convolutions = nn.Sequential(
-            nn.Conv1d(pose, first, 3), BatchNorm1d(first), nn.LeakyReLU(slope),
-            nn.Conv1d(first, second, 3), BatchNorm1d(second), nn.LeakyReLU(slope),
-            nn.Conv1d(second, third, 3),
-        )  # fmt: skip
-        self.both_ways = BothWaysGru(third, JUDGE_HIDDEN, JUDGE_LAYERS, JUDGE_DROPOUT)
-        self.of_frames, self.of_all = nn.Conv1d(JUDGE_HIDDEN, 1, 1), nn.Linear(frames - 6, 1)
-
-    def forward(self, poses: Tensor) -> Tensor:
-        scores: Tensor = self.of_all(self.of_frames(self.both_ways(self.convolutions(poses.mT))).squeeze(1)).squeeze(1)
-        return scores
-
-
 class _Made(NamedTuple):
     """Poses, and the z that they were made of."""
 
@@ -175,7 +138,7 @@ class MultiContext(ManyInputs):
             raise InputError(problem, "all are positive")
         self.config, self.arrays = config, self.arrays_for(config)
         self._measures(pose, audio, speakers, word_embedding(text, config.word_width), config.speaker)
-        self.speaker = _Speaker(speakers, config.speaker, config.slope)
+        self.speaker = SpeakerLatent(speakers, config.speaker, config.slope)
         self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
         self.speech = speech_encoder(audio, config.audio)
         self.emotion = EmotionEncoder(config.emotion) if config.emotion else None
@@ -184,7 +147,7 @@ class MultiContext(ManyInputs):
         self.both_ways = BothWaysGru(heard, config.hidden, config.layers, config.dropout)
         half = config.hidden // 2
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
-        self.discriminator = _Discriminator(pose, config.frames, config.slope) if config.adversarial else None
+        self.discriminator = WindowDiscriminator(pose, config.frames, config.slope) if config.adversarial else None
 
     @classmethod
     def arrays_for(cls, config: MultiContextConfig) -> tuple[str, ...]:
@@ -242,8 +205,7 @@ class MultiContext(ManyInputs):
         if self.config.diversity:
             terms["diversity"] = -self.config.diversity * self._diversity(batch, given, made)
         if self.config.divergence:
-            spread = made.variance.exp() + made.mean.square() - made.variance - 1
-            terms["divergence"] = self.config.divergence * spread.mean() / 2
+            terms["divergence"] = self.config.divergence * kl_divergence(made.mean, made.variance)
         return terms
 
     def _diversity(self, batch: Batch, given: ModalityInputs, made: _Made) -> Tensor:
@@ -251,5 +213,4 @@ class MultiContext(ManyInputs):
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)
         other = self._generate_in_training(batch, given._replace(speaker=weights))
-        moved = F.smooth_l1_loss(other.pose, made.pose, beta=self.config.beta, reduction="none").sum((1, 2))
-        return (moved / ((other.z - made.z).detach().abs().mean((1, 2)) + NEAR)).clamp_max(CUT).mean()
+        return pose_diversity(made.pose, other.pose, made.z, other.z, self.config.beta)

@@ -119,6 +119,21 @@ _OURS = {
         "GestureDiffuCLIP-like (after Ao et al. 2023): motion by diffusion, in the style of a label or example; no CLIP",
         "Ao et al. 2023", needs=("words", "emotion"),
     ),
+    "joint-embedding": ModelEntry(
+        "cospeech.models.joint_embedding:JointEmbedding",
+        "Joint embedding (Ahuja and Morency 2019; Yoon et al. 2020): one motion for one speech, from the waveform and words",
+        "Ahuja and Morency 2019; Yoon et al. 2020", needs=("words",),
+    ),
+    "trimodal": ModelEntry(
+        "cospeech.models.trimodal:Trimodal",
+        "Trimodal context (Yoon et al. 2020): one motion for one speech, from the waveform, words and speaker",
+        "Yoon et al. 2020", needs=("words",),
+    ),
+    "speech2affective-gestures": ModelEntry(
+        "cospeech.models.speech2affective_gestures:Speech2AffectiveGestures",
+        "Speech2AffectiveGestures (Bhattacharya et al. 2021): trimodal context with an encoder of affect on the pose graph",
+        "Bhattacharya et al. 2021", needs=("words",),
+    ),
     "chain-of-generation-live": ModelEntry(
         "cospeech.models.chain_live:ChainLive",
         "Chain of Generation, frame by frame: the streaming network of chain-of-generation",
@@ -131,8 +146,8 @@ _OURS = {
     ),
     "seq2seq": ModelEntry(
         "cospeech.models.seq2seq:Seq2Seq",
-        "Seq2seq (Yoon et al. 2019): poses from words alone",
-        "Yoon et al. 2019", plays=False, needs=("words",),
+        "Seq2seq (Yoon et al. 2019): one motion for the words of a speech",
+        "Yoon et al. 2019", needs=("words",),
     ),
     "gesticulator": ModelEntry(
         "cospeech.models.gesticulator:Gesticulator",

@@ -11,25 +11,26 @@ The first four poses are given, each as what comes before the next. What is mini
 
     L = 250 E (ŷ − y)² + 0.1 E |ŷₜ − ŷₜ₋₁| − 25 E ‖ŷ_d‖₂ / T,     ŷ_d a number of the pose over the T frames of a window
 
-Followed, changed, not said in the paper: docs/models/seq2seq.md, by number. It has no place in a bundle: it serves tables.
+Followed, changed, not said in the paper: docs/models/seq2seq.md, by number.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.configuration import ModelConfig
-from .nn.modalities import SEEDS, check_lacks
+from .nn.modalities import SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
-from .nn.trainable import Trainable
 from .nn.words import word_embedding
 
 __all__ = ["Seq2Seq", "Seq2SeqConfig"]
@@ -74,48 +75,55 @@ class _Attention(nn.Module):
         self.v = nn.Parameter(torch.randn(hidden) / hidden**0.5)
 
     def forward(self, state: Tensor, read: Tensor) -> Tensor:
-        fit = torch.tanh(self.of_state(state).unsqueeze(1) + self.of_read(read)) @ self.v
-        found: Tensor = (torch.softmax(fit, 1).unsqueeze(1) @ read).squeeze(1)
-        return found
+        fit = F.linear(torch.tanh(self.of_state(state).unsqueeze(1) + self.of_read(read)), self.v.unsqueeze(0))
+        return (torch.softmax(fit, 1) * read).mean(1) * read.shape[1]  # a sum, as a bundle may compute it
 
 
-class Seq2Seq(Trainable):
-    """Poses of words, one by one. Poses are standardised vectors.
+class Seq2Seq(SeededWindows):
+    """Poses of words, one by one, in windows as in training. Poses are standardised vectors.
 
     Args:
         config: sizes and weights.
         pose: D, numbers of a pose.
-        audio: not heard.
+        audio: A, numbers of a frame of speech, which a bundle has and the network does not use.
         text: width of the store's word vectors; 0: it has ids of subwords.
     """
 
     arrays = ("pose", "text")
-    optional_arrays = ("text",)
     dimensions = ("pose", "audio", "text")
     Config = Seq2SeqConfig
     config: Seq2SeqConfig
+    cut = True
 
     def __init__(self, config: Seq2SeqConfig, *, pose: int, audio: int = 0, text: int = 0) -> None:
         super().__init__()
         if pose < 1:
             raise InputError(f"a seq2seq network of {pose} numbers of a pose", "one at least")
-        self.config, self.pose = config, pose
+        self.config, embedding = config, word_embedding(text, config.word_width)
+        self.measure(pose, audio, embedding)
+        self.multiple = self.shortest = config.frames
         hidden, layers, dropout = config.hidden, config.layers, config.dropout * (config.layers > 1)
-        self.embedding = word_embedding(text, config.word_width)
-        self.reader = nn.GRU(self.embedding.width, hidden, layers, batch_first=True, dropout=dropout, bidirectional=True)
+        self.reader = nn.GRU(embedding.width, hidden, layers, batch_first=True, dropout=dropout, bidirectional=True)
         self.attention = _Attention(hidden)
         self.entry = nn.Sequential(nn.Linear(pose + hidden, hidden), BatchNorm1d(hidden), nn.ReLU())
         self.decoder = nn.GRU(hidden, hidden, layers, batch_first=True, dropout=dropout)
         self.out = nn.Linear(hidden, pose)
 
-    def forward(self, words: Tensor, seeds: Tensor) -> Tensor:
-        """(B, T, W) embedded words of T frames, (B, k, D) poses to begin with, k ≥ 1, → (B, T, D), the first as given."""
+    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+        """See `SeededWindows`: T frames one after the other, the first as given; there is no noise.
+
+        Where a pose is not known, the one that was made stands before the next.
+        """
+        words, known = given.words, given.seed[..., -1:]
         read, states = self.reader(words)
         ahead, back = read.chunk(2, -1)
-        read, state = ahead + back, states[: self.config.layers].contiguous()
-        made = [seeds[:, 0]]
+        takes = 0 * given.seed[:, :1, :1].permute(1, 0, 2)  # all takes read the same words, but each has poses of its own
+        read, state = ahead + back, states[: self.config.layers] + takes
+        made = [given.seed[:, 0, :-1]]
         for t in range(1, words.shape[1]):
-            before = seeds[:, t - 1] if t <= seeds.shape[1] else made[-1]
+            before = made[-1]
+            if t <= SEEDS:
+                before = before + known[:, t - 1] * (given.seed[:, t - 1, :-1] - before)
             entered = self.entry(torch.cat([before, self.attention(state[-1], read)], 1))
             after, state = self.decoder(entered.unsqueeze(1), state)
             made.append(self.out(after.squeeze(1)))
@@ -130,31 +138,9 @@ class Seq2Seq(Trainable):
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
         c, pose = self.config, batch["pose"]
-        made = self(self.embedding(batch["text"]), pose[:, :SEEDS])
+        made = self.poses(self.collect_inputs(batch.arrays), pose[:, :0])
         return {
             "regression": c.regression * (made - pose).square().mean(),
             "continuity": c.continuity * made.diff(dim=1).abs().sum() / made.numel(),
             "variance": -c.variance * made.norm(dim=1).sum() / made.numel(),
         }
-
-    # generation ------------------------------------------------------------------------------------------------------
-
-    @torch.no_grad()
-    def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
-        """Poses for the arrays of a batch, of any length.
-
-        Args:
-            arrays: ``text``, and ``pose``, of which the first four frames are looked at.
-            lacks: what is kept back: words are then zeros, and it begins with the mean pose.
-            noise: there is none.
-
-        Returns:
-            ``pose``: (B, T, D), standardised.
-
-        Raises:
-            InputError: there is no such input.
-        """
-        check_lacks(lacks)
-        words, seeds = self.embedding(arrays["text"]), arrays["pose"][:, :SEEDS]
-        words = torch.zeros_like(words) if "text" in lacks else words
-        return {"pose": self(words, torch.zeros_like(seeds[:, :1]) if "seed" in lacks else seeds)}

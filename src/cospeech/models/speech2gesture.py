@@ -10,7 +10,10 @@ Ahuja et al. 2020 (Mix-StAGE) compare with: one network per speaker, speech in, 
 What is optimised, with the least squares of the authors' code:
 
     min_D   E (D(Δy) − 1)² + λ_D E D(Δŷ)²                    y poses, ŷ = G(speech), Δ from one frame to the next
-    min_G   E |ŷ − y|₁     + λ_G E (D(Δŷ) − 1)²
+    min_G   λ E |ŷ − y|₁   + λ_G E (D(Δŷ) − 1)²
+
+Where it is given the first poses of a window (Yoon et al. 2020), an MLP makes 16 numbers of four of them, which stand beside
+what the U-Net makes at every frame.
 
 Followed, changed, not said in the paper: docs/models/speech2gesture.md, by number.
 """
@@ -19,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import torch
@@ -29,15 +33,18 @@ from ..errors import InputError
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.configuration import ModelConfig
 from .nn.content import AudioContent
+from .nn.modalities import SEEDS
+from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
+from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
 from .nn.unet1d import UNet1d, conv_block
-from .nn.windowed import Windowed
 
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 
 HEARD = 3  # times that the speech encoder halves time
+SEED_HIDDEN = 32  # of the MLP of known poses; Yoon et al. 2020, authors' code
 _LOSS = ADVERSARIAL_LOSSES["squares"]  # authors' code
 
 
@@ -55,8 +62,12 @@ class Speech2GestureConfig(ModelConfig):
     """Halvings of time in the U-Net; Mix-StAGE's code 5 (T is filled up to a multiple of 2^depth)."""
     decoder: int = 4
     """Convolutions after the U-Net; Mix-StAGE's code 4."""
+    seed: int = 0
+    """Numbers that an MLP makes of the known poses of a window; Yoon et al. 2020 16. 0: it is given none, as published."""
     discriminator_channels: int = 64
     """Channels of the discriminator's first convolution, doubled in each that follows; authors' code 64."""
+    regression: float = 1.0
+    """λ; authors' code 1, Yoon et al. 2020 100."""
     adversarial: float = 1.0
     """λ_G; authors' code 1. 0 trains by L₁ alone."""
     fake: float = 1.0
@@ -68,6 +79,8 @@ class Speech2GestureConfig(ModelConfig):
             "channels": 4,
             "depth": 1,
             "decoder": 0,
+            "seed": 0,
+            "regression": 0,
             "discriminator_channels": 1,
             "adversarial": 0,
             "fake": 0,
@@ -75,10 +88,17 @@ class Speech2GestureConfig(ModelConfig):
         check_least(self, "a Speech2Gesture", low)
 
 
+def _pose_mlp(pose: int, width: int) -> nn.Sequential:
+    """(B, 4 · D) → (B, width)."""
+    return nn.Sequential(
+        nn.Linear(SEEDS * pose, SEED_HIDDEN), BatchNorm1d(SEED_HIDDEN), nn.ReLU(), nn.Linear(SEED_HIDDEN, width)
+    )
+
+
 # the model ----------------------------------------------------------------------------------------------------------
 
 
-class Speech2Gesture(Windowed):
+class Speech2Gesture(SeededWindows):
     """Speech2Gesture (Ginosar et al. 2019): one motion for one speech, of one speaker.
 
     Poses and audio are standardised vectors.
@@ -89,6 +109,8 @@ class Speech2Gesture(Windowed):
         audio: A, numbers of a frame of speech.
     """
 
+    arrays = ("pose", "audio")
+    optional_arrays = ()
     Config = Speech2GestureConfig
     config: Speech2GestureConfig
 
@@ -96,23 +118,36 @@ class Speech2Gesture(Windowed):
         super().__init__()
         if min(pose, audio) < 1:
             raise InputError(f"a Speech2Gesture from {audio} numbers of speech to {pose} of a pose", "both are positive")
-        self.config, self.pose, self.audio = config, pose, audio
+        self.config = config
+        self.measure(pose, audio)
         self.multiple = self.shortest = 2 ** max(HEARD, config.depth)
-        self.styles = self.modes = 0
+        self.seeds = SEEDS if config.seed else 0
         self.encoder = AudioContent(config.channels)
         self.unet = UNet1d(config.channels, config.depth)
-        self.decoder = nn.Sequential(*(conv_block(config.channels, config.channels) for _ in range(config.decoder)))
-        self.out = nn.Conv1d(config.channels, pose, 1)
+        widths = (config.channels + config.seed, *[config.channels] * config.decoder)
+        self.decoder = nn.Sequential(*(conv_block(a, b) for a, b in pairwise(widths)))
+        self.out = nn.Conv1d(widths[-1], pose, 1)
+        self.known = _pose_mlp(pose, config.seed) if config.seed else None
         self.discriminator = PatchDiscriminator(pose, config.discriminator_channels)
 
-    def forward(self, audio: Tensor) -> Tensor:
-        """G: (B, T, A) → (B, T, D), for T of any length: the last frame is repeated until it can be halved so often."""
+    def forward(self, audio: Tensor, seed: Tensor | None = None) -> Tensor:
+        """G: (B, T, A), (B, T, D + 1) known poses → (B, T, D), for T of any length: the last frame is repeated until it can be
+        halved so often."""
         frames = audio.shape[1]
         filled = F.pad(audio.mT, (0, -frames % self.multiple), mode="replicate").mT
-        return self._poses(filled)[:, :frames]
+        return self._poses(filled, seed)[:, :frames]
 
-    def _poses(self, audio: Tensor) -> Tensor:
-        made: Tensor = self.out(self.decoder(self.unet(self.encoder(audio)))).mT
+    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+        """See `SeededWindows`; there is no noise."""
+        return self(given.audio, given.seed)
+
+    def _poses(self, audio: Tensor, seed: Tensor | None) -> Tensor:
+        features = self.unet(self.encoder(audio))
+        if self.known is not None:
+            first = features.new_zeros(len(features), SEEDS, self.pose) if seed is None else seed[:, :SEEDS, :-1]
+            known = self.known(first.flatten(1)).unsqueeze(2) + 0 * features[:, :1]  # the same at every frame
+            features = torch.cat([features, known], 1)
+        made: Tensor = self.out(self.decoder(features)).mT
         return made
 
     def discriminate(self, poses: Tensor) -> Tensor:
@@ -132,7 +167,7 @@ class Speech2Gesture(Windowed):
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares of the discriminator: real motions towards 1, those made towards 0; moves the discriminator alone."""
         with torch.no_grad():
-            made = self(batch["audio"])
+            made = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
         return {
             "real": _LOSS.true(self.discriminate(batch["pose"])),
             "made": self.config.fake * _LOSS.false(self.discriminate(made)),
@@ -140,14 +175,14 @@ class Speech2Gesture(Windowed):
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Poses near the real ones, motions that the discriminator takes for real; moves all but the discriminator."""
-        made = self(batch["audio"])
-        terms = {"l1": (made - batch["pose"]).abs().mean()}
+        made = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
+        terms = {"l1": self.config.regression * (made - batch["pose"]).abs().mean()}
         if self.config.adversarial:
             terms["adversarial"] = self.config.adversarial * _LOSS.generator_loss(self.discriminate(made))
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
-    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
-        """(B, T, A) → (B, T, D); there is no style to choose and no mode."""
-        return self._poses(audio)
+    def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor, seed: Tensor | None = None) -> Tensor:
+        """(B, T, A), (B, T, D + 1) known poses → (B, T, D); there is no style to choose and no mode."""
+        return self._poses(audio, seed)

@@ -162,15 +162,19 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         return found + smoothstep(left).astype(np.float32)[:, None] * self._gap
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
-        """See `SlidingWindowDecoder`; the first window begins with the poses before."""
+        """See `SlidingWindowDecoder`; the first window begins with the poses before, the others with those of the last window
+        where the network feeds them back."""
         ports = self._ports(rows, first, noise)
         if self._face is not None:
             frames = np.arange(self.setting.window) + (first - self.setting.past)
             weights, share = self._face.at(frames / self._system.fps)
             ports["face"] = np.concatenate([weights * (share > 0), share], 1)[None]
-        began = 0
+        began, signature = 0, self._network.signature
         if first == 0 and self._before is not None:
-            began, ports["seed"] = self.setting.past - len(self._before), self._seeds()[None]
+            began, seeds = self.setting.past - len(self._before), self._seeds()[None]
+            ports["seed"] = np.repeat(seeds, self.takes, 0) if signature.feeds_back else seeds
+        elif signature.feeds_back and self._windows.last is not None:
+            ports["seed"] = self._place_seeds(self._windows.last[:, -signature.seeds :])
         made = self._run({name: x[:, began:] for name, x in ports.items()})["poses"]
         return np.concatenate([np.repeat(made[:, :1], began, 1), made], 1)
 
@@ -178,11 +182,16 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         """(window, D + 1) poses before the first as the network would have made them, and a flag."""
         assert self._before is not None
         centre, made, gain = self._style.scales(np.zeros(1, int))
-        s, past = self._system.statistics, self.setting.past
+        s = self._system.statistics
         gain = np.maximum(self._intensity * gain, _LEAST_GAIN)
         poses = np.clip((self._before - centre) / gain + made, *s.bounds).reshape(-1, self.width)
-        rows = np.zeros((self.setting.window, self.width + 1), np.float32)
-        rows[past - len(poses) : past] = np.concatenate([poses, np.ones((len(poses), 1), np.float32)], 1)
+        return self._place_seeds(poses[None])[0]
+
+    def _place_seeds(self, poses: Array) -> Array:
+        """(N, n, D) poses before the first new frame → (N, window, D + 1), with a flag."""
+        takes, count, past = len(poses), poses.shape[1], self.setting.past
+        rows = np.zeros((takes, self.setting.window, self.width + 1), np.float32)
+        rows[:, past - count : past] = np.concatenate([poses, np.ones((takes, count, 1), np.float32)], 2)
         return rows
 
 

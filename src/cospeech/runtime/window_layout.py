@@ -79,6 +79,8 @@ class Sliding:
         self._before: Array | None = None  # what the last window made of the frames ahead
         self.frames, self._heard = 0, 0
         """Frames that are made."""
+        self.last: Array | None = None
+        """(N, hop, D) the new frames of the last window."""
 
     def push(self, rows: Array) -> list[Array]:
         """Rows (n, A) that come next → poses (N, hop, D) of each window that they fill."""
@@ -112,6 +114,7 @@ class Sliding:
             share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]
             fresh = np.concatenate([self._before + share * (fresh[:, :fade] - self._before), fresh[:, fade:]], 1)
         self._before = poses[:, past + hop : past + hop + fade]
+        self.last = fresh
         self._mode_noise = self._mode_noise[:, hop:]
         self.frames += hop
         return fresh

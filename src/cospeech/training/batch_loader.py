@@ -14,7 +14,7 @@ from .windows import Windows, is_mirror_image
 
 __all__ = [
     "POSE_FLOOR", "SPREAD_FLOOR", "BatchLoader", "ClipNormaliser", "Normaliser", "check_mirror", "clip_moments",
-    "standard_audio", "standard_pose",
+    "pool_columns", "standard_audio", "standard_pose",
 ]  # fmt: skip
 
 POSE_FLOOR = 0.01
@@ -85,6 +85,13 @@ def standard_audio(store: Store, reduce: Reduce | None) -> Normaliser:
     mean = total / count
     std = np.sqrt(np.maximum(square / count - mean**2, 0))
     return Normaliser((mean + shift).astype(np.float32), np.where(std < _TINY, 1, std).astype(np.float32))
+
+
+def pool_columns(each: Normaliser) -> Normaliser:
+    """One mean and deviation for all columns, those of all numbers together."""
+    mean = each.mean.astype(float).mean()
+    std = np.sqrt((np.square(each.std.astype(float)) + np.square(each.mean - mean)).mean())
+    return Normaliser(np.full_like(each.mean, mean), np.full_like(each.std, std))
 
 
 class BatchLoader:

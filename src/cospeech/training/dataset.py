@@ -14,12 +14,13 @@ import torch
 from torch import Tensor, nn
 
 from .. import __version__
-from ..audio.features.reduce import REDUCTIONS, audio_columns, louder, reduce_audio
+from ..audio.features.reduce import REDUCTIONS, audio_columns, has_like_columns, louder, preparation_option, reduce_audio
 from ..corpora.store import Store
 from ..errors import InputError, nearest
 from ..models.nn.trainable import Trainable
 from ..motion.poses.joints import hand_columns
 from ..motion.rotations import Array
+from .audio_source import with_audio
 from .batch_loader import (
     BatchLoader,
     ClipNormaliser,
@@ -27,6 +28,7 @@ from .batch_loader import (
     Reduce,
     check_mirror,
     clip_moments,
+    pool_columns,
     standard_audio,
     standard_pose,
 )
@@ -117,10 +119,13 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
         store = of_speakers(store, data.speakers)
     check_mirror(store, data.mirror)
     _check_encoder(kind.encoder_for(config), store)
+    store = with_audio(store, data.audio)
     reduce = _reduction(data.audio, store)
     standards = {"pose": standard_pose(store)}
     if "audio" in store.arrays:
         standards["audio"] = standard_audio(store, reduce)
+        if data.audio is not None and has_like_columns(data.audio):
+            standards["audio"] = pool_columns(standards["audio"])
     own: dict[str, Array] = {}
     arrays = kind.arrays_for(config)
     for name in (name for name in ARRAY_SOURCES if name in arrays):
@@ -220,6 +225,8 @@ def _reduction(name: str | None, store: Store) -> Reduce | None:
         return None
     if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
         fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
+        if preparation_option(name):
+            raise InputError(f"the store has no {name!r}", f"prepare it again with {preparation_option(name)}")
         problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"
         raise InputError(problem, f"set data.audio to {fits}" if fits else "leave data.audio out")
     return partial(reduce_audio, name=name)

@@ -1,7 +1,7 @@
 """What of the audio features a network hears, the same in training and at run time: functions of rows of a front-end.
 
-Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which all but one
-are made, and that of PATS' stores (`log_mel.LogMelFeatures`), whose rows are heard as they are.
+Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which most are
+made, and those whose rows are heard as they are: that of PATS' stores (`log_mel.LogMelFeatures`) and the waveform.
 
 Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
 
@@ -24,6 +24,7 @@ from .log_mel import LOG_MEL_NAMES, LogMelFeatures
 from .mel import Bands, Floats, log_power
 from .prosody import N_MELS
 from .streaming import StreamingFeatures
+from .waveform import WAVEFORM_NAMES, WaveformFeatures
 
 __all__ = [
     "REDUCTIONS",
@@ -31,13 +32,16 @@ __all__ = [
     "audio_columns",
     "audio_names",
     "audio_width",
+    "has_like_columns",
     "louder",
     "open_features",
+    "preparation_option",
     "reduce_audio",
 ]  # fmt: skip
 
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
+_CEPSTRA = 14  # Bhattacharya et al. 2021, authors' code
 _PROSODY = tuple(AUDIO_NAMES[N_MELS:])
 
 
@@ -50,6 +54,8 @@ class Reduction(NamedTuple):
         apply: (T, C) float32 → (T, A) float32.
         columns: (C,) names of what it is made of, as a store has them.
         listen: frames per second → the front-end that makes these columns of speech.
+        alike: whether all columns are of one kind, and are standardised by one mean and deviation.
+        prepared: the option of ``cospeech prepare`` that keeps these columns, where stores do not have them without.
     """
 
     what: str
@@ -57,6 +63,8 @@ class Reduction(NamedTuple):
     apply: Callable[[Floats], Floats]
     columns: tuple[str, ...] = AUDIO_NAMES
     listen: Callable[[float], StreamingFeatures] = FrameFeatures
+    alike: bool = False
+    prepared: str = ""
 
 
 @cache
@@ -75,6 +83,18 @@ def _powers(columns: Floats, count: int) -> Floats:
 
 def _log_powers(columns: Floats, count: int) -> Floats:
     return log_power(_powers(columns, count))
+
+
+@cache
+def _cosines() -> Bands[np.float32]:
+    """(14, 80) rows of the orthonormal discrete cosine transform of 80 log powers."""
+    band, k = np.arange(N_MELS) + 0.5, np.arange(_CEPSTRA)[:, None]
+    rows = np.cos(np.pi * k * band / N_MELS) * np.sqrt(np.where(k, 2, 1) / N_MELS)
+    return Bands(rows.astype(np.float32))
+
+
+def _mel_cepstrum(columns: Floats) -> Floats:
+    return _cosines()(np.minimum(columns[:, :N_MELS], np.float32(_LOUDEST)))
 
 
 def _prosody(columns: Floats) -> Floats:
@@ -112,12 +132,26 @@ REDUCTIONS: dict[str, Reduction] = {
         partial(_log_powers_and_prosody, count=20),
     ),
     "prosody": Reduction("energy in dB, pitch in octaves from 120 Hz (0 without voice), voicing, onset", _PROSODY, _prosody),
+    "mfcc14": Reduction(
+        "14 mel-frequency cepstral coefficients (speech2affective-gestures)",
+        tuple(f"mfcc{k}" for k in range(_CEPSTRA)),
+        _mel_cepstrum,
+    ),
     "log-mel-400": Reduction(
         "log of 64 mel magnitudes, 125 to 7500 Hz, as PATS has them (Mix-StAGE)",
         LOG_MEL_NAMES,
         _as_it_is,
         LOG_MEL_NAMES,
         LogMelFeatures,
+    ),
+    "waveform": Reduction(
+        "1,080 samples of each frame, as they are (trimodal, joint embedding)",
+        WAVEFORM_NAMES,
+        _as_it_is,
+        WAVEFORM_NAMES,
+        WaveformFeatures,
+        alike=True,
+        prepared="--waveform",
     ),
 }
 """Name → what it keeps; the names that recipes and bundles use."""
@@ -150,6 +184,24 @@ def audio_width(name: str) -> int:
     return len(_find(name).names)
 
 
+def has_like_columns(name: str) -> bool:
+    """Whether all columns that `reduce_audio` gives are of one kind.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).alike
+
+
+def preparation_option(name: str) -> str:
+    """The option of ``cospeech prepare`` that keeps what `reduce_audio` takes; "": stores have it without.
+
+    Raises:
+        InputError: unknown name.
+    """
+    return _find(name).prepared
+
+
 def audio_columns(name: str) -> tuple[str, ...]:
     """Names of the columns that `reduce_audio` takes.
 
@@ -166,11 +218,12 @@ def louder(name: str) -> tuple[float, ...]:
     [10.0, 0.0, 0.0, 0.0]
 
     Raises:
-        InputError: unknown name, or one whose columns are powers, not logarithms.
+        InputError: unknown name, or one whose columns are no logarithms.
     """
-    if name == "mel29-linear":
-        raise InputError(f"louder speech in {name!r}", "its columns are powers: choose one of logarithms, such as mel29")
+    if name in ("mel29-linear", "waveform"):
+        raise InputError(f"louder speech in {name!r}", "its columns are no logarithms: choose some, such as mel29")
     steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
+    steps |= {f"mfcc{k}": 0.0 if k else log(10) * N_MELS**0.5 for k in range(_CEPSTRA)}
     mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
     return tuple(steps.get(column, mel) for column in audio_names(name))
 

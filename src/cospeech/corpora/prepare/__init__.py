@@ -20,6 +20,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ...audio.features.waveform import WAVEFORM_NAMES
 from ...errors import CospeechError, InputError, nearest
 from ...files import atomic, describe_os_error
 from ...motion.poses import find_pose
@@ -98,6 +99,7 @@ def prepare(
     backend: str = "loky",
     scheduler: str | None = None,
     wav2vec: str | None = None,
+    waveform: bool = False,
     overwrite: bool = False,
     progress: Callable[[float, float | None], None] | None = None,
 ) -> PrepareReport:
@@ -119,6 +121,7 @@ def prepare(
         backend: joblib's name: loky, threading, multiprocessing, dask, ray.
         scheduler: of a Dask cluster, such as ``"tcp://head:8786"``; without it the client that the caller has made.
         wav2vec: folder or name of a wav2vec 2.0, whose CNN's features are kept in the store too; needs PyTorch.
+        waveform: keep the samples of the speech in the store too; 117 MB an hour at 15 frames a second.
         overwrite: replace a store that is there already.
         progress: called with seconds of motion done, and None (how much there will be is not known).
 
@@ -149,7 +152,7 @@ def prepare(
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
-    plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec)
+    plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
     dropped: list[dict[str, Any]] = []
     with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
@@ -344,6 +347,8 @@ def _assemble(
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     if plan.wav2vec is not None:
         names["wav2vec"] = wav2vec_names(plan.wav2vec)
+    if plan.waveform:
+        names["waveform"] = WAVEFORM_NAMES
     write_store(target, pieces, corpus=plan.corpus, pose=plan.pose, fps=plan.fps, names=names)
     splits: dict[str, float] = {}
     speakers: dict[str, float] = {}

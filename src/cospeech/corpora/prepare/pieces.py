@@ -12,6 +12,7 @@ import numpy as np
 
 from ...audio.features import AUDIO_NAMES, LOG_MEL_NAMES, audio_features
 from ...audio.features.log_mel import log_mel_at, log_mel_count
+from ...audio.features.waveform import waveform_rows
 from ...audio.features.words import word_ids
 from ...audio.speech import Word
 from ...errors import CospeechError, InputError
@@ -38,6 +39,7 @@ __all__ = [
     "wav2vec_names",
 ]
 
+_KEPT = ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec", "waveform")  # arrays of a part
 _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
 """Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
@@ -52,6 +54,7 @@ class Plan:
         fps: frames per second of the store.
         filters: whether to filter.
         wav2vec: folder or name of a wav2vec 2.0, whose CNN's features are kept too.
+        waveform: whether the samples are kept too.
     """
 
     corpus: str
@@ -59,6 +62,7 @@ class Plan:
     fps: float
     filters: bool = True
     wav2vec: str | None = None
+    waveform: bool = False
 
 
 def audio_names(corpus: str) -> tuple[str, ...]:
@@ -123,6 +127,8 @@ def encode(clip: Clip, plan: Plan) -> dict[str, Array]:
         out["audio"] = audio
     if plan.wav2vec is not None and speech is not None:
         out["wav2vec"] = _encoder(plan.wav2vec).frame_features(speech, frames, plan.fps)
+    if plan.waveform and speech is not None:
+        out["waveform"] = waveform_rows(speech, frames, plan.fps).astype(np.float16)
     if clip.semantics is not None:
         out["semantic"] = _scores(clip.semantics, frames, plan.fps)
     if clip.emotion is not None:
@@ -256,7 +262,7 @@ def read_part(path: Path, meta: dict[str, Any], fps: float) -> list[Piece]:
     """The pieces of a part, one per kept stretch; arrays are loaded when they are written."""
     pieces = []
     with np.load(path, allow_pickle=False) as part:
-        has = tuple(name for name in ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec") if name in part.files)
+        has = tuple(name for name in _KEPT if name in part.files)
     for first, end in meta["runs"]:
         whole = (first, end) == (0, meta["frames"])
         name = meta["name"] if whole else f"{meta['name']}@{first}"

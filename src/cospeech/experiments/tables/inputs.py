@@ -11,6 +11,7 @@ import numpy as np
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...motion.rotations import Array
+from ...training.audio_source import with_audio
 from ...training.texts import with_text
 from .runs import PlayableRun
 
@@ -43,7 +44,8 @@ class StoreInputs:
             InputError: the store lacks an input of it.
         """
         names, found = [name for name in player.net.arrays if name != "semantic"], dict[str, Array]()
-        store = self._with_text(player.facts["recipe"]["data"].get("words")) if "text" in names else self._store
+        data = player.facts["recipe"]["data"]
+        store = with_audio(self._with_text(data.get("words")) if "text" in names else self._store, data.get("audio"))
         for name in names:
             if name not in store.arrays:
                 raise InputError(f"{type(player.net).__name__} wants {name!r}, which the store lacks", "prepare it with that")
@@ -71,18 +73,28 @@ def generate_rows(
         frames: of them.
         speakers: (N,) who speaks.
         given: poses before them that a network without a history of its own is given.
-        seed: of the latents of a flow; other networks make the same with every seed.
+        seed: of the latents of a flow, or of the noise of a network that takes some, one draw for a window.
 
     Returns:
         (N, frames, D).
     """
+    from ...models.nn.seeded_windows import SeededWindows
     from ..playing import perform, play, play_inputs
 
     net: Any = player.net
     before, after = find_context(player, given)
+    most = net.multiple - before if getattr(net, "cut", False) else frames
+    if frames > most:  # window by window, each behind recorded poses; the last one ends with the frames
+        firsts = [min(k, frames - most) for k in range(0, frames, most)]
+        parts = [generate_rows(player, inputs, starts + k, most, speakers, given=given, seed=seed) for k in firsts]
+        return np.concatenate(
+            [part[:, k - first :] for part, k, first in zip(parts, range(0, frames, most), firsts, strict=True)], 1
+        )
     arrays = inputs.gather(player, starts - before, before + frames + after, speakers)
     if hasattr(net, "play"):
-        made = play_inputs(net, arrays)["pose"][:, before : before + frames]
+        modes = int(getattr(net, "modes", 0)) if isinstance(net, SeededWindows) else 0
+        noise = np.random.default_rng(seed).normal(size=(len(starts), 1, modes)) if modes else None
+        made = play_inputs(net, arrays, noise=noise)["pose"][:, before : before + frames]
     elif hasattr(net, "make"):
         styles = {name: player.style(name) for name in {*speakers}}
         made = play(net, arrays["audio"], np.stack([styles[name] for name in speakers]))[:, before : before + frames]

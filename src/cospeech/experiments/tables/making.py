@@ -9,9 +9,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ...audio.features.reduce import preparation_option
 from ...corpora.store import Store
 from ...errors import InputError, nearest
 from ...files import atomic
+from ...training.audio_source import with_audio
 from .cog import COG
 from .figures import write_picture
 from .flow import FLOW
@@ -61,6 +63,10 @@ def _row(
         return told, []
     if not (Path(runs.recipes) / f"{row.recipe}.toml").is_file():
         return told | {"missing": f"no recipe {row.recipe}.toml"}, []
+    store, audio = runs.store, runs.recipe(row.recipe).data.audio
+    option = "" if audio is None else preparation_option(audio)
+    if option and with_audio(store, audio) is store:
+        return told | {"missing": f"the store was prepared without {option}"}, []
     scores, facts = [], ""
     for seed in seeds:
         tell(f"{step}: {row.name}, seed {seed}")

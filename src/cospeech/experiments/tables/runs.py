@@ -92,6 +92,9 @@ SMALL: dict[str, dict[str, dict[str, Any]]] = {
         },
         "train": _LSTM,
     },
+    "trimodal": {"model": {**_CHAIN, "adversarial_from": 60}, "train": _LSTM},
+    "joint-embedding": {"model": {**_CHAIN, "speech_hidden": 64}, "train": _LSTM},
+    "speech2affective-gestures": {"model": _CHAIN, "train": _LSTM},
     "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
     "gesticulator": {
         "model": {"hidden": 64, "context": 128, "speech": 32, "word_width": 32, "epoch": 20},

@@ -44,6 +44,8 @@ class ExportGraph:
     seeds: int = 0
     groups: int = 1
     steps: int = 0
+    fixed: bool = False
+    """Whether T is always ``window``."""
 
 
 class Playing(nn.Module):
@@ -62,7 +64,7 @@ class Playing(nn.Module):
 
 
 def inference_copy(net: nn.Module) -> nn.Module:
-    """A copy that makes the same and is cheaper to run: norms are folded into convolutions, parametrised weights are plain.
+    """A copy that makes the same and is cheaper to run: norms lie in the layers before them, parametrised weights are plain.
 
     A module with a method ``for_inference`` is replaced by what it gives.
     """
@@ -89,14 +91,14 @@ def _simplify(net: Any) -> Any:
         setattr(net, name, _simplify(child))
     if isinstance(net, nn.Sequential):
         for k, (layer, after) in enumerate(zip([*net], [*net][1:], strict=False)):
-            if isinstance(layer, nn.Conv1d | nn.ConvTranspose1d) and isinstance(after, nn.BatchNorm1d):
+            if isinstance(layer, nn.Conv1d | nn.ConvTranspose1d | nn.Linear) and isinstance(after, nn.BatchNorm1d):
                 net[k], net[k + 1] = fold_norm(layer, after), nn.Identity()
     return net
 
 
 @torch.no_grad()
 def fold_norm(conv: Any, norm: Any) -> Any:
-    """A copy of a convolution, with the batch norm after it in its weights; folded in double precision."""
+    """A copy of a convolution or a linear layer, with the batch norm after it in its weights; folded in double precision."""
     folded = deepcopy(conv)
     gain = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
     sizes = [1] * conv.weight.ndim

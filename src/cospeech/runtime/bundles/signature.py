@@ -35,7 +35,8 @@ PORTS = {
     "style": "weights of the speakers, then of the emotions where the network takes them; or a style code",
     "noise": "noise that makes takes differ: on the logits of modes, or of any use; zeros for the most likely take",
     "face": "ARKit weights of a face that is given, and how far it is given, 0 … 1",
-    "seed": "standardised poses before the first frame, and 1 where one is given",
+    "seed": "standardised poses before the first new frame, and 1 where one is given; where each take (N) has its own, every "
+    "window after the first begins with the last poses of the window before",
     "poses": "standardised poses",
     "logits": "logits of the speakers, then of the emotions; or of the codes of each group",
     "heard": "what a sampler hears of the speech",
@@ -56,9 +57,10 @@ NETWORKS = {
     "denoise": ({"heard", "style", "latent", "level"}, {"velocity"}),
 }
 """Network → inputs that it may have, and outputs that it has."""
-_SHARED = {"rows", "face", "seed", "heard", "level"}  # one for all takes
+_SHARED = {"rows", "face", "heard", "level"}  # one for all takes
 _STEPS = {"heard", "latent", "level", "velocity"}  # of steps, not of frames
 _BY_STEP = {"live", "prior"}  # networks that take a frame or a step at a time
+_ONE_OR_ALL = ("poses", "seed")  # one for all takes, or each take its own
 _WIDEST = {"rows": 5024, "style": 1024, "noise": 256, "face": 53, "seed": 2001, "poses": 2000, "logits": 1024}
 _WIDEST |= dict.fromkeys(("logits", "heard", "latent", "velocity", "before", "codes"), 1 << 14) | {"level": 256}
 _WIDEST_STATE = 1 << 17  # numbers; the last 34 frames of 1,000 channels are a quarter of it
@@ -152,7 +154,7 @@ class Signature:
         for name, port in {**self.inputs, **self.outputs}.items():
             frames: Port = ("S",) if name in _STEPS or role == "denoise" else ("T",)
             frames = () if role in _BY_STEP or (role, name) == ("style", "style") else frames
-            takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name == "poses" else ["N"]
+            takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name in _ONE_OR_ALL else ["N"]
             width = port[-1] if port else 0
             if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
                 raise InputError(
@@ -174,6 +176,11 @@ class Signature:
         """Numbers of a port; 0 where there is none of this name."""
         port = self.inputs.get(name) or self.outputs.get(name) or self.state.get(name) or (0,)
         return int(port[-1])
+
+    @property
+    def feeds_back(self) -> bool:
+        """Whether each window begins with the last poses that the one before made."""
+        return self.inputs.get("seed", (1,))[0] == "N"
 
     @property
     def probe(self) -> int:

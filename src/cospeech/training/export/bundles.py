@@ -76,7 +76,7 @@ def bundle_run(
         for name, tensor in read_tensors(folder / file)[0].items()
     }
     audio = facts["recipe"]["data"].get("audio")
-    if audio is None and "audio" in model.arrays:
+    if audio is None:
         raise InputError(
             f"the run {str(folder)!r} was trained on all audio columns", "name data.audio in the recipe, and train again"
         )

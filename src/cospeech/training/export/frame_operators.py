@@ -238,10 +238,11 @@ def _reshape(b: FrameGraph, node: NodeProto) -> Made:
     value, before = b.value(node.input[0]), b.dims(node.input[0])
     shape = b.shape_in(node.input[1]) if node.op_type == "Reshape" else None
     after = shape if shape and -1 not in shape and 0 not in shape else b.dims(node.output[0])
-    if _layout(value) == "waves":
+    lifted = _layout(value) == "waves"
+    if lifted:
         value = b.lift(value, "waves")  # lies in memory as in PyTorch
         value = Value(value.name, "plain", value.shared)
-    target = _target(before, after, node)
+    target = _target(before, after, node, 2 if lifted else len(before))  # a picture's third size is another
     if len(after) == 3 and len(before) == 2 and target[0] == 0:  # of a state: a picture at once
         return [Value(b.reshape(b.plain(value).name, [*target[:2], 1, target[2]]), "waves", value.shared)]
     return [Value(b.reshape(b.plain(value).name, target), "plain", value.shared)]
@@ -253,10 +254,10 @@ def _expand(b: FrameGraph, node: NodeProto) -> Made:
     return [b.value(node.input[0])]
 
 
-def _target(before: tuple[Any, ...], after: tuple[Any, ...], node: NodeProto) -> list[int]:
-    """A shape as ONNX' Reshape takes it: 0 for a size as it was, −1 for one that follows from the others."""
+def _target(before: tuple[Any, ...], after: tuple[Any, ...], node: NodeProto, most: int = 8) -> list[int]:
+    """A shape as ONNX' Reshape takes it: 0 for a size as it was, of the first ``most``; −1 for one that follows from others."""
     kept = 0
-    while kept < min(len(before), len(after)) and before[kept] == after[kept]:
+    while kept < min(len(before), len(after), most) and before[kept] == after[kept]:
         kept += 1
     target = [0] * kept + [size if isinstance(size, int) else -1 for size in after[kept:]]
     if target.count(-1) > 1:

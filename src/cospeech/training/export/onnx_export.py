@@ -1,7 +1,7 @@
 """Networks as graphs that play without PyTorch, by `torch.onnx.export`.
 
 Each graph is traced with two takes, written anew (`cospeech.training.export.frame_graph`) and compared with PyTorch, for
-another number of takes and of frames.
+another number of takes and, where frames may vary, of frames.
 
 Network by windows: ``make`` and, where it recognises styles, ``style``. Network of many inputs: ``make``, and ``classify`` and
 ``live`` where it has them. `cospeech.models.nn.export.ExportGraph` says what goes in and comes out.
@@ -108,7 +108,8 @@ def _trace(name: str, graph: ExportGraph, module: torch.nn.Module) -> Any:
     given = _examples(graph, 2, graph.frames)
     takes, steps = torch.export.Dim("N"), torch.export.Dim("T", min=-(-graph.shortest // graph.multiple))
     over_time = {"T": {1: steps * graph.multiple if graph.multiple > 1 else steps}, "S": {1: steps}}
-    shapes = [{0: takes} | over_time.get(str(graph.inputs.get(each, ("N", ""))[1]), {}) for each in given]
+    varies = {} if graph.fixed else over_time
+    shapes = [{0: takes} | varies.get(str(graph.inputs.get(each, ("N", ""))[1]), {}) for each in given]
     names = [*graph.outputs, *(f"next.{each}" for each in graph.states)]
     with _quiet():
         try:
@@ -150,7 +151,7 @@ def _quiet() -> Iterator[None]:
 def _compare(
     name: str, graph: ExportGraph, module: Any, data: bytes, weights: Mapping[str, Array], inputs: Mapping[str, Dims]
 ) -> None:
-    given = _examples(graph, 3, graph.frames + graph.multiple)
+    given = _examples(graph, 3, graph.frames + (0 if graph.fixed else graph.multiple))
     for key, shape in inputs.items():
         if shape[0] == 1:
             given[key] = given[key][:1].expand(3, *given[key].shape[1:]).contiguous()

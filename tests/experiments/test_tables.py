@@ -45,6 +45,7 @@ torch = pytest.importorskip("torch")
 
 ROOT = Path(__file__).resolve().parents[2]
 FPS, SPEAKERS = 15.0, ("ann", "bob", "cleo")
+NAMES = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES, "waveform": WAVEFORM_NAMES}
 FLOW = [table for table in TABLES if table.startswith("flow")]
 ROWS = [row for name in FLOW for part in TABLES[name].parts for row in part.rows]
 RECIPES = sorted({row.recipe for row in ROWS if row.recipe})
@@ -72,8 +73,7 @@ def piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece:
 def store(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("store") / "ted"
     pieces = [piece(f"{n}-{s}", n, s, 200, k * 7 + len(s)) for k, n in enumerate(SPEAKERS) for s in ("train", "test")]
-    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES, "waveform": WAVEFORM_NAMES}
-    write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
+    write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=NAMES)
     return folder
 
 
@@ -223,7 +223,7 @@ def test_control_rows_keep_their_places_and_other_clips_are_far(store):
 def test_other_corpora_have_no_protocol(store, tmp_path):
     write_store(
         tmp_path / "pats", [piece("a", "a", "test", 110, 0)], corpus="pats", pose="direction-vectors", fps=FPS,
-        names={"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES},
+        names=NAMES,
     )  # fmt: skip
     with pytest.raises(InputError, match="pats"):
         Excerpts(tmp_path / "pats")
@@ -360,8 +360,7 @@ def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path
     assert "frozen pose" in table["headroom"]["fgd"]
     assert "headroom of FGD" in to_text(table)
     pieces = [piece(f"{n}-x", n, s, 200, 1) for n in SPEAKERS for s in ("train", "test")]
-    names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
-    write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=names)
+    write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=NAMES)
     with pytest.raises(InputError, match="other clips"):
         make_table("flow-2", replace(table_runs, oracle=tmp_path / "else"), trained=False, tell=heard.append)
 

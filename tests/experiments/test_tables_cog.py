@@ -289,7 +289,7 @@ def test_a_table_from_nothing(table_runs, name, tmp_path):
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])
         assert ("mean" in cells["face_mse"]) is (
-            row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "CaMN", "GestureDiffuCLIP")
+            row not in ("−face", "Seq2Seq", "Speech2Gesture", "MultiContext", "Audio2Gestures", "CaMN", "GestureDiffuCLIP")
         )
         assert "--raw" in cells[BA]["why"]
     truth, noise = table["controls"][CONTROLS[0]], table["controls"]["white noise"]

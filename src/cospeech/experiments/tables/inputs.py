@@ -83,7 +83,7 @@ def generate_rows(
 
     net: Any = player.net
     before, after = find_context(player, given)
-    most = net.multiple - before if getattr(net, "cut", False) else frames
+    most = net.window - before if isinstance(net, SeededWindows) else frames
     if frames > most:  # window by window, each behind recorded poses; the last one ends with the frames
         firsts = [min(k, frames - most) for k in range(0, frames, most)]
         parts = [generate_rows(player, inputs, starts + k, most, speakers, given=given, seed=seed) for k in firsts]

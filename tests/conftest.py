@@ -16,6 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # As many workers as cores: torch and BLAS with threads of their own would stand in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# librosa is compiled when it is first called. Two workers that write one cache can spoil it, and what reads it then crashes.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / os.environ.get("PYTEST_XDIST_WORKER", "alone")))
 
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

@@ -222,15 +222,15 @@ def test_a_name_is_a_track_that_never_changes():
 @pytest.mark.slow
 def test_bodies_follow_a_track():
     def speed(emotion):
-        motion = RuleBasedModel().generate(talk(24), emotion=emotion, seed=2)
+        motion = RuleBasedModel().generate(talk(48), emotion=emotion, seed=2)
         hands = motion.positions()[:, [motion.skeleton.index[side + "Hand"] for side in ("left", "right")]]
         return np.linalg.norm(np.diff(hands, axis=0), axis=-1).mean(1)
 
     rows = [one("anger"), one("anger"), one("sadness"), one("sadness")]
-    tracked = speed(EmotionTrack([0, 11.8, 12.2, 24], rows))
-    assert tracked[30:330].mean() > 1.5 * tracked[390:].mean()
-    back = speed(EmotionTrack([0, 11.8, 12.2, 24], rows[::-1]))
-    assert back[390:].mean() > 1.5 * back[30:330].mean()
+    tracked = speed(EmotionTrack([0, 23.8, 24.2, 48], rows))
+    assert tracked[30:690].mean() > 1.5 * tracked[750:].mean()
+    back = speed(EmotionTrack([0, 23.8, 24.2, 48], rows[::-1]))
+    assert back[750:].mean() > 1.5 * back[30:690].mean()
 
 
 @pytest.mark.slow

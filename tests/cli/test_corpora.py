@@ -59,7 +59,7 @@ def test_synthesise_and_prepare(app, tmp_path):
     ]
     done = CliRunner().invoke(app, line, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "of derived speakers: 5, by augmentation: 24" in done.output
+    assert "clips: 3, speakers: 4, of derived speakers: 3, by augmentation: 12" in done.output
     assert Store(store).fps == 10
     assert app.told == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):

@@ -68,6 +68,7 @@ half as long as there, so that a speaker has several of each within half an hour
 
 _TAKES = 3  # ours: fewest takes of each speaker, one for each split
 _SHORTEST_TAKE = 5.0  # seconds; ours
+_SHORTEST_HELD_OUT = 8.0  # seconds, of validation and test; ours: a window of 90 frames at 12 a second fits into it
 _SHORTEST_STRETCH = 0.05  # seconds; ours: less than two frames of video is nothing to annotate
 _MOST_HELD = 2 * 3600.0  # seconds of speech in memory, each of recorded and synthesised; ours: 460 MB
 _TAKES_PER_SPEECH = 4  # ours: how often a synthesised speech is performed
@@ -142,7 +143,7 @@ def synthesise(
     engines = find_voices(seed) if tts else []
     found = _up_to(_find_recordings(speech, tts and not engines), min(hours * 3600, _MOST_HELD))
     real = {
-        split: [repeat(piece, _SHORTEST_TAKE) for piece in pieces_of(own, take)]
+        split: [repeat(piece, _SHORTEST_TAKE if split == "train" else _SHORTEST_HELD_OUT) for piece in pieces_of(own, take)]
         for split, own in split_recordings(found).items()
     }
     if not any(real.values()) and not engines:
@@ -257,7 +258,7 @@ def _clips(
     chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pools], seconds: float, seeds: tuple[int, int],
     made: _Tally, progress: Callable[[float, float | None], None] | None,
 ) -> Iterator[Clip]:  # fmt: skip
-    """Takes, speaker by speaker, each until the speaker's share is full; each split has its own speech.
+    """Takes, speaker by speaker, each until the speaker's share is full and each split has one; each split has its own speech.
 
     ``seeds`` are those of all, and of the gestures.
     """
@@ -267,7 +268,7 @@ def _clips(
         actor = Actor(seed, who)
         emotions = _emotions(chosen.neutral, seed, who)
         done, k, said = 0.0, 0, Counter[str]()
-        while done < seconds / len(people):
+        while done < seconds / len(people) or k < len(SPLITS):
             emotion = next(emotions)
             split = split_of(k) if split_of(k) in pools[who] else next(iter(pools[who]))
             if chosen.full:

@@ -28,12 +28,12 @@ from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
 from .nn.configuration import ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
-from .nn.objective import Batch, Objective
+from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
 from .nn.settings import check_least
 from .nn.speaker_latent import SpeakerLatent, kl_divergence, pose_diversity
 from .nn.temporal import Memory, TextTcn
-from .nn.window_discriminator import WindowDiscriminator
+from .nn.window_discriminator import AdversarialWindows, WindowDiscriminator
 from .nn.words import word_embedding
 
 __all__ = ["MultiContext", "MultiContextConfig"]
@@ -110,7 +110,7 @@ class _Made(NamedTuple):
 # the model -----------------------------------------------------------------------------------------------------------
 
 
-class MultiContext(ManyInputs):
+class MultiContext(ManyInputs, AdversarialWindows):
     """Multi-context (Yoon et al. 2020, in BEAT's form): one motion for one speech, from sound, words and speaker.
 
     Poses and audio are standardised vectors.
@@ -177,23 +177,6 @@ class MultiContext(ManyInputs):
         return (self.both_ways,)
 
     # what is optimised -----------------------------------------------------------------------------------------------
-
-    def objectives(self) -> dict[str, Objective]:
-        """Discriminator, from the step on at which it begins, and generator; or the generator alone."""
-        maker = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
-        generator = {"generator": Objective(maker, self.generator_loss)}
-        if self.discriminator is None:
-            return generator
-        judge = Objective(self.discriminator.parameters(), self.discriminator_loss, start=self.config.adversarial_from)
-        return {"discriminator": judge, **generator}
-
-    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Of D; moves the discriminator alone."""
-        assert self.discriminator is not None
-        with torch.no_grad():
-            made = self._generate_in_training(batch, self.collect_training_inputs(batch, self.config.seed_dropout)).pose
-        true, false = self.discriminator(batch["pose"]), self.discriminator(made)
-        return {"true": F.softplus(-true).mean(), "false": F.softplus(false).mean()}
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of G, weighted; moves all but the discriminator."""

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from ...errors import InputError, nearest
 from .export import ExportGraph, Shape
-from .modalities import INPUTS, SEEDS
+from .modalities import SEEDS, check_lacks
 from .objective import Batch
 from .windowed import Windowed
 from .words import SubwordTable, WordEmbedding
@@ -84,9 +83,7 @@ class SeededWindows(Windowed):
         Raises:
             InputError: there is no such input.
         """
-        for name in lacks:
-            if name not in INPUTS:
-                raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
+        check_lacks(lacks)
         pose = arrays["pose"]
         rows, frames = pose.shape[:2]
         audio = arrays["audio"] if "audio" in arrays else pose.new_zeros(rows, frames, 0)

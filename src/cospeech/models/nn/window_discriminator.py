@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from .norm import BatchNorm1d
+from .objective import Batch, Objective
 from .recurrent import BothWaysGru
+from .trainable import Trainable
 
-__all__ = ["GruDiscriminator", "WindowDiscriminator"]
+__all__ = ["AdversarialWindows", "GruDiscriminator", "WindowDiscriminator"]
 
 _CHANNELS = (16, 8, 8)  # of the convolutions; authors' code
 _HIDDEN, _LAYERS, _DROPOUT = 64, 4, 0.3  # of the GRU; authors' code
@@ -41,3 +47,39 @@ class WindowDiscriminator(GruDiscriminator):
     def forward(self, poses: Tensor) -> Tensor:
         """See the class."""
         return super().forward(self.convolutions(poses.mT))
+
+
+class AdversarialWindows(Trainable):
+    """A network whose windows a discriminator may judge; its settings say from which step on (``adversarial_from``)."""
+
+    discriminator: nn.Module | None
+    """(B, T, D) → (B,) logits that a window was recorded; None: there is none."""
+
+    def collect_training_inputs(self, batch: Batch, seed_dropout: float) -> Any:
+        """A batch as inputs of the network."""
+        raise NotImplementedError
+
+    def _generate_in_training(self, batch: Batch, given: Any) -> Any:
+        """What it makes, with ``pose`` (B, T, D)."""
+        raise NotImplementedError
+
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Of G, weighted; moves all but the discriminator."""
+        raise NotImplementedError
+
+    def objectives(self) -> dict[str, Objective]:
+        """Discriminator, from the step on at which it begins, and generator; or the generator alone."""
+        maker = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
+        generator = {"generator": Objective(maker, self.generator_loss)}
+        if self.discriminator is None:
+            return generator
+        judge = Objective(self.discriminator.parameters(), self.discriminator_loss, start=self.config.adversarial_from)
+        return {"discriminator": judge, **generator}
+
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Of D; moves the discriminator alone."""
+        assert self.discriminator is not None
+        with torch.no_grad():
+            made = self._generate_in_training(batch, self.collect_training_inputs(batch, self.config.seed_dropout)).pose
+        true, false = self.discriminator(batch["pose"]), self.discriminator(made)
+        return {"true": F.softplus(-true).mean(), "false": F.softplus(false).mean()}

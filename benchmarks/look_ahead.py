@@ -27,10 +27,10 @@ from cospeech.motion.rotations import Array, quat_to_rotvec
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 SETTINGS: dict[str, tuple[float | None, ...]] = {
-    "rules": (None, 0.95, 0.75, 0.55, 0.45, 0.35),
-    "stylised-flow": (None, 0.25, 0.17, 0.0),
-    "mix-stage": (float("inf"), None, 0.34, 0.17, 0.1),
-    "chain-of-generation": (float("inf"), None, 0.27, 0.2, 0.1),
+    "rules": (None, 1.0, 0.8, 0.6, 0.5, 0.4),
+    "stylised-flow": (None, 0.25, 0.16, 0.0),
+    "mix-stage": (float("inf"), None, 0.34, 0.16, 0.0),
+    "chain-of-generation": (float("inf"), None, 0.27, 0.2, 0.13),
 }
 FACES = (None, 0.35, 0.3, 0.25, 0.2)
 MOVES = 1e-3  # radians of standard deviation from which an angle moves

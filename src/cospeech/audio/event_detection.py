@@ -13,7 +13,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..motion.rotations import Array
-from .features.prosody import Features, ProsodyStream
+from .features.prosody import Features, ProsodyStream, samples_for
 from .features.shared_prosody import Prosody, SharedProsody
 from .prosodic_events import RATE, Accent, Heard, Phrase
 from .speech import Speech
@@ -105,6 +105,11 @@ class EventDetector:
     def hear(self, samples: Array) -> None:
         """As `push`, but nothing becomes known yet: `step` is called for that."""
         self._take(self._prosody.push(samples))
+
+    @property
+    def needs(self) -> int:
+        """Samples that must have been heard, in all, until the next `step` can be done."""
+        return samples_for(self._loudness.end + self._step + self._delay)
 
     def step(self) -> bool:
         """One tick more becomes known, where enough was heard; whether it did."""

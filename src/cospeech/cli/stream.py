@@ -91,7 +91,7 @@ LookAhead = Annotated[
         metavar="SECONDS",
         parser=number,
         help="Seconds of speech that a frame waits for. Less makes the character quicker to answer; its gestures come later "
-        "than the words. rules: 0.35 … 1.48, and 0.2 for --parts face; trained models: 0 and more (docs/runtime.md).",
+        "than the words. rules: 0.4 … 1.48, and 0.2 for --parts face; trained models: 0 and more (docs/runtime.md).",
     ),
 ]
 Unpaced = Annotated[

@@ -94,7 +94,7 @@ class RuleBasedModel:
             parts: of face, body, hands.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
                 or a dict), see `cospeech.face.gains.face_gains`.
-            look_ahead: seconds of speech after a frame that it depends on, 0.35 … 1.48 (0.2 … of the face alone); less makes a
+            look_ahead: seconds of speech after a frame that it depends on, 0.4 … 1.48 (0.2 … of the face alone); less makes a
                 live character quicker to answer, and its strokes come later than the words (docs/runtime.md).
 
         Returns:

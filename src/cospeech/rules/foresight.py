@@ -24,14 +24,14 @@ __all__ = [
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
 with, so somebody has to wait."""
-LEAST_LOOK_AHEAD = 0.35
+LEAST_LOOK_AHEAD = 0.4
 """The shortest look-ahead of a session with body or hands, in seconds (ours: below, strokes come too late for their words)."""
 LEAST_FACE = 0.2
 """The shortest of a session of the face alone, in seconds (ours: lips close by what is heard 0.17 s later)."""
-_SHORT_TICK = 0.05  # seconds between two decisions (ours: half of the usual; frames wait less for each other)
-_SHORT_PEAK = 0.05  # seconds after a peak of the envelope until it counts as an accent (ours: the flank has begun to fall)
+_FACE_TICK = 0.05  # seconds between two decisions where less is heard ahead (ours: frames wait less for each other)
+_SHORT_PEAK = 0.03  # seconds after a peak of the envelope until it counts as an accent (ours: the flank has begun to fall)
 _MARGIN = 0.02  # seconds: a row of the envelope, and one of the peak's right-hand side
-_PLANNED = 0.5  # seconds from a decision to an accent in which a preparation and half of a stroke find room (ours)
+_PLANNED = 0.6  # seconds from a decision to an accent in which most preparations and half of a stroke find room (ours, measured)
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,9 @@ def foresee(seconds: float | None, *, least: float = LEAST_LOOK_AHEAD) -> Foresi
         raise InputError(f"look_ahead is {str(seconds)[:60]!r}", f"seconds, {least:g} … {LOOK_AHEAD:g} or more")
     if seconds >= LOOK_AHEAD:
         return USUAL
-    ahead = floor(float(seconds) / _SHORT_TICK + 1e-6) * _SHORT_TICK
+    tick = TICK if seconds >= LEAST_LOOK_AHEAD else _FACE_TICK
+    ahead = floor(float(seconds) / tick + 1e-6) * tick
     known = ahead - _SHORT_PEAK - ENVELOPE_DELAY - _MARGIN
     horizon = min(known, HORIZON)
-    face = FaceDelays.for_foresight(accents=known - _SHORT_TICK, sound=ahead - _SHORT_TICK)
-    return Foresight(ahead, _SHORT_TICK, 0.0, _SHORT_PEAK, horizon, max(_PLANNED - horizon, 0.0), face)
+    face = FaceDelays.for_foresight(accents=known - tick, sound=ahead - tick)
+    return Foresight(ahead, tick, 0.0, _SHORT_PEAK, horizon, max(_PLANNED - horizon, 0.0), face)

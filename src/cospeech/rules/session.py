@@ -12,7 +12,7 @@ import numpy as np
 
 from ..audio.emotions import EMOTIONS, Moods
 from ..audio.event_detection import EventDetector
-from ..audio.features.at_16_khz import At16kHz
+from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
@@ -96,7 +96,7 @@ class Session(SessionControls):
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
-        self._sound = At16kHz()
+        self._sound, self._held = At16kHz(), HeldSamples()
         self._origin: float | None = None
         self._words: list[Word] = []
         self._ticks = 0
@@ -168,6 +168,9 @@ class Session(SessionControls):
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
         self._words.extend(shift_times(chunk, self._origin).words or ())
+        if self._held.is_short(samples, self.detector.needs):
+            return self._next_frames()
+        samples = self._held.take(samples)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
             if not self.foresight.is_usual:
@@ -206,7 +209,7 @@ class Session(SessionControls):
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._sound.finished:
             return self._next_frames()
-        self._hear(self._sound.finish())
+        self._hear(self._held.take(self._sound.finish()))
         self.detector.finish()
         if self.mouth is not None:
             self.mouth.finish()

@@ -137,7 +137,7 @@ def stream(
     my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
     """
     from ..audio.live_sources import PIECE
-    from ..export.live.pacing import MARGIN, FramePacer
+    from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer
     from ..export.live.targets import StreamSettings, open_outlet
     from ..generate import open_live_session
 
@@ -146,11 +146,12 @@ def stream(
     wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
         model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
-        face_gain=face_gain, fps=fps, look_ahead=look_ahead, idle_after=_idle_after(source) if idle_after is None else idle_after,
+        face_gain=face_gain, fps=fps, look_ahead=look_ahead,
+        idle_after=_idle_after(source) if idle_after is None else idle_after,
     )  # fmt: skip
     if not unpaced:
         session.warm_up()
-    delay = session.latency + PIECE + MARGIN
+    delay = session.latency + PIECE + (MARGIN if look_ahead is None else SHORT_MARGIN)
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
         controls = _open_control(stack, control)

@@ -104,7 +104,7 @@ def foresee(seconds: float | None, *, least: float = LEAST_LOOK_AHEAD) -> Foresi
     if seconds >= LOOK_AHEAD:
         return USUAL
     tick = TICK if seconds >= LEAST_LOOK_AHEAD else _FACE_TICK
-    ahead = floor(float(seconds) / tick + 1e-6) * tick
+    ahead = round(floor(float(seconds) / tick + 1e-6) * tick, 2)
     known = ahead - _SHORT_PEAK - ENVELOPE_DELAY - _MARGIN
     horizon = min(known, HORIZON)
     face = FaceDelays.for_foresight(accents=known - tick, sound=ahead - tick)

@@ -233,6 +233,10 @@ class Session(SessionControls):
         while self._ready:
             yield self._ready.popleft()
 
+    def hear_held(self) -> None:
+        """Hear what waits for more, before who shares the prosody ends it."""
+        self._hear(self._held.take(np.zeros(0, np.float32)))
+
     def _hear(self, samples: Array) -> None:
         """Samples at 16 kHz, for all that listens."""
         self.detector.hear(samples)

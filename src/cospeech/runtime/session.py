@@ -294,6 +294,8 @@ class TrainedSession:
         if self._over:
             return self._next_frames()
         self._over = True
+        for face in self._faces:
+            face.hear_held()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):

@@ -209,7 +209,9 @@ class Face:
 
     def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
         """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
-        course = np.clip(_CALM + _SWELL * accent_swell(times, accents, late=self._delays.swell) + _DRIFT * drift[:, 0], 0.2, 1.0)
+        course = np.clip(
+            _CALM + _SWELL * accent_swell(times, accents, late=self._delays.swell) + _DRIFT * drift[:, 0], 0.2, 1.0
+        )
         course *= self.intensity * (0.7 + 0.3 * self.expressiveness)
         out = add_weighted_rows(emotion * course[:, None], EXPRESSIONS)
         out *= 1 - IS_MOUTH * (_MOUTH_YIELDS * talking)[:, None]

@@ -10,6 +10,7 @@ from .lips import TALKING_HALF
 
 __all__ = ["FaceDelays"]
 
+
 @dataclass(frozen=True)
 class FaceDelays:
     """Seconds by which each of these comes later than it does with the usual look-ahead; 0 there.

@@ -31,7 +31,7 @@ LEAST_FACE = 0.2
 _FACE_TICK = 0.05  # seconds between two decisions where less is heard ahead (ours: frames wait less for each other)
 _SHORT_PEAK = 0.03  # seconds after a peak of the envelope until it counts as an accent (ours: the flank has begun to fall)
 _MARGIN = 0.02  # seconds: a row of the envelope, and one of the peak's right-hand side
-_PLANNED = 0.6  # seconds from a decision to an accent in which most preparations and half of a stroke find room (ours, measured)
+_PLANNED = 0.6  # seconds from a decision to an accent in which most preparations and half a stroke find room (ours)
 
 
 @dataclass(frozen=True)

@@ -92,8 +92,7 @@ class Planner:
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
-        self._last_accent = -1.0
-        self._last_word = -1.0
+        self._last_accent = self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
         self._forms = weigh_forms(style.repertoire)
 

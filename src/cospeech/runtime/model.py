@@ -21,9 +21,9 @@ from ..motion.poses import find_pose
 from ..motion.poses.controls import QUANTILES, control_row, read_controls
 from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
+from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.session import check_speech, stream_motion
-from ..rules.foresight import LEAST_FACE
 from ..rules.stance_layer import REACH, StanceLayer
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoders import needs_stance, options_for_files, start_decoder

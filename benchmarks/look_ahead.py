@@ -1,6 +1,6 @@
 """What a short look-ahead costs: ``python benchmarks/look_ahead.py --speech FOLDER [--models rules] [--minutes 6]``.
 
-Every setting of `look_ahead` plays the same speech. Each row says how long a frame comes after its sound (`session.latency`), the
+Every setting of `look_ahead` plays the same speech. Each row says how long a frame comes after its sound, the
 lift of beat alignment over chance (benchmarks/README.md) with its 95 % interval, by how much wrists are behind the accents, how
 fast they move, and how alike the poses are to those of the usual setting: the correlation over time of joint angles that
 move. Rules decide anew at each setting, so theirs are other performances.

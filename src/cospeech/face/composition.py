@@ -208,7 +208,7 @@ class Face:
         return scaled
 
     def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
-        """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
+        """(T, 52) of the emotion, waxing and waning with stresses; a neutral speaker smiles a little in pauses."""
         course = np.clip(
             _CALM + _SWELL * accent_swell(times, accents, late=self._delays.swell) + _DRIFT * drift[:, 0], 0.2, 1.0
         )

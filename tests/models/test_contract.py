@@ -67,8 +67,6 @@ CHANGES = {
     "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooling_window": 5},
     "speech-classifier": {"frames": 10},
     "seq2seq": {"frames": 10},
-    "gesticulator": {},
-    "audio2gestures": {},
     "joint-embedding": {"frames": 12},
     "speech2affective-gestures": {"frames": 12, "speaker": 3},
     "trimodal": {"frames": 12, "speaker": 3},

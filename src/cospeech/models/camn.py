@@ -31,7 +31,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -52,6 +52,8 @@ class CamnConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4}
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32, "audio": 64, "text": 64}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""

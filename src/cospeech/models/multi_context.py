@@ -26,7 +26,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
@@ -46,6 +46,10 @@ class MultiContextConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4, "adversarial_from": 5,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "hidden": 64, "layers": 2, "word_width": 32, "audio": 64, "text": 64, "adversarial_from": 60,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""

@@ -25,7 +25,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .camn import huber
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, weights_of
 from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
@@ -47,6 +47,8 @@ class TrimodalConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "strides": (5, 1, 1, 1), "adversarial_from": 5,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32, "adversarial_from": 60}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; section 4.2: 34 at 15 per second, of which 4 are known."""

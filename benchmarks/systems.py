@@ -40,8 +40,8 @@ AUTHORS = {
     "camn, beat": (0.011, 16_370_000),
     "multi-context, beat": (0.010, 8_380_000),
 }
-"""System and corpus → (real-time factor, parameters) of the authors' public code with random weights, on one thread of an AMD EPYC
-with other work on it. Word tables are of their sizes. [measured from the authors' code, 2026-11]"""
+"""System and corpus → (real-time factor, parameters) of the authors' public code with random weights, on one thread of an AMD
+EPYC with other work on it. Word tables are of their sizes. [measured from the authors' code, 2026-11]"""
 
 
 def measure(player: PlayableRun, store: Store) -> float:
@@ -79,7 +79,7 @@ def main(folders: list[str]) -> None:
                     other,
                     f"{theirs:g}" if theirs else "–",
                 ]
-                print(f"| {' | '.join(cells)} |", flush=True)
+                print(f"| {' | '.join(cells)} | {theirs or '–'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,8 @@ def main(folders: list[str]) -> None:
                 plain = load_recipe(SHIPPED / f"{recipe}.toml")
                 if plain.data.corpus != store.corpus or recipe.endswith(ABLATIONS):
                     continue
+                if plain.needs:
+                    recipe += ABLATIONS[0]  # the same network, without the training of a feature network
                 brief = ("train.steps=1", "train.batch=2", "train.validate_every=0", "data.mirror=false")
                 player = Runs(folder, Path(scratch) / "runs", overrides=brief, threads=1).player(recipe)
                 factor, (theirs, size) = measure(player, store), AUTHORS.get(f"{plain.model}, {store.corpus}", (None, None))

@@ -73,15 +73,8 @@ def main(folders: list[str]) -> None:
                 player = Runs(folder, Path(scratch) / "runs", overrides=brief, threads=1).player(recipe)
                 factor, (theirs, size) = measure(player, store), AUTHORS.get(f"{plain.model}, {store.corpus}", (None, None))
                 other = f"{size:,}" if size else "–"
-                cells = [
-                    f"`{plain.model}`",
-                    store.corpus,
-                    f"{player.parameters:,}",
-                    f"{factor:.2g}",
-                    other,
-                    f"{theirs:g}" if theirs else "–",
-                ]
-                print(f"| {' | '.join(cells)} | {theirs or '–'} |", flush=True)
+                ours = [f"`{plain.model}`", store.corpus, f"{player.parameters:,}", f"{factor:.2g}"]
+                print(f"| {' | '.join(ours)} | {other} | {theirs or '–'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -171,11 +171,11 @@ def report_pace(name: str, seconds: float, look_ahead: float | None) -> None:
     left = np.array(recorder.left)
     gaps = 1e3 * np.abs(np.diff(left[:, 0]) - np.diff(left[:, 1]))
     lag = left[:, 0] - begin - left[:, 1]
-    wall, cpu = np.percentile(took, 99), np.percentile(used, 99)
+    wall, cpu, gap = np.percentile(took, 99), np.percentile(used, 99), np.percentile(gaps, 99)
     print(f"{name}, look-ahead {look_ahead}: a push takes {np.median(took):.2f} ms, p99 {wall:.1f} ms on the clock, "
           f"{np.median(used):.2f} and {cpu:.1f} ms of the processor, the first {took[0]:.1f} ms; jitter of the time between "
-          f"frames p99 {np.percentile(gaps, 99):.2f} ms; a frame leaves {np.median(lag):.3f} s behind its sound, "
-          f"{lag.max():.3f} s at most; {pace.late} of {pace.frames} frames late; load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
+          f"frames p99 {gap:.2f} ms; a frame leaves {np.median(lag):.3f} s behind its sound, {lag.max():.3f} s at most; "
+          f"{pace.late} of {pace.frames} frames late; load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
 
 
 def report_warm(name: str, look_ahead: float | None) -> None:

@@ -61,7 +61,7 @@ class Foresight:
         return self.look_ahead == LOOK_AHEAD
 
     @property
-    def heard(self) -> float:
+    def sound_ahead(self) -> float:
         """Seconds of prosody beyond a tick that are certain when it is decided, at least."""
         return self.look_ahead - self.level_delay
 
@@ -69,7 +69,7 @@ class Foresight:
     def latency(self) -> float:
         """Seconds of sound at 16 kHz after a frame's time until the frame is given, at most: what it depends on, in whole
         ticks, and what the features of a hundredth wait for."""
-        return ceil(self.heard / self.tick - 1e-9) * self.tick + self.level_delay + DELAY
+        return ceil(self.sound_ahead / self.tick - 1e-9) * self.tick + self.level_delay + DELAY
 
     @property
     def mouth_waits(self) -> float:

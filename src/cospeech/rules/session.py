@@ -233,7 +233,7 @@ class Session(SessionControls):
         while self._ready:
             yield self._ready.popleft()
 
-    def hear_held(self) -> None:
+    def hear_rest(self) -> None:
         """Hear what waits for more, before who shares the prosody ends it."""
         self._hear(self._held.take(np.zeros(0, np.float32)))
 

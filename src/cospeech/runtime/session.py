@@ -295,7 +295,7 @@ class TrainedSession:
             return self._next_frames()
         self._over = True
         for face in self._faces:
-            face.hear_held()
+            face.hear_rest()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):

@@ -46,7 +46,7 @@ class WindowLayout:
         return self.window - self.hop - self.ahead - self.held
 
     @property
-    def heard(self) -> int:
+    def speech_frames(self) -> int:
         """Frames of speech in a window."""
         return self.window - self.held
 
@@ -98,14 +98,14 @@ class Sliding:
         """The windows of the rest, of which as many frames as were heard; ``silence`` (1, A) is after the speech."""
         missing = self._heard - self.frames
         windows = -(-missing // self.setting.hop)
-        until = self.setting.heard + (windows - 1) * self.setting.hop if windows else 0
+        until = self.setting.speech_frames + (windows - 1) * self.setting.hop if windows else 0
         made = self._slid(np.repeat(silence, max(0, until - len(self._rows)), 0))
         return [np.concatenate(made, 1)[:, :missing]] if made else []
 
     def _slid(self, rows: Array) -> list[Array]:
         self._rows = np.concatenate([self._rows, rows])
         made = []
-        while len(self._rows) >= self.setting.heard:
+        while len(self._rows) >= self.setting.speech_frames:
             made.append(self._next())
             self._rows = self._rows[self.setting.hop :]
         self._rows = self._rows.copy()
@@ -115,7 +115,7 @@ class Sliding:
         """(N, hop, D) of the next window."""
         window, hop, fade, past = self.setting.window, self.setting.hop, self.setting.fade, self.setting.past
         self._mode_noise = np.concatenate([self._mode_noise, self._draw(window - self._mode_noise.shape[1])], 1)
-        rows = self._rows[: self.setting.heard]
+        rows = self._rows[: self.setting.speech_frames]
         if self.setting.held:
             rows = np.concatenate([rows, np.repeat(rows[-1:], self.setting.held, 0)])
         poses = self._make(rows, self.frames, self._mode_noise)

@@ -7,6 +7,7 @@ analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..audio.emotions import EMOTIONS
@@ -17,14 +18,15 @@ from ..face.gains import face_gains
 from ..face.mouth import Mouth, MouthMaker
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
+from .gesture import Gesture
 from .options import GenerationOptions
-from .plan import Gesture
+from .plan_edits import Plan
 from .session import LATENCY, LOOK_AHEAD, Session, check_speech, in_short, stream_motion
 from .styles import STYLES, Style, find_style
 
 __all__ = [
-    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleBasedModel",
-    "RuleGesturer", "Session", "Style",
+    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "Plan",
+    "RuleBasedModel", "RuleGesturer", "Session", "Style",
 ]  # fmt: skip
 
 
@@ -73,6 +75,7 @@ class RuleBasedModel:
             find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
             gains=face_gains(options.face_gain), aimed=aimed,
+            plan=options.plan if moving else None,
         )  # fmt: skip
         if mouth is not None:
             session.share(SharedProsody())
@@ -90,6 +93,8 @@ class RuleBasedModel:
             temperature: freedom in the choice and place of gestures, 0 … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
+            plan: a `Plan`, or the file of one: what is gestured when; style, emotion, seed, intensity and temperature are its
+                own then.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
                 or a dict), see `cospeech.face.gains.face_gains`.
 
@@ -104,6 +109,22 @@ class RuleBasedModel:
         pieces = [piece for chunk in in_short(speech) for piece in session.push(chunk)]
         pieces += session.finish()
         return Motion.concatenate(pieces)
+
+    def plan(self, speech: Speech, **options: Any) -> Plan:
+        """What `generate` would perform, as a plan with all gestures listed, to be edited and played: ``plan=``.
+
+        Args:
+            speech: the speech; its words become a part of the plan.
+            options: as of `generate`.
+
+        Raises:
+            InputError: an option is out of range, or cannot be written down.
+        """
+        asked = GenerationOptions(**options)
+        session = self.session(asked if asked.plan is not None else replace(asked, plan=Plan.of(asked)))
+        for _ in stream_motion(session, [speech]):
+            pass
+        return session.plan
 
     def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
         """The same motion in pieces, at most `LATENCY` seconds behind the speech, which may come in pieces of any size.

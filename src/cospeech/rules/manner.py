@@ -30,6 +30,8 @@ class Manner:
     style: Style
     intensity: float
     face: Face
+    seed: int
+    """Of what is never still."""
 
 
 def make_manner(style: Style, intensity: float, *, seed: int, gains: Array | None) -> Manner:
@@ -44,7 +46,7 @@ def make_manner(style: Style, intensity: float, *, seed: int, gains: Array | Non
         seed=seed, intensity=min(intensity, _MOST_FACE), expressiveness=style.expressiveness, emphasis=style.emphasis,
         blink_rate=style.blinks / 60, gains=gains,
     )  # fmt: skip
-    return Manner(style, intensity, face)
+    return Manner(style, intensity, face, seed)
 
 
 class MannerCourse:

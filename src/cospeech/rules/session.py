@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from math import ceil
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,23 +28,18 @@ from ..motion.skeleton import humanoid
 from .arousal import LOOKS, arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
+from .gesture import Gesture
 from .manner import Manner, MannerCourse, make_manner, mix_frames
 from .mood import SPAN, Mood
-from .plan import HORIZON, Gesture, Planner
+from .plan import HORIZON, Planner
+from .plan_edits import Plan
+from .plan_record import PlanRecord
 from .realise import Pieces, gaze_only, realise
 from .styles import Style
 
 __all__ = [
-    "AROUSAL_DELAY",
-    "KEPT",
-    "LATENCY",
-    "LOOK_AHEAD",
-    "MOUTH_WAITS",
-    "Session",
-    "check_speech",
-    "in_short",
-    "stream_motion",
-]
+    "AROUSAL_DELAY", "KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session", "check_speech", "in_short", "stream_motion",
+]  # fmt: skip
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
 """Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
@@ -78,6 +73,7 @@ class Session(SessionControls):
         gains: (52,) factors of the face's channels; all 1 where not given.
         aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
             because another system turns the head. Such a session of the face alone plans no gestures.
+        plan: what is performed; the seed is its own then.
     """
 
     def __init__(
@@ -93,12 +89,15 @@ class Session(SessionControls):
         mouth: Mouth | None = None,
         gains: Array | None = None,
         aimed: bool = True,
+        plan: Plan | None = None,
     ) -> None:
         self.seed, self.fps, self.parts, self.gains = seed, fps, parts, gains
         self.manners = MannerCourse(make_manner(style, intensity, seed=seed, gains=gains))
         self.detector = EventDetector()
         self.mood = Mood(emotion)
-        self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
+        size: Any = {"intensity": intensity, "temperature": temperature}
+        self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
+        self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
@@ -161,6 +160,17 @@ class Session(SessionControls):
         """Seconds of sound after a frame's time on which the frame depends, at most."""
         return LOOK_AHEAD
 
+    @property
+    def plan(self) -> Plan:
+        """What was performed, with all gestures so far; of a session that was opened with a plan.
+
+        Raises:
+            InputError: it was opened without one.
+        """
+        if self._played is None:
+            raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
+        return self._played.plan(float(self._sound.duration))
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
 
@@ -174,7 +184,10 @@ class Session(SessionControls):
         check_speech(chunk)
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
-        self._words.extend(shift_times(chunk, self._origin).words or ())
+        words = shift_times(chunk, self._origin).words or ()
+        self._words.extend(words)
+        if self._played is not None:
+            self._played.words.extend(words)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
             heard = self.detector.certain_until + LEVEL_DELAY
@@ -230,6 +243,7 @@ class Session(SessionControls):
             self.mouth.push(samples)
 
     def _decide(self) -> None:
+        self._follow_plan()
         now = self.planned_until
         visible = now + LOOK_AHEAD
         detector = self.detector
@@ -245,6 +259,8 @@ class Session(SessionControls):
         if self.mood.track is not None or self._ticks % _LOOK == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
+        if self._played is not None:
+            self._played.note(self.planned_until, self.modifier, self.mood, detector)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self._eyes_only:
             self.planner.posture.look(now, phrases, self.modifier)
@@ -298,7 +314,7 @@ class Session(SessionControls):
             return gaze_only(times, self.planner.body)
         tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         fear = mood[:, EMOTIONS.index("fear")]
-        return realise(times, self.planner.body, tracks, manner.style, seed=self.seed, size=manner.intensity, tremor=fear)
+        return realise(times, self.planner.body, tracks, manner.style, seed=manner.seed, size=manner.intensity, tremor=fear)
 
     def _faces(self, times: Array, mood: Array, faces: list[Face]) -> list[Array]:
         """(n, 52) weights of each of these faces."""

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "CospeechError", "InputError", "Motion", "Plan", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid", "load",
-    "open_live_session",
+    "CospeechError", "InputError", "Motion", "Plan", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid",
+    "load", "open_live_session",
 ]  # fmt: skip
 
 NO_TELEMETRY = {

@@ -41,6 +41,7 @@ _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of
 _CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
+_HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -198,11 +199,13 @@ class Planner:
             poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
         if asked:
             asked.shift(poses)
+        earliest = now + SLACK if now > 0 else -RUN_UP
         usual = stroke_time(poses[0], poses[1], tempo, modifier)
+        if asked:  # it hurries where there is little time
+            usual = min(usual, max(2 * (asked.stroke - earliest - 0.2), _HURRIED * usual))
         stroke = _stroke_times(usual, poses, tempo, modifier, asked)[0]
         skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
         onset = asked.stroke - stroke / 2 if asked else at - LEAD + _MERGED - stroke * peak_share(skew)
-        earliest = now + SLACK if now > 0 else -RUN_UP
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready

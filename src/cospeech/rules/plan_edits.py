@@ -220,7 +220,7 @@ class Plan(PlanData):
         self._check_free(old.stroke)
         if "form" in fields:
             form, side = find_form(str(fields["form"]))
-            usual = {"place": None, "end": None, "hold": None} if form != old.form else {}
+            usual = {"start": None, "place": None, "end": None, "hold": None} if form != old.form else {}
             fields = {**usual, **fields, "form": form} | ({"hands": side} if side else {})
         data = [each.model_dump() | (fields if each.id == old.id else {}) for each in self.gestures]
         changed = self._checked(gestures=data)

@@ -79,6 +79,7 @@ class _Source(Planner):
         self._count = 0
         self._looks = 0
         self.at_start = self.before_letting_go = self.states()
+        self.schedule = self.posture.schedule()
         self.saccade: GazeShift | None = None
 
     def states(self) -> _States:
@@ -86,7 +87,7 @@ class _Source(Planner):
         return _States(self._random.getstate(), self.posture.random.getstate())
 
     def decide(self, now: float, **heard: Any) -> list[Gesture]:
-        self.at_start, self.decisions = self.states(), []
+        self.at_start, self.decisions, self.schedule = self.states(), [], self.posture.schedule()
         made = super().decide(now, **heard)
         last, self.saccade = self.gaze.last, None
         if last is not None:
@@ -219,7 +220,8 @@ class PlanPlayer(Planner):
         for _, other in self._stretches:
             other.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
         source = self._source_at(now)
-        self._set(source.at_start)
+        self._set(self._base.at_start)  # feet, weight and trunk go on as they were: a stretch ends where the rest begins
+        self.posture.follow(self._base.schedule)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
         for each in (self._base, *(other for _, other in self._stretches)):
             for decision in each.decisions:

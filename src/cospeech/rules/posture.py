@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from random import Random
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,15 @@ class Posture:
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None
+
+    def schedule(self) -> dict[str, Any]:
+        """What is to be done when, apart from where the body is."""
+        return {"_next": dict(self._next), "_seat": self._seat, "_phrase": self._phrase, "stance": self.stance.schedule()}
+
+    def follow(self, schedule: Mapping[str, Any]) -> None:
+        """Go on as another posture would from there."""
+        self._next, self._seat, self._phrase = dict(schedule["_next"]), schedule["_seat"], schedule["_phrase"]
+        self.stance.follow(schedule["stance"])
 
     @property
     def random(self) -> Random:

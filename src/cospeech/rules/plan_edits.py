@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..files import atomic, parse_json, read_regular
 from ..limits import PLAN_BYTES, PLAN_VALUES
 from .options import SEEDS, GenerationOptions
-from .plan_model import SUPERIMPOSED, Mood, PlanData, PlannedGesture, Stretch, find_form, parse_plan
+from .plan_model import SUPERIMPOSED, Mood, PlanData, PlannedGesture, Stretch, find_form, heard_words, parse_plan
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["Plan", "Setting"]
@@ -277,6 +278,10 @@ class Plan(PlanData):
     def unlock(self) -> Plan:
         """Nothing is locked."""
         return self._checked(locked=())
+
+    def with_words(self, words: Iterable[Word]) -> Plan:
+        """The plan with the words of a transcript."""
+        return self.model_copy(update={"words": heard_words(words)})
 
     # ------------------------------------------------------------------------------------------------ parts of them
 

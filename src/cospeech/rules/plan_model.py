@@ -5,13 +5,14 @@ All parts are frozen. An edit (`plan_edits`) makes another plan, so that a progr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..audio.emotions import EMOTIONS
+from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..limits import PLAUSIBLE_SECONDS
 from .lexicon import LEXICON
@@ -20,7 +21,7 @@ from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = [
     "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord", "Mood", "PlanData",
-    "PlannedGesture", "Stretch", "find_form", "parse_plan",
+    "PlannedGesture", "Stretch", "find_form", "heard_words", "parse_plan",
 ]  # fmt: skip
 
 VERSION = 1
@@ -260,6 +261,14 @@ def _check_distances(gestures: tuple[PlannedGesture, ...]) -> None:
         if two.stroke - one.stroke < NEAREST and one.shares_hand(two):
             problem = f"gestures[{b}].stroke: {two.stroke:g} is within {NEAREST:g} s of gestures[{a}] at {one.stroke:g}"
             raise ValueError(f"{problem}|move or remove one of them")
+
+
+def heard_words(words: Iterable[Word]) -> tuple[HeardWord, ...]:
+    """Words of a transcript, as a plan has them."""
+    return tuple(
+        HeardWord(text=word.text[:_LONGEST_TEXT], start=round(max(word.start, 0.0), 4), end=round(max(word.end, 0.0), 4))
+        for word in words
+    )
 
 
 def all_forms() -> list[str]:

@@ -14,7 +14,7 @@ from .arousal import arouse
 from .emotion_modifiers import EmotionModifier, blend_modifiers
 from .mood import Mood
 from .plan_edits import Plan, Setting
-from .plan_model import HeardAccent, HeardPhrase, HeardWord
+from .plan_model import HeardAccent, HeardPhrase, heard_words
 from .plan_player import PlanPlayer
 from .styles import Style, find_style
 
@@ -76,15 +76,11 @@ class PlanRecord:
         Args:
             seconds: length of the speech.
         """
-        words = [
-            HeardWord(text=w.text[:200], start=round(max(w.start, 0.0), _DIGITS), end=round(max(w.end, 0.0), _DIGITS))
-            for w in self.words
-        ]
         phrases = [
             HeardPhrase(start=round(max(start, 0.0), _DIGITS), end=round(end, _DIGITS)) for start, end in self._phrases.items()
         ]
         return self.player.plan().model_copy(update={
-            "seconds": round(seconds, _DIGITS), "words": tuple(words), "phrases": tuple(phrases),
+            "seconds": round(seconds, _DIGITS), "words": heard_words(self.words), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
 

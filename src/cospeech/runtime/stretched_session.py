@@ -15,7 +15,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..rules.options import GenerationOptions
 from ..rules.plan_edits import Plan, Setting
-from ..rules.session import check_speech
+from ..rules.session import LATENCY, check_speech
 from .motion_switch import MotionSwitch
 from .session import TrainedSession
 
@@ -43,14 +43,16 @@ class StretchedSession:
             raise InputError(
                 f"{what}: a trained model plays no listed gestures", "only `rules` does; stretches are for all models"
             )
-        self._plan, self._settings = plan, deque(plan.settings())
-        self._holds = Setting(0.0, plan.style, plan.emotion, plan.intensity, plan.seed)
-        seeds = dict.fromkeys([plan.seed, *(each.seed for each in self._settings)])
+        settings = plan.settings()
+        changes = [(each.time, each, False) for each in settings] + [(each.time + LATENCY, each, True) for each in settings]
+        self._plan, self._settings = plan, deque(sorted(changes, key=lambda change: change[0]))
+        self._holds = self._faces_hold = Setting(0.0, plan.style, plan.emotion, plan.intensity, plan.seed)
+        seeds = dict.fromkeys([plan.seed, *(each.seed for each in settings)])
         own = replace(options, plan=None)
         self._sessions = {seed: start(replace(own, seed=seed)) for seed in seeds}
         self._first = self._sessions[plan.seed]
-        self._courses = [(-np.inf, 0), *((each.time, list(seeds).index(each.seed)) for each in self._settings)]
-        for style in {each.style for each in self._settings if each.style != plan.style}:
+        self._courses = [(-np.inf, 0), *((each.time, list(seeds).index(each.seed)) for each in settings)]
+        for style in {each.style for each in settings if each.style != plan.style}:
             start(replace(own, style=style))  # it complains now, not in the middle of the speech
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
@@ -95,8 +97,8 @@ class StretchedSession:
         """See `TrainedSession.push_takes`."""
         check_speech(chunk)
         end = self._time + chunk.duration
-        while self._settings and self._settings[0].time < end:
-            border = round((max(Fraction(self._settings[0].time) - self._time, Fraction(0))) * chunk.rate)
+        while self._settings and self._settings[0][0] < end:
+            border = round((max(Fraction(self._settings[0][0]) - self._time, Fraction(0))) * chunk.rate)
             if 0 < border < len(chunk):
                 before = chunk.window(chunk.start, chunk.start + border / chunk.rate)
                 words = None if chunk.words is None else tuple(w for w in chunk.words if w not in (before.words or ()))
@@ -105,12 +107,17 @@ class StretchedSession:
                 self._feed(before)
             elif border >= len(chunk):
                 break
-            self._change(self._settings.popleft())
+            _, new, faces = self._settings.popleft()
+            (self._change_faces if faces else self._change)(new)
         self._feed(chunk)
         return self._give()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """See `TrainedSession.finish_takes`."""
+        for _, new, faces in self._settings:
+            if faces:
+                self._change_faces(new)
+        self._settings.clear()
         for waiting, session in zip(self._waiting, self._sessions.values(), strict=True):
             waiting += session.finish()
         return self._give()
@@ -123,11 +130,20 @@ class StretchedSession:
     def _change(self, new: Setting) -> None:
         if new.style != self._holds.style:
             self.restyle(new.style)
-        if new.feels != self._holds.feels:
-            self.set_emotion(new.moods)
-        if new.intensity != self._holds.intensity:
-            self.set_intensity(new.intensity)
+        for session in self._sessions.values():
+            if new.feels != self._holds.feels:
+                session.set_emotion(new.moods, faces=False)
+            if new.intensity != self._holds.intensity:
+                session.set_intensity(new.intensity, faces=False)
         self._holds = new
+
+    def _change_faces(self, new: Setting) -> None:
+        """What faces show: they are made later than bodies, see `TrainedSession.set_emotion`."""
+        emotion = new.moods if new.feels != self._faces_hold.feels else None
+        intensity = new.intensity if new.intensity != self._faces_hold.intensity else None
+        for session in self._sessions.values():
+            session.change_faces(emotion=emotion, intensity=intensity)
+        self._faces_hold = new
 
     def _give(self) -> Iterator[list[Motion]]:
         """What all sessions have come to."""

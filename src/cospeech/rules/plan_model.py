@@ -340,7 +340,8 @@ def parse_plan(kind: type[T], data: Any, name: str) -> T:
 
 def _describe(error: ValidationError) -> tuple[str, str]:
     """The first thing that is wrong, in our words, and a hint."""
-    first = error.errors(include_url=False)[0]
+    found = error.errors(include_url=False)
+    first = next((each for each in found if "str" not in each["loc"]), found[0])  # of a track, not that it is no name
     where = ""
     for part in first["loc"]:
         if isinstance(part, int):

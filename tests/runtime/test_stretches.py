@@ -41,7 +41,8 @@ def rules_takes() -> tuple[Motion, Motion]:
 
 def changed(a: Motion, b: Motion) -> np.ndarray:
     """(T,) whether a frame differs."""
-    return np.abs(a.rotations - b.rotations).max((1, 2)) + np.abs(a.face - b.face).max(1) > 1e-6
+    turned = np.minimum(np.abs(a.rotations - b.rotations), np.abs(a.rotations + b.rotations))  # q and −q are one rotation
+    return turned.max((1, 2)) + np.abs(a.face - b.face).max(1) > 1e-6
 
 
 def fastest(motion: Motion) -> float:

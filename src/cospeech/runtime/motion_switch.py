@@ -58,7 +58,9 @@ class MotionSwitch:
             self._transition = None if source == self._exact else PoseTransition(self._shown, motion[:1])
         self._active = source
         if self._transition is not None:
-            motion = self._transition.apply(motion)
+            count = self._transition.frames_left(motion.fps)
+            led = self._transition.apply(motion[:count])
+            motion = led if count >= len(motion) else Motion.concatenate([led, motion[count:]])
             if self._transition.is_over(motion.fps):
                 self._transition = None
         return motion
@@ -149,6 +151,7 @@ def _mix(motion: Motion, old: Motion, share: Array) -> Motion:
     if not share.any():
         return motion
     rotations = mix_frames([(motion.rotations, share), (old.rotations, share)]).astype(motion.rotations.dtype)
+    rotations = np.where(share[:, None, None] > 0, rotations, motion.rotations)
     root = mix_frames([(motion.root, share), (old.root, share)]).astype(motion.root.dtype)
     face = motion.face
     if face is not None and old.face is not None:

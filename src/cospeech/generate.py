@@ -35,7 +35,7 @@ from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
 from .rules.plan_edits import Plan
-from .runtime.motion_switch import read_kept
+from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
 
@@ -50,36 +50,15 @@ Progress = Callable[[float, float | None], None]
 
 
 def generate_files(
-    audio: File,
-    outputs: Sequence[File],
-    *,
-    model: str = DEFAULT,
-    style: StyleLike = None,
-    emotion: str | PathLike[str] | EmotionTrack = "auto",
-    speaker: str | None = None,
-    transcript: File | None = None,
-    transcribe: bool = False,
-    seed: int = 0,
-    takes: int = 1,
-    temperature: float = 1.0,
-    intensity: float = 1.0,
-    parts: Iterable[str] = PARTS,
-    face_gain: FaceGain = 1.0,
-    face: MotionLike = None,
-    continue_from: MotionLike = None,
-    plan: File | Plan | None = None,
-    plan_out: File | None = None,
-    plan_edits: PlanCommands = NO_EDITS,
-    keep: str = "",
-    keep_from: MotionLike = None,
-    skeleton: File | Skeleton = "humanoid",
-    fps: float = 30.0,
-    avatar: File | None = None,
-    report: File | None = None,
-    special: Mapping[str, Mapping[str, object]] | None = None,
-    progress: Progress | None = None,
-    loaded: Model | None = None,
-) -> Report:
+    audio: File, outputs: Sequence[File], *, model: str = DEFAULT, style: StyleLike = None,
+    emotion: str | PathLike[str] | EmotionTrack = "auto", speaker: str | None = None, transcript: File | None = None,
+    transcribe: bool = False, seed: int = 0, takes: int = 1, temperature: float = 1.0, intensity: float = 1.0,
+    parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
+    plan: File | Plan | None = None, plan_out: File | None = None, plan_edits: PlanCommands = NO_EDITS, keep: str = "",
+    keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", fps: float = 30.0, avatar: File | None = None,
+    report: File | None = None, special: Mapping[str, Mapping[str, object]] | None = None,
+    progress: Progress | None = None, loaded: Model | None = None,
+) -> Report:  # fmt: skip
     """Generate motion for a sound file, and write it.
 
     Args:
@@ -125,21 +104,12 @@ def generate_files(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None)
-    old = read_kept(keep, keep_from, options.fps)
+    old = keep_stretches(keep, keep_from, options.fps)
     target = _check_files(options, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    read = (
-        transcript,
-        avatar,
-        track,
-        face,
-        continue_from,
-        plan,
-        keep_from,
-        *rig_files(skeleton),
-        *example_files(options.style),
-    )
-    check_files(audio, names, [path for path in read if path and not isinstance(path, Motion | Plan)], report)
+    given = (transcript, avatar, track, face, continue_from, plan, keep_from)
+    read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
+    check_files(audio, names, [path for path in read if not isinstance(path, Motion | Plan)], report)
     if plan_out is not None:
         check_apart([Path(plan_out)], [audio, *names, *([Path(report)] if report else [])])
     loaded = _check_parts(loaded or load_model(model), model, options, files)
@@ -158,7 +128,7 @@ def generate_files(
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
-            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
+            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
             style=_style_text(options.style) or loaded.default_style, style_mixture=performance.style_mixture,

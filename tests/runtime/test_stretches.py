@@ -13,7 +13,7 @@ from cospeech import InputError, Motion, Plan, Speech
 from cospeech.generate import generate_files
 from cospeech.models import Model
 from cospeech.rules import RuleBasedModel
-from cospeech.runtime.motion_switch import KeptStretches, read_kept
+from cospeech.runtime.motion_switch import KeptStretches, keep_stretches
 
 EXAMPLE = Path(cospeech.__file__).parent / "assets" / "example" / "example.ogg"
 FPS = 30
@@ -115,13 +115,13 @@ def test_kept_stretches_in_pieces():
 @pytest.mark.parametrize("keep", ["", "x", "3:2", "0:99", "1:2,", "-1:2"])
 def test_what_cannot_be_kept_is_told(keep):
     with pytest.raises(InputError):
-        read_kept(keep, rules_takes()[0], FPS)
+        keep_stretches(keep, rules_takes()[0], FPS)
 
 
 def test_nothing_to_keep_it_from_is_told():
     with pytest.raises(InputError, match="no motion to keep"):
-        read_kept("0:1", None, FPS)
-    assert read_kept("", None, FPS) is None
+        keep_stretches("0:1", None, FPS)
+    assert keep_stretches("", None, FPS) is None
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from ..errors import InputError, nearest
 from ..files import atomic, parse_json, read_regular
 from ..limits import PLAN_BYTES, PLAN_VALUES
 from .options import SEEDS, GenerationOptions
-from .plan_model import SUPERIMPOSED, Mood, PlanData, PlannedGesture, Stretch, find_form, heard_words, parse_plan
+from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["Plan", "Setting"]
@@ -31,7 +31,7 @@ class Setting(NamedTuple):
 
     time: float
     style: str | None
-    feels: str | tuple[Mood, ...]
+    feels: str | tuple[EmotionMoment, ...]
     intensity: float
     seed: int
 
@@ -173,7 +173,7 @@ class Plan(PlanData):
         known = FORMS.get(name) or LEXICAL_FORMS.get(name)
         score = known.score if known else 0.1
         entry = {"id": f"a{number}", "form": name, "stroke": stroke, "hands": hands or side, "word": spoken, "score": score}
-        added = self._checked(gestures=[entry | fields]).gestures[0]
+        added = self._with_fields(gestures=[entry | fields]).gestures[0]
         self._check_free(added.stroke)
         near = {
             each.id for each in self.gestures
@@ -224,7 +224,7 @@ class Plan(PlanData):
             usual = {"start": None, "place": None, "end": None, "hold": None} if form != old.form else {}
             fields = {**usual, **fields, "form": form} | ({"hands": side} if side else {})
         data = [each.model_dump() | (fields if each.id == old.id else {}) for each in self.gestures]
-        changed = self._checked(gestures=data)
+        changed = self._with_fields(gestures=data)
         self._check_free(next(each for each in changed.gestures if each.id == fields.get("id", old.id)).stroke)
         return self._with(changed.gestures)
 
@@ -250,7 +250,7 @@ class Plan(PlanData):
         Raises:
             InputError: no stretch of time, all of it is locked, or a value is out of range.
         """
-        asked = self._checked(stretches=[{"from": start, "to": end, **values}]).stretches[0]
+        asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
         free = _without([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
         if not free:
             raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
@@ -258,13 +258,13 @@ class Plan(PlanData):
         for low, high in free:
             stretches = _lay(stretches, low, high, values)
 
-        def planned_anew(time: float) -> bool:
+        def is_planned_anew(time: float) -> bool:
             return "seed" in values and any(low <= time < high for low, high in free)
 
-        return self._checked(
+        return self._with_fields(
             stretches=[each.model_dump() for each in stretches],
-            gestures=[each.model_dump() for each in self.gestures if not planned_anew(each.stroke)],
-            gaze=[each.model_dump() for each in self.gaze if not planned_anew(each.time)],
+            gestures=[each.model_dump() for each in self.gestures if not is_planned_anew(each.stroke)],
+            gaze=[each.model_dump() for each in self.gaze if not is_planned_anew(each.time)],
         )
 
     def lock(self, start: float, end: float) -> Plan:
@@ -273,23 +273,23 @@ class Plan(PlanData):
         Raises:
             InputError: no stretch of time.
         """
-        return self._checked(locked=[*(each.model_dump() for each in self.locked), {"from": start, "to": end}])
+        return self._with_fields(locked=[*(each.model_dump() for each in self.locked), {"from": start, "to": end}])
 
     def unlock(self) -> Plan:
         """Nothing is locked."""
-        return self._checked(locked=())
+        return self._with_fields(locked=())
 
     def with_words(self, words: Iterable[Word]) -> Plan:
         """The plan with the words of a transcript."""
-        return self.model_copy(update={"words": heard_words(words)})
+        return self.model_copy(update={"words": words_of(words)})
 
     # ------------------------------------------------------------------------------------------------ parts of them
 
-    def _checked(self, **fields: Any) -> Plan:
+    def _with_fields(self, **fields: Any) -> Plan:
         return parse_plan(type(self), self.model_dump() | fields, "")
 
     def _with(self, gestures: Iterable[PlannedGesture]) -> Plan:
-        return self._checked(gestures=[each.model_dump() for each in sorted(gestures, key=lambda each: each.stroke)])
+        return self._with_fields(gestures=[each.model_dump() for each in sorted(gestures, key=lambda each: each.stroke)])
 
     def _is_locked(self, time: float) -> bool:
         return any(each.holds(time) for each in self.locked)
@@ -322,7 +322,7 @@ def _number(text: str, what: str) -> float:
         raise InputError(f"{text[:40]!r} is not {what}", "such as 2") from None
 
 
-def _moods(emotion: str | tuple[Mood, ...]) -> str | EmotionTrack:
+def _moods(emotion: str | tuple[EmotionMoment, ...]) -> str | EmotionTrack:
     if isinstance(emotion, str):
         return emotion
     weights = np.array([[mood.weights.get(name, 0.0) for name in EMOTIONS] for mood in emotion])

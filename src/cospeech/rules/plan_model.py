@@ -20,8 +20,8 @@ from .options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = [
-    "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord", "Mood", "PlanData",
-    "PlannedGesture", "Stretch", "find_form", "heard_words", "parse_plan",
+    "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord", "EmotionMoment", "PlanData",
+    "PlannedGesture", "Stretch", "find_form", "words_of", "parse_plan",
 ]  # fmt: skip
 
 VERSION = 1
@@ -141,7 +141,7 @@ class GazeShift(_Part):
     """Whether the eyes leave the listener."""
 
 
-class Mood(_Part):
+class EmotionMoment(_Part):
     """How much of each emotion there is at a moment; linear in between, and what is left to 1 is neutral."""
 
     time: Moment
@@ -199,7 +199,7 @@ class PlanData(_Part):
     seconds: Moment | None = None
     """Length of the speech, where it is known."""
     style: Text | None = None
-    emotion: str | tuple[Mood, ...] = "auto"
+    emotion: str | tuple[EmotionMoment, ...] = "auto"
     seed: Seed = 0
     intensity: Intensity = 1.0
     temperature: Annotated[float, Field(strict=True, ge=TEMPERATURE_RANGE[0], le=TEMPERATURE_RANGE[1])] = 1.0
@@ -216,7 +216,7 @@ class PlanData(_Part):
 
     @field_validator("emotion")
     @classmethod
-    def _check_emotion(cls, emotion: str | tuple[Mood, ...]) -> str | tuple[Mood, ...]:
+    def _check_emotion(cls, emotion: str | tuple[EmotionMoment, ...]) -> str | tuple[EmotionMoment, ...]:
         if isinstance(emotion, str):
             return _check_emotion(emotion)
         for k, (a, b) in enumerate(pairwise(emotion), start=1):
@@ -263,7 +263,7 @@ def _check_distances(gestures: tuple[PlannedGesture, ...]) -> None:
             raise ValueError(f"{problem}|move or remove one of them")
 
 
-def heard_words(words: Iterable[Word]) -> tuple[HeardWord, ...]:
+def words_of(words: Iterable[Word]) -> tuple[HeardWord, ...]:
     """Words of a transcript, as a plan has them."""
     return tuple(
         HeardWord(text=word.text[:_LONGEST_TEXT], start=round(max(word.start, 0.0), 4), end=round(max(word.end, 0.0), 4))
@@ -346,7 +346,7 @@ def _describe(error: ValidationError) -> tuple[str, str]:
     for part in first["loc"]:
         if isinstance(part, int):
             where += f"[{part}]"
-        elif part not in ("str", "tuple[Mood, ...]", "[key]"):
+        elif part not in ("str", "tuple[EmotionMoment, ...]", "[key]"):
             where += f".{part}" if where else str(part)
     kind, value, facts = first["type"], f"{first['input']!r:.40}", first.get("ctx", {})
     if kind == "value_error":

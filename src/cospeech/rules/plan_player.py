@@ -292,11 +292,11 @@ class PlanPlayer(Planner):
                 continue
             key = f"{self._plan.seed if each.seed is None else each.seed}/{each.id}"
             self._set(_States(Random(f"{key}/hands").getstate(), Random(f"{key}/posture").getstate()))
-            if not self._perform_listed(now, each):
+            if not self._perform_entry(now, each):
                 problem = f"gesture {each.id!r} at {each.stroke:g} s is left out: there is no time for it"
                 warnings.warn(problem, CospeechWarning, stacklevel=2)
 
-    def _perform_listed(self, now: float, entry: PlannedGesture) -> bool:
+    def _perform_entry(self, now: float, entry: PlannedGesture) -> bool:
         if entry.form == SUPERIMPOSED:
             hands = [0, 1] if entry.hands == "both" else [0 if entry.hands == "left" else 1]
             self.beat_in_place(now, Accent(entry.stroke + LEAD, _STRENGTH), hands, entry.size)

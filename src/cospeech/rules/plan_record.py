@@ -14,7 +14,7 @@ from .arousal import arouse
 from .emotion_modifiers import EmotionModifier, blend_modifiers
 from .mood import Mood
 from .plan_edits import Plan, Setting
-from .plan_model import HeardAccent, HeardPhrase, heard_words
+from .plan_model import HeardAccent, HeardPhrase, words_of
 from .plan_player import PlanPlayer
 from .styles import Style, find_style
 
@@ -80,7 +80,7 @@ class PlanRecord:
             HeardPhrase(start=round(max(start, 0.0), _DIGITS), end=round(end, _DIGITS)) for start, end in self._phrases.items()
         ]
         return self.player.plan().model_copy(update={
-            "seconds": round(seconds, _DIGITS), "words": heard_words(self.words), "phrases": tuple(phrases),
+            "seconds": round(seconds, _DIGITS), "words": words_of(self.words), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
 

@@ -17,7 +17,7 @@ from ..rules.options import MotionLike
 from ..rules.plan_commands import read_stretch
 from .pose_transition import PoseTransition
 
-__all__ = ["KeptStretches", "MotionSwitch", "read_kept"]
+__all__ = ["KeptStretches", "MotionSwitch", "keep_stretches"]
 
 _LEAD = 0.5  # seconds before a kept stretch in which its poses fade in; ours: as styles are faded
 
@@ -58,7 +58,7 @@ class MotionSwitch:
             self._transition = None if source == self._exact else PoseTransition(self._shown, motion[:1])
         self._active = source
         if self._transition is not None:
-            count = self._transition.frames_left(motion.fps)
+            count = self._transition.remaining_frames(motion.fps)
             led = self._transition.apply(motion[:count])
             motion = led if count >= len(motion) else Motion.concatenate([led, motion[count:]])
             if self._transition.is_over(motion.fps):
@@ -120,7 +120,7 @@ class KeptStretches:
         return switch.push([motion, old], kept, share)
 
 
-def read_kept(keep: str, old: MotionLike, fps: float) -> KeptStretches | None:
+def keep_stretches(keep: str, old: MotionLike, fps: float) -> KeptStretches | None:
     """What is kept of an old motion; None where nothing is.
 
     Args:

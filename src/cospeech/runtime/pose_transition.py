@@ -84,7 +84,7 @@ class PoseTransition:
         rotations = turned.astype(motion.rotations.dtype)
         return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
 
-    def frames_left(self, fps: float) -> int:
+    def remaining_frames(self, fps: float) -> int:
         """How many frames it still changes, at most."""
         return max(ceil(_LENGTH * fps) - self._frame, 0)
 

@@ -20,7 +20,8 @@ from .options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = [
-    "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord", "EmotionMoment", "PlanData",
+    "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord",
+    "EmotionMoment", "PlanData",
     "PlannedGesture", "Stretch", "find_form", "words_of", "parse_plan",
 ]  # fmt: skip
 
@@ -354,6 +355,6 @@ def _describe(error: ValidationError) -> tuple[str, str]:
     elif kind in _WORDS:
         problem, hint = (text.format(value=value, **facts) for text in _WORDS[kind])
     else:
-        problem, hint = f"{value} is of another kind", _KINDS.get(kind.split("_")[0], "see docs/plan.md")
+        problem, hint = f"{value} is of another kind", _KINDS.get(kind.split("_")[0], "see docs/guides/plan.md")
     own_path = not where or problem.startswith(("gestures[", "gaze[", "emotion[", "stretches["))
     return (problem if own_path else f"{where}: {problem}"), hint

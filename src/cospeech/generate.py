@@ -205,9 +205,12 @@ def open_live_session(
         options: of `GenerationOptions`.
 
     Raises:
-        InputError: an option is out of range or a name unknown.
+        InputError: an option is out of range or a name unknown; or a plan is given, which is that of one speech.
     """
     from .runtime.live_session import LiveSession
+
+    if options.get("plan") is not None:
+        raise InputError("a live session plays no plan", "a plan is that of one speech: generate, or model.session(plan=…)")
 
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}

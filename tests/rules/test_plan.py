@@ -93,6 +93,11 @@ def test_a_plan_says_what_the_session_says():
     assert len(session.plan.gaze) > 3
 
 
+def test_a_live_session_plays_no_plan():
+    with pytest.raises(InputError, match="live session plays no plan"):
+        cospeech.open_live_session("rules", plan=Plan())
+
+
 def test_without_a_plan_there_is_none():
     with pytest.raises(InputError, match="without a plan"):
         _ = RuleBasedModel().session().plan

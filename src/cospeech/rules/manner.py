@@ -31,6 +31,8 @@ class Manner:
     style: Style
     intensity: float
     face: Face
+    seed: int
+    """Of what is never still."""
 
 
 def make_manner(
@@ -48,7 +50,7 @@ def make_manner(
         seed=seed, intensity=min(intensity, _MOST_FACE), expressiveness=style.expressiveness, emphasis=style.emphasis,
         blink_rate=style.blinks / 60, gains=gains, delays=delays,
     )  # fmt: skip
-    return Manner(style, intensity, face)
+    return Manner(style, intensity, face, seed)
 
 
 class MannerCourse:

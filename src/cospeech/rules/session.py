@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -27,27 +27,22 @@ from .arousal import LOOKS, arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
 from .foresight import AROUSAL_DELAY, LATENCY, LOOK_AHEAD, MOUTH_WAITS, USUAL, Foresight
+from .gesture import Gesture
 from .manner import Manner, MannerCourse, mix_frames
 from .mood import SPAN, Mood
-from .plan import Gesture, Planner
+from .plan import Planner
+from .plan_edits import Plan
+from .plan_record import PlanRecord
 from .realise import Pieces, gaze_only, realise
+from .streaming import MOST_AT_ONCE, check_speech
 from .styles import Style
 
 __all__ = [
-    "AROUSAL_DELAY",
-    "KEPT",
-    "LATENCY",
-    "LOOK_AHEAD",
-    "MOUTH_WAITS",
-    "Session",
-    "check_speech",
-    "in_short",
-    "stream_motion",
-]
+    "AROUSAL_DELAY", "KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session",
+]  # fmt: skip
 
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
-_MOST_AT_ONCE = 4.0  # seconds of motion realised in one go when there is plenty to do
 
 
 class Session(SessionControls):
@@ -66,6 +61,7 @@ class Session(SessionControls):
         aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
             because another system turns the head. Such a session of the face alone plans no gestures.
         foresight: how much of the speech to come it hears.
+        plan: what is performed; the seed is its own then.
     """
 
     def __init__(
@@ -82,15 +78,18 @@ class Session(SessionControls):
         gains: Array | None = None,
         aimed: bool = True,
         foresight: Foresight = USUAL,
+        plan: Plan | None = None,
     ) -> None:
         self.seed, self.fps, self.parts, self.gains, self.foresight = seed, fps, parts, gains, foresight
-        self.manners = MannerCourse(self._make_manner(style, intensity))
+        self.manners = MannerCourse(self._make_manner(style, intensity, seed))
         self.detector = EventDetector(
             tick=foresight.tick, level_delay=foresight.level_delay, peak_delay=foresight.peak_delay
         )  # fmt: skip
         self._look = round(LOOKS / foresight.tick)  # ticks
         self.mood = Mood(emotion)
-        self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
+        size: Any = {"intensity": intensity, "temperature": temperature}
+        self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
+        self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
         self.planner.horizon, self.planner.late = foresight.horizon, foresight.late
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
@@ -154,6 +153,17 @@ class Session(SessionControls):
         """Seconds of sound after a frame's time on which the frame depends, at most."""
         return self.foresight.look_ahead
 
+    @property
+    def plan(self) -> Plan:
+        """What was performed, with all gestures so far; of a session that was opened with a plan.
+
+        Raises:
+            InputError: it was opened without one.
+        """
+        if self._played is None:
+            raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
+        return self._played.plan(float(self._sound.duration))
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
 
@@ -167,7 +177,10 @@ class Session(SessionControls):
         check_speech(chunk)
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
-        self._words.extend(shift_times(chunk, self._origin).words or ())
+        words = shift_times(chunk, self._origin).words or ()
+        self._words.extend(words)
+        if self._played is not None:
+            self._played.words.extend(words)
         if self._held.is_short(samples, self.detector.needs):
             return self._next_frames()
         samples = self._held.take(samples)
@@ -179,7 +192,7 @@ class Session(SessionControls):
             while self.detector.step():
                 pass
             self._decide_what_is_certain()
-            if self.planned_until - self._frame / self.fps >= _MOST_AT_ONCE:
+            if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)
         self._make(self.planned_until)
         return self._next_frames()
@@ -244,6 +257,7 @@ class Session(SessionControls):
             self.mouth.push(samples)
 
     def _decide(self) -> None:
+        self._follow_plan()
         now = self.planned_until
         horizon, visible = now + self.foresight.horizon, now + self.foresight.look_ahead
         detector = self.detector
@@ -259,6 +273,8 @@ class Session(SessionControls):
         if self.mood.track is not None or self._ticks % self._look == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
+        if self._played is not None:
+            self._played.note(self.planned_until, self.modifier, self.mood, detector)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self._eyes_only:
             self.planner.posture.look(now, phrases, self.modifier)
@@ -312,7 +328,7 @@ class Session(SessionControls):
             return gaze_only(times, self.planner.body)
         tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         fear = mood[:, EMOTIONS.index("fear")]
-        return realise(times, self.planner.body, tracks, manner.style, seed=self.seed, size=manner.intensity, tremor=fear)
+        return realise(times, self.planner.body, tracks, manner.style, seed=manner.seed, size=manner.intensity, tremor=fear)
 
     def _faces(self, times: Array, mood: Array, faces: list[Face]) -> list[Array]:
         """(n, 52) weights of each of these faces."""
@@ -355,41 +371,3 @@ def _resting(parts: tuple[str, ...]) -> list[int]:
     eyes = [s.index["leftEye"], s.index["rightEye"]] if "face" in parts else []
     body = [k for k in range(len(s)) if k not in fingers and k not in eyes]
     return (fingers if "hands" not in parts else []) + (body if "body" not in parts else [])
-
-
-def check_speech(speech: object) -> None:
-    """Say what is wrong where something else than speech is given.
-
-    Raises:
-        InputError: it is not a `Speech`.
-    """
-    if not isinstance(speech, Speech):
-        raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")
-
-
-def in_short(chunk: Speech) -> Iterable[Speech]:
-    """A piece of speech as it is; a long one in pieces of four seconds."""
-    return chunk.chunks(_MOST_AT_ONCE) if len(chunk) > _MOST_AT_ONCE * chunk.rate else [chunk]
-
-
-class _Pushed(Protocol):
-    """What `stream_motion` asks of a session."""
-
-    def push(self, chunk: Speech) -> Iterator[Motion]: ...
-
-    def finish(self) -> Iterator[Motion]: ...
-
-
-def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, four seconds are worked off at once.
-
-    Raises:
-        InputError: one `Speech` in place of several, or something else than speech.
-    """
-    if isinstance(chunks, Speech):
-        raise InputError("stream takes a list of pieces of speech, not one Speech", "stream([speech]), or generate(speech)")
-    for chunk in chunks:
-        check_speech(chunk)
-        for piece in in_short(chunk):
-            yield from session.push(piece)
-    yield from session.finish()

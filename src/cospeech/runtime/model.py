@@ -23,8 +23,8 @@ from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
 from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
-from ..rules.session import check_speech, stream_motion
 from ..rules.stance_layer import REACH, StanceLayer
+from ..rules.streaming import check_speech, stream_motion
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoders import needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
@@ -33,6 +33,7 @@ from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
+from .stretched_session import StretchedSession
 from .styles.space import style_space
 from .styles.style import Styles
 from .system import System, open_bundle
@@ -91,6 +92,8 @@ class TrainedModel:
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> TrainedSession:
         """A session to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
+        if options.plan is not None:
+            return StretchedSession(self.session, options)  # type: ignore[return-value]  # it does all that this one does
         if options.takes > _MOST_TAKES:
             raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
         resolved_style, conditioning = (
@@ -168,6 +171,8 @@ class TrainedModel:
             look_ahead: seconds of speech after a frame that the network hears. With less than is usual, what it does not hear
                 is held at what it heard last, and the face looks no further ahead than the body (docs/runtime.md). A network of
                 windows can hear more: that comes nearer to what the whole speech would give, ``float("inf")`` all the way.
+            plan: a `cospeech.Plan`, or the file of one, whose stretches have a style, an emotion, an intensity or a seed of
+                their own. It lists no gestures: those are for the rules.
             face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:

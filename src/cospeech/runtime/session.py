@@ -25,8 +25,8 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.arousal import amplitude
 from ..rules.options import INTENSITY_RANGE, check_range
-from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
+from ..rules.streaming import check_speech, in_short
 from .conditioning import Seam
 from .crossfade import Crossfade
 from .face_override import FaceOverride
@@ -229,7 +229,7 @@ class TrainedSession:
         self._frontend.control(resolved_style.controls)
         self._resolved_style = resolved_style
 
-    def set_intensity(self, intensity: float) -> None:
+    def set_intensity(self, intensity: float, *, faces: bool = True) -> None:
         """Another size of all movement, 0 … 2, faded in over half a second from where the speech has come to.
 
         The sway of a stance stays as it is.
@@ -241,10 +241,18 @@ class TrainedSession:
         if not self._intensity:
             raise InputError("a session of intensity 0 cannot be enlarged", "open it with a larger one")
         self._sizes.change(np.full((1, 1, 1), intensity / self._intensity), self._frontend.frames)
-        for face in self._faces:
-            face.set_intensity(intensity)
+        if faces:
+            self.change_faces(intensity=intensity)
 
-    def set_emotion(self, emotion: str | Moods) -> None:
+    def change_faces(self, *, emotion: str | Moods | None = None, intensity: float | None = None) -> None:
+        """Another emotion or size of the faces alone, from the first frame on that is not made yet."""
+        for face in self._faces:
+            if emotion is not None:
+                face.set_emotion(emotion)
+            if intensity is not None:
+                face.set_intensity(intensity)
+
+    def set_emotion(self, emotion: str | Moods, *, faces: bool = True) -> None:
         """Another emotion, or "auto", of the face, and of the body where a network knows emotions; see
         `cospeech.rules.Session.set_emotion`.
 
@@ -252,8 +260,8 @@ class TrainedSession:
             InputError: there is no such emotion.
         """
         self._decoder.set_emotion(emotion_track(emotion), self._frontend.frames / self._rate_of_poses)
-        for face in self._faces:
-            face.set_emotion(emotion)
+        if faces:
+            self.change_faces(emotion=emotion)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.

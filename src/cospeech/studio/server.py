@@ -50,7 +50,7 @@ HEADERS = {
 
 
 def load_web(module: str) -> Any:
-    """A module of the extra ``studio`` by name, ``"fastapi"`` or ``"uvicorn"``.
+    """A module of the extra ``studio`` by name, ``"starlette.routing"`` or ``"uvicorn"``.
 
     Raises:
         InputError: it is not installed.

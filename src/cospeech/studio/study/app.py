@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from ..server import Guard, load_web
 from .answers import Answers, Rater, check_answers
 from .plan import CLIPS, Plan
 from .session import describe_study, describe_trial, make_session
+
+Call = Callable[[dict[str, Any], str], dict[str, Any]]
 
 __all__ = ["PAGE_FILES", "make_app", "page_file"]
 
@@ -41,27 +44,31 @@ def make_app(study: Path, plan: Plan, answers: Answers, *, token: str | None = N
     Raises:
         InputError: the extra ``studio`` is not installed.
     """
-    fastapi, responses = load_web("fastapi"), load_web("fastapi.responses")
-    app = fastapi.FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    responses, calls = load_web("starlette.responses"), _Calls(plan, answers)
+    route = load_web("starlette.routing").Route
     files = {clip.file: study / CLIPS / clip.file for clip in plan.clips}
+    told = responses.JSONResponse(describe_study(plan))
 
-    def add_page(name: str, path: str) -> None:
-        content, kind = page_file(name), PAGE_FILES[name]
-        app.add_api_route(path, lambda: responses.Response(content, media_type=kind), methods=["GET"])
+    def give_page(name: str) -> Any:
+        response = responses.Response(page_file(name), headers={"content-type": PAGE_FILES[name]})
+        return lambda request: response
 
-    def give_clip(name: str) -> Any:
-        path = files.get(name)  # a name that is not in the plan is no path
+    def give_clip(request: Any) -> Any:
+        path = files.get(request.path_params["name"])  # a name that is not in the plan is no path
         if path is None or not path.is_file():
-            return _refuse(responses, 404, "there is no such clip")
+            return _refuse(404, "there is no such clip")
         return responses.FileResponse(path, media_type=MEDIA[path.suffix])
 
-    add_page("index.html", "/")
-    add_page("study.js", "/study.js")
-    add_page("study.css", "/study.css")
-    app.add_api_route("/api/study", lambda: responses.JSONResponse(describe_study(plan)), methods=["GET"])
-    app.add_api_route("/clips/{name}", give_clip, methods=["GET"])
-    _add_calls(app, fastapi.Request, responses, _Calls(plan, answers))
-    return Guard(app, token=token)
+    routes = [
+        route("/", give_page("index.html"), methods=["GET"]),
+        *(route(f"/{name}", give_page(name), methods=["GET"]) for name in ("study.js", "study.css")),
+        route("/clips/{name}", give_clip, methods=["GET"]),
+        route("/api/study", lambda request: told, methods=["GET"]),
+        route("/api/raters", _endpoint(calls.join), methods=["POST"]),
+        route("/api/session", _endpoint(calls.resume), methods=["GET"]),
+        route("/api/answers", _endpoint(calls.answer), methods=["POST"]),
+    ]
+    return Guard(load_web("starlette.applications").Starlette(routes=routes), token=token)
 
 
 class _Calls:
@@ -105,39 +112,31 @@ class _Calls:
         return {"rater": rater.rater, "trials": trials, "done": self._answers.trials_done(rater)}
 
 
-def _add_calls(app: Any, request_type: Any, responses: Any, calls: _Calls) -> None:
-    """The calls as routes."""
-    from anyio.to_thread import run_sync
+def _endpoint(call: Call) -> Callable[[Any], Awaitable[Any]]:
+    """A call as what a route wants."""
 
-    def route(call: Callable[[dict[str, Any], str], dict[str, Any]]) -> Callable[..., Any]:
-        async def handle(request: Any) -> Any:
-            body = await request.body()
-            name = request.headers.get("x-rater", "")
-            return await run_sync(_handle, responses, call, body, name)
+    async def handle(request: Any) -> Any:
+        run_sync = import_module("anyio.to_thread").run_sync
+        return await run_sync(_handle, call, await request.body(), request.headers.get("x-rater", ""))
 
-        handle.__annotations__ = {"request": request_type}  # FastAPI reads it; the type is known only now
-        return handle
-
-    app.add_api_route("/api/raters", route(calls.join), methods=["POST"])
-    app.add_api_route("/api/session", route(calls.resume), methods=["GET"])
-    app.add_api_route("/api/answers", route(calls.answer), methods=["POST"])
+    return handle
 
 
-def _handle(responses: Any, call: Callable[[dict[str, Any], str], dict[str, Any]], body: bytes, name: str) -> Any:
+def _handle(call: Call, body: bytes, name: str) -> Any:
     """One call: bytes in, an answer out."""
     try:
         given = json.loads(body) if body else {}
     except (ValueError, RecursionError):
-        return _refuse(responses, 400, "the message is not JSON")
+        return _refuse(400, "the message is not JSON")
     if not isinstance(given, dict):
-        return _refuse(responses, 400, "the message is no table")
+        return _refuse(400, "the message is no table")
     try:
-        return responses.JSONResponse(call(given, name))
+        return load_web("starlette.responses").JSONResponse(call(given, name))
     except LookupError:
-        return _refuse(responses, 404, "the study does not know this rater")
+        return _refuse(404, "the study does not know this rater")
     except InputError as error:
-        return _refuse(responses, 422, str(error))
+        return _refuse(422, str(error))
 
 
-def _refuse(responses: Any, status: int, why: str) -> Any:
-    return responses.JSONResponse({"error": why}, status)
+def _refuse(status: int, why: str) -> Any:
+    return load_web("starlette.responses").JSONResponse({"error": why}, status)

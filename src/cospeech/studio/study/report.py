@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -14,12 +15,12 @@ import numpy as np
 
 from ...metrics.holm import correct
 from ...motion.rotations import Array
-from .answers import Answers
+from .answers import Answers, Rater
 from .plan import Plan, Question, load_plan
 from .session import Trial, answer_keys, passes
 from .statistics import Estimate, alpha, estimate, grid
 
-__all__ = ["Counted", "Findings", "Vote", "count_raters", "read_votes", "report_study", "study_findings"]
+__all__ = ["Counted", "Findings", "Vote", "count_raters", "findings_json", "read_votes", "report_study", "study_findings"]
 
 LEVEL = 0.05
 
@@ -77,18 +78,24 @@ class Findings:
     agreement: dict[str, float] = field(default_factory=dict)
 
 
+def name_rater(rater: Rater) -> str:
+    """A name for tables; nobody can go on with the session by it."""
+    return f"R_{hashlib.blake2b(rater.rater.encode(), digest_size=6).hexdigest()}"
+
+
 def count_raters(plan: Plan, answers: Answers, *, incomplete: bool = False) -> Counted:
     """Who is counted: who has answered all pages (or any, with ``incomplete``) and passed enough attention checks."""
     kept, failed, short, times = [], [], [], []
     for rater, trials, given, seconds in answers.sessions():
+        name = name_rater(rater)
         checks = [k for k, trial in enumerate(trials) if trial.check]
         wrong = [k for k in checks if k in given and not passes(plan, trials[k], given[k])]
         if len(given) < len(trials) and not (incomplete and given):
-            short.append(rater.rater)
+            short.append(name)
         elif len(wrong) > len(checks) - plan.fewest_checks:
-            failed.append(rater.rater)
+            failed.append(name)
         else:
-            kept.append(rater.rater)
+            kept.append(name)
             times.append(sum(seconds.values()) / 60)
     return Counted(kept, failed, short, median(times) if times else float("nan"))
 
@@ -97,12 +104,13 @@ def read_votes(plan: Plan, answers: Answers, raters: Iterable[str]) -> list[Vote
     """The answers of some raters, without attention checks."""
     chosen, found = {*raters}, []
     for rater, trials, given, _ in answers.sessions():
-        for k, values in given.items() if rater.rater in chosen else ():
+        who = name_rater(rater)
+        for k, values in given.items() if who in chosen else ():
             trial: Trial = trials[k]
             if trial.check is None:
                 for name, place in answer_keys(plan, trial):
                     system = "" if place < 0 else trial.systems[place]
-                    found.append(Vote(rater.rater, trial.stimulus, name, trial.systems, system, values[name, place]))
+                    found.append(Vote(who, trial.stimulus, name, trial.systems, system, values[name, place]))
     return found
 
 
@@ -249,7 +257,7 @@ _WORDS: Mapping[str, str] = {
 
 def findings_json(findings: Findings) -> dict[str, Any]:
     """The report for programs."""
-    return {
+    return _without_nan({
         "raters": findings.counted._asdict() | {"minutes": round(findings.counted.minutes, 3)},
         "means": {name: {s: e._asdict() for s, e in means.items()} for name, means in findings.means.items()},
         "differences": [
@@ -258,4 +266,13 @@ def findings_json(findings: Findings) -> dict[str, Any]:
             for pair, e in pairs.items()
         ],
         "alpha": findings.agreement,
-    }
+    })
+
+
+def _without_nan(value: Any) -> Any:
+    """A copy in which None stands for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _without_nan(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -29,11 +29,10 @@ Clips = Annotated[
         "(.mp4, .webm) or motion files, which are rendered.",
     ),
 ]
-Kind = Annotated[
-    str, option("--template", metavar="NAME", help="mix-stage, chain-of-generation, stylised-flow or preference.")
-]
+Kind = Annotated[str, option("--template", metavar="NAME", help="mix-stage, chain-of-generation, stylised-flow or preference.")]
 Variant = Annotated[
-    str, option("--variant", metavar="NAME", help="full; mute: without sound; hands: motion files with the camera on the hands.")
+    str,
+    option("--variant", metavar="NAME", help="full; mute: without sound; hands: motion files with the camera on the hands."),
 ]
 Reference = Annotated[
     str | None, option("--reference", metavar="NAME", help="Pair every system with this one, usually the recordings.")
@@ -48,13 +47,23 @@ SpeechFolder = Annotated[
 ]
 Each = Annotated[
     int | None,
-    option("--speeches", metavar="NUMBER", parser=whole, help="Speeches that each rater sees, with all systems. Default: the template's."),
+    option(
+        "--speeches",
+        metavar="NUMBER",
+        parser=whole,
+        help="Speeches that each rater sees, with all systems. Default: the template's.",
+    ),
 ]
 Checks = Annotated[int, option("--checks", metavar="NUMBER", parser=whole, help="Attention checks in each session, 0 … 20.")]
 Title = Annotated[str, option("--title", metavar="TEXT", help="Title of the page.")]
 Host = Annotated[
     str,
-    option("--host", metavar="ADDRESS", help="Address to listen at. Any other than 127.0.0.1 opens the page to a network; raters then need the printed address with its token."),
+    option(
+        "--host",
+        metavar="ADDRESS",
+        help="Address to listen at. Any other than 127.0.0.1 opens the page to a network; raters then need "
+        "the printed address with its token.",
+    ),
 ]
 Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]
 Sessions = Annotated[int, option("--sessions", metavar="NUMBER", parser=whole, help="Different orders in the page, 1 … 5000.")]
@@ -101,8 +110,10 @@ def make(
     if not quiet:
         from ..studio.study.session import make_session
 
-        print(f"{output}  {len(plan.systems)} systems, {len(plan.stimuli)} speeches, {len(make_session(plan, 0))} pages a rater")
-        print(f"  put your own words for consent into {output / 'plan.json'}, then: cospeech study serve {output}")
+        typer.echo(
+            f"{output}  {len(plan.systems)} systems, {len(plan.stimuli)} speeches, {len(make_session(plan, 0))} pages a rater"
+        )
+        typer.echo(f"  put your own words for consent into {output / 'plan.json'}, then: cospeech study serve {output}")
 
 
 @study_app.command()
@@ -126,7 +137,7 @@ def serve(study: Study, host: Host = "127.0.0.1", port: Port = 8766, debug: Debu
         listening = open_socket(host, port)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listening.getsockname()[1]}/"
-        print(f"the study is at {address}{f'?token={token}' if token else ''}  (Ctrl-C ends)", flush=True)
+        typer.echo(f"the study is at {address}{f'?token={token}' if token else ''}  (Ctrl-C ends)")
         run_server(app, listening)
 
 
@@ -147,7 +158,7 @@ def export_(
 
     plan = export_page(study, page, sessions=sessions)
     if not quiet:
-        print(f"{page}  {len(plan.clips)} clips, {sessions} orders; raters send you the file that the page saves")
+        typer.echo(f"{page}  {len(plan.clips)} clips, {sessions} orders; raters send you the file that the page saves")
 
 
 @study_app.command("import")
@@ -166,7 +177,7 @@ def import_(
 
     added, known = import_answers(study, files)
     if not quiet:
-        print(f"{study}  {added} sessions added, {known} known already")
+        typer.echo(f"{study}  {added} sessions added, {known} known already")
 
 
 @study_app.command()
@@ -193,8 +204,8 @@ def report(
     text, findings, votes = report_study(study, incomplete=incomplete)
     written = [] if tables is None else write_tables(load_plan(study), votes, tables)
     if as_json:
-        print(json.dumps(findings_json(findings), indent=2, ensure_ascii=False))
+        typer.echo(json.dumps(findings_json(findings), indent=2, ensure_ascii=False))
         return
-    print(text)
+    typer.echo(text)
     for path in written if not quiet else ():
-        print(path)
+        typer.echo(path)

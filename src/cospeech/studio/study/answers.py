@@ -175,7 +175,9 @@ class Answers:
     def sessions(self) -> Iterator[tuple[Rater, list[Trial], dict[int, dict[tuple[str, int], int]], dict[int, float]]]:
         """Of every rater: who, the trials, trial → answers, and trial → seconds."""
         with self._lock:
-            raters = [Rater(*row) for row in self._base.execute("SELECT rater, number, participant FROM raters ORDER BY at, rater")]
+            raters = [
+                Rater(*row) for row in self._base.execute("SELECT rater, number, participant FROM raters ORDER BY at, rater")
+            ]
             rows = self._base.execute("SELECT rater, trial, question, place, value, seconds FROM answers").fetchall()
         found: dict[str, dict[int, dict[tuple[str, int], int]]] = {rater.rater: {} for rater in raters}
         seconds: dict[str, dict[int, float]] = {rater.rater: {} for rater in raters}

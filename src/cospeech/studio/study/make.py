@@ -67,7 +67,9 @@ def make_study(
         if name not in systems:
             raise InputError(f"no folder is named {name!r}", nearest(name, systems))
     if kind.needs_reference and reference is None:
-        raise InputError(f"the template {template!r} compares with recordings", f"--reference NAME, one of {', '.join(systems)}")
+        raise InputError(
+            f"the template {template!r} compares with recordings", f"--reference NAME, one of {', '.join(systems)}"
+        )
     stimuli = sorted(next(iter(systems.values())))
     clips = [_name_clip(seed, system, stimulus, systems[system][stimulus]) for system in systems for stimulus in stimuli]
     try:

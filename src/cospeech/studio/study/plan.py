@@ -54,7 +54,7 @@ class Question(_Strict):
         return self
 
     def options(self, shown: int) -> list[tuple[int, str]]:
-        """Values and words of all answers, where ``shown`` clips are seen. Of a preference, more than 0 is for the right one."""
+        """Values and words of all answers, where ``shown`` clips are seen. Above 0 the right clip is preferred."""
         if self.kind == "scale":
             ends = {1: self.low, self.points: self.high}
             return [(k, f"{k} – {ends[k]}" if k in ends else str(k)) for k in range(1, self.points + 1)]

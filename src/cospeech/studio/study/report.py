@@ -237,7 +237,11 @@ def report_text(plan: Plan, findings: Findings) -> str:
         lines += ["", f"## {question.name}", "", question.text, "", f"Score: {_WORDS[question.kind]}.", ""]
         lines += ["| system | mean | 95 % interval | answers |", "|---|---:|---|---:|"]
         lines += [f"| {name} | {e.mean:.3f} | {e.low:.3f} … {e.high:.3f} | {e.cells} |" for name, e in means.items()]
-        lines += ["", "| difference | mean | 95 % interval | p | p (Holm) | p (Wilcoxon) | |", "|---|---:|---|---:|---:|---:|---|"]
+        lines += [
+            "",
+            "| difference | mean | 95 % interval | p | p (Holm) | p (Wilcoxon) | |",
+            "|---|---:|---|---:|---:|---:|---|",
+        ]
         for (one, two), e in pairs.items():
             p = findings.chances.get((question.name, one, two), float("nan"))
             word = f"{one if e.mean > 0 else two} is higher" if p < LEVEL else ""
@@ -257,16 +261,24 @@ _WORDS: Mapping[str, str] = {
 
 def findings_json(findings: Findings) -> dict[str, Any]:
     """The report for programs."""
-    return _without_nan({
-        "raters": findings.counted._asdict() | {"minutes": round(findings.counted.minutes, 3)},
-        "means": {name: {s: e._asdict() for s, e in means.items()} for name, means in findings.means.items()},
-        "differences": [
-            {"question": name, "system": pair[0], "other": pair[1], **e._asdict(), "holm": findings.chances.get((name, *pair))}
-            for name, pairs in findings.differences.items()
-            for pair, e in pairs.items()
-        ],
-        "alpha": findings.agreement,
-    })
+    return _without_nan(
+        {
+            "raters": findings.counted._asdict() | {"minutes": round(findings.counted.minutes, 3)},
+            "means": {name: {s: e._asdict() for s, e in means.items()} for name, means in findings.means.items()},
+            "differences": [
+                {
+                    "question": name,
+                    "system": pair[0],
+                    "other": pair[1],
+                    **e._asdict(),
+                    "holm": findings.chances.get((name, *pair)),
+                }
+                for name, pairs in findings.differences.items()
+                for pair, e in pairs.items()
+            ],
+            "alpha": findings.agreement,
+        }
+    )
 
 
 def _without_nan(value: Any) -> Any:

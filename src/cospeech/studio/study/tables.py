@@ -2,8 +2,8 @@
 
 GENEA's votes are one file for each question, a row for each comparison, with the columns ``user, input_code, model_a, model_b,
 winner, is_strong, juiceOptions, juiceOtherReason`` (public votes of systems on the leaderboard, 2025): ``model_a`` stood on the
-left, ``winner`` is ``model_a``, ``model_b`` or ``tie``, ``is_strong`` tells a clear preference. We ask for no reasons, so the last
-two are empty. Ratings have no layout there; ours has the columns ``user, input_code, model, question, rating``.
+left, ``winner`` is ``model_a``, ``model_b`` or ``tie``, ``is_strong`` tells a clear preference. We ask for no reasons, so the
+last two are empty. Ratings have no layout there; ours has the columns ``user, input_code, model, question, rating``.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ def write_tables(plan: Plan, votes: Sequence[Vote], folder: Path) -> list[Path]:
         InputError: the folder cannot be made or written.
     """
     texts = {
-        "answers.csv": _csv(_ANSWERS, [(v.rater, v.stimulus, v.question, "|".join(v.systems), v.system, v.value) for v in votes])
+        "answers.csv": _csv(
+            _ANSWERS, [(v.rater, v.stimulus, v.question, "|".join(v.systems), v.system, v.value) for v in votes]
+        )
     }
     scales = {question.name for question in plan.questions if question.kind == "scale"}
     for question in plan.questions:

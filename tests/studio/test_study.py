@@ -70,13 +70,12 @@ def test_raters_find_the_planted_effect_and_no_other(study):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("template", ["preference", "chain-of-generation"])
-def test_forty_raters_of_three_systems_on_twenty_speeches(tmp_path, template):
-    folder = make_tiny_study(tmp_path, 3, 20, template=template, stimuli_each=10)
+def test_forty_raters_of_three_systems_on_twenty_speeches(tmp_path):
+    folder = make_tiny_study(tmp_path, 3, 20, template="preference")
     plan = load_plan(folder)
     with serving(folder) as port:
         for number in range(40):
-            rate(port, plan, number, prefers if template == "preference" else rates)
+            rate(port, plan, number, prefers)
     _, findings, _ = report_study(folder)
     assert len(findings.counted.kept) == 40
     for question in plan.questions:
@@ -111,7 +110,7 @@ def tiny_plan(template, **changes):
         for n in range(6)
     ]
     given = {
-        "title": "t", "template": template, "consent": "c", "instructions": "i", "thanks": "t", "shows": kind.shows,
+        "title": "words", "template": template, "consent": "words", "instructions": "words", "thanks": "words", "shows": kind.shows,
         "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
         "reference": "a" if kind.needs_reference else None,
     }  # fmt: skip
@@ -233,12 +232,11 @@ def test_motion_files_are_rendered(tmp_path):
 
     import cospeech
 
-    for name, seed in (("a", 0), ("b", 1)):
-        (tmp_path / name).mkdir()
-        soundfile.write(tmp_path / name / "x.wav", [0.0] * 8000, 16_000)
-        speech = cospeech.Speech.load(tmp_path / name / "x.wav")
-        cospeech.load("rules").generate(speech, seed=seed).save(tmp_path / name / "x.bvh")
-    plan = make_study([tmp_path / "a", tmp_path / "b"], tmp_path / "hands", variant="hands")
+    (tmp_path / "a").mkdir()
+    soundfile.write(tmp_path / "a" / "x.wav", [0.0] * 8000, 16_000)
+    speech = cospeech.Speech.load(tmp_path / "a" / "x.wav")
+    cospeech.load("rules").generate(speech, seed=0).save(tmp_path / "a" / "x.bvh")
+    plan = make_study([tmp_path / "a"], tmp_path / "hands", variant="hands", template="chain-of-generation")
     with av.open(str(tmp_path / "hands" / "clips" / plan.clips[0].file)) as video:
         assert video.streams.video[0].frames > 5
         assert video.streams.audio
@@ -298,8 +296,5 @@ def test_the_commands(tmp_path):
     made = run("make", "a", "b", "-o", "s2", "--variant", "mute", "--seed", "4")
     assert (made.returncode, made.stderr) == (0, ""), made
     assert "2 systems, 2 speeches, 4 pages a rater" in made.stdout
-    assert run("make", "a", "b", "-o", "s2").returncode == 2
     assert run("export", "s2", "page").returncode == 0
-    told = run("report", "s2", "--json")
-    assert json.loads(told.stdout)["raters"]["kept"] == []
     assert "0 raters count" in run("report", "s2").stdout

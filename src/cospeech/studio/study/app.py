@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
+from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,7 @@ class _Calls:
 
     def __init__(self, plan: Plan, answers: Answers) -> None:
         self._plan, self._answers = plan, answers
+        self._trials = lru_cache(1000)(partial(make_session, plan))
 
     def join(self, given: dict[str, Any], name: str) -> dict[str, Any]:
         """A new rater, who has agreed to take part."""
@@ -93,7 +95,7 @@ class _Calls:
     def answer(self, given: dict[str, Any], name: str) -> dict[str, Any]:
         """Keep the answers to a trial."""
         rater = self._find(name)
-        trials, number, seconds = make_session(self._plan, rater.number), given.get("trial"), given.get("seconds", 0.0)
+        trials, number, seconds = self._trials(rater.number), given.get("trial"), given.get("seconds", 0.0)
         if type(number) is not int or not 0 <= number < len(trials):
             raise InputError("there is no such trial", f"0 … {len(trials) - 1}")
         if type(seconds) not in (int, float) or not 0 <= seconds < 1e9:
@@ -108,7 +110,7 @@ class _Calls:
         return rater
 
     def _session(self, rater: Rater) -> dict[str, Any]:
-        trials = [describe_trial(self._plan, trial) for trial in make_session(self._plan, rater.number)]
+        trials = [describe_trial(self._plan, trial) for trial in self._trials(rater.number)]
         return {"rater": rater.rater, "trials": trials, "done": self._answers.trials_done(rater)}
 
 

@@ -34,7 +34,7 @@ CONNECTIONS = 400
 """At once; ours: below the 1024 open files that systems usually allow. Others are answered 503."""
 COOKIE = "cospeech-token"
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; media-src 'self'; connect-src 'self'; "
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Content-Security-Policy: everything comes from this server, and nothing is written into the page as code."""

@@ -204,16 +204,16 @@ function readAnswers(form, study) {
   return answers;
 }
 
-function clipLabels(study, count) {
+function clipLabels(count) {
   if (count === 1) return ["Video"];
-  return study.shows === "pair" ? ["Left video", "Right video"] : Array.from({ length: count }, (_, k) => `Clip ${k + 1}`);
+  return Array.from({ length: count }, (_, k) => `Video ${String.fromCharCode(65 + k)}`);
 }
 
 /** One page of the session. */
 function askTrial(study, trial, number, total) {
   return new Promise((resolve) => {
     const began = performance.now();
-    const labels = clipLabels(study, trial.clips.length);
+    const labels = clipLabels(trial.clips.length);
     let waiting = trial.clips.length;
     const button = make("button", { type: "submit", "aria-disabled": "true" }, "Next");
     const done = () => {
@@ -223,7 +223,7 @@ function askTrial(study, trial, number, total) {
     const clips = trial.clips.map((name, k) => makeClip(name, labels[k], { muted: study.muted, notice: trial.notice, done }));
     const sets = study.questions.flatMap((question) =>
       question.each ? labels.map((label, k) => makeQuestion(question, k, labels.length > 1 ? label : "")) : [makeQuestion(question, -1, "")]);
-    const form = make("form", { novalidate: true }, ...sets, button);
+    const form = make("form", { novalidate: true, onchange: () => say("") }, ...sets, button);
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       if (waiting > 0) return say(labels.length > 1 ? "Please watch every video to the end." : "Please watch the video to the end.");

@@ -36,7 +36,7 @@ class Question(_Strict):
         text: what raters read.
         kind: ``scale``: 1 … ``points`` for each clip; ``prefer``: which of two clips, and how clearly; ``same``: whether two
             clips are alike; ``favourite``: one of the clips shown.
-        points: of a scale, 2 … 11. Of a preference: 2 (left, right), 3 (with a tie) or 5 (clearly, slightly, tie, …).
+        points: of a scale, 2 … 11. Of a preference: 2 (A, B), 3 (with a tie) or 5 (clearly, slightly, tie, …).
         low, high: words for the ends of a scale.
     """
 
@@ -54,19 +54,19 @@ class Question(_Strict):
         return self
 
     def options(self, shown: int) -> list[tuple[int, str]]:
-        """Values and words of all answers, where ``shown`` clips are seen. Above 0 the right clip is preferred."""
+        """Values and words of all answers, where ``shown`` clips are seen. Above 0 the second clip is preferred."""
         if self.kind == "scale":
             ends = {1: self.low, self.points: self.high}
             return [(k, f"{k} – {ends[k]}" if k in ends else str(k)) for k in range(1, self.points + 1)]
         if self.kind == "same":
             return [(1, "the same"), (0, "different")]
         if self.kind == "favourite":
-            return [(k, f"clip {k + 1}") for k in range(shown)]
+            return [(k, f"video {chr(65 + k)}") for k in range(shown)]
         if self.points == 2:
-            return [(-1, "left"), (1, "right")]
+            return [(-1, "video A"), (1, "video B")]
         if self.points == 3:
-            return [(-1, "left"), (0, "no difference"), (1, "right")]
-        words = ("left, clearly", "left, slightly", "no difference", "right, slightly", "right, clearly")
+            return [(-1, "video A"), (0, "no difference"), (1, "video B")]
+        words = ("A, clearly", "A, slightly", "no difference", "B, slightly", "B, clearly")
         return list(zip(range(-2, 3), words, strict=True))
 
 

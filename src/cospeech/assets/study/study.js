@@ -148,7 +148,7 @@ function askConsent(study) {
         say(error.message);
       }
     });
-    show(make("h1", {}, study.title), make("p", { class: "text" }, study.consent), make("p", { class: "text" }, study.instructions), form);
+    show(make("h1", {}, "Before you start"), make("p", { class: "text" }, study.consent), make("p", { class: "text" }, study.instructions), form);
   });
 }
 

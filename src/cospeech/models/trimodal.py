@@ -17,24 +17,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from ..errors import InputError
-from .camn import huber
 from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, weights_of
 from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
 from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
-from .nn.speaker_latent import SpeakerLatent, kl_divergence, pose_diversity
+from .nn.speaker_latent import SpeakerLatent, pose_diversity
 from .nn.temporal import Memory, TextTcn
 from .nn.waveform_encoder import STRIDES, WaveformEncoder
-from .nn.window_discriminator import AdversarialWindows, WindowDiscriminator
+from .nn.window_discriminator import AdversarialWindows, SampledWindows, WindowDiscriminator
 from .nn.words import word_embedding
 
 __all__ = ["Trimodal", "TrimodalConfig"]
@@ -96,17 +94,6 @@ class TrimodalConfig(ModelConfig):
             raise InputError(f"a trimodal network with {problem}", "shares; β > 0")
 
 
-class _Made(NamedTuple):
-    """Poses, and the z that they were made of."""
-
-    pose: Tensor
-    """(B, T, D)."""
-    z: Tensor
-    mean: Tensor
-    variance: Tensor
-    """log σ²; (B, width, T) each."""
-
-
 class Trimodal(SeededWindows, AdversarialWindows):
     """Trimodal context (Yoon et al. 2020): one motion for one speech, from the waveform, words and speaker.
 
@@ -161,15 +148,11 @@ class Trimodal(SeededWindows, AdversarialWindows):
         """See `SeededWindows`; the noise is ε."""
         return self._generate(given, noise).pose
 
-    def _generate(self, given: WindowInputs, noise: Tensor) -> _Made:
+    def _generate(self, given: WindowInputs, noise: Tensor) -> SampledWindows:
         mean, variance = given.style.mT.chunk(2, 1)
         z = mean + torch.exp(variance / 2) * noise.mT
         parts = [self.known(given.seed.mT), self.speech(given.audio), self.text(given.words.mT, Memory()), z]
-        return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
-
-    def _generate_in_training(self, batch: Batch, given: WindowInputs) -> _Made:
-        """With ε drawn, one for a window."""
-        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+        return SampledWindows(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
     def speaker_style(self, speaker: Tensor) -> Tensor:
         """(B,) numbers → (B, 2 · width of z): μ and log σ²."""
@@ -183,21 +166,7 @@ class Trimodal(SeededWindows, AdversarialWindows):
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
-    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Of G, weighted; moves all but the discriminator."""
-        c = self.config
-        given = self.collect_training_inputs(batch, c.seed_dropout)
-        made = self._generate_in_training(batch, given)
-        terms = {"huber": c.reconstruction * huber(batch["pose"], made.pose, c.beta)}
-        if self.discriminator is not None and step >= c.adversarial_from:
-            terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
-        if c.diversity:
-            terms["diversity"] = -c.diversity * self._diversity(batch, given, made)
-        if c.divergence:
-            terms["divergence"] = c.divergence * kl_divergence(made.mean, made.variance)
-        return terms
-
-    def _diversity(self, batch: Batch, given: WindowInputs, made: _Made) -> Tensor:
+    def _diversity(self, batch: Batch, given: WindowInputs, made: SampledWindows) -> Tensor:
         """Of the motion of another speaker, drawn of all, which is taken as a constant (authors' code)."""
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         with torch.no_grad():

@@ -257,20 +257,18 @@ def server_of(app: App) -> Any:
     class Protocol(base):  # type: ignore[misc,valid-type]
         """HTTP whose connections end if no request is complete in `REQUEST_SECONDS`."""
 
-        def connection_made(self, transport: Any) -> None:
-            super().connection_made(transport)
-            self.watch = self.loop.call_later(REQUEST_SECONDS, self.look, None)
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            self.loop.call_later(REQUEST_SECONDS, self.look, None)
 
         def look(self, before: Any) -> None:
-            waits = self.cycle is None or self.cycle.response_complete
-            if waits and before is self.cycle:
+            """Close the connection if nothing was completed since the last look; ``before``: the request of that time."""
+            if self.transport is None or self.transport.is_closing():
+                return
+            if before is self.cycle and (self.cycle is None or self.cycle.response_complete):
                 self.transport.close()
             else:
-                self.watch = self.loop.call_later(REQUEST_SECONDS, self.look, self.cycle)
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            self.watch.cancel()
-            super().connection_lost(exc)
+                self.loop.call_later(REQUEST_SECONDS, self.look, self.cycle)
 
     config = uvicorn.Config(
         app, http=Protocol, ws="none", loop="asyncio", lifespan="off", interface="asgi3", log_config=None, access_log=False,

@@ -166,7 +166,7 @@ class Answers:
             self._base.execute("COMMIT")
         return True
 
-    def trials_done(self, rater: Rater) -> list[int]:
+    def list_trials(self, rater: Rater) -> list[int]:
         """Numbers of the trials that a rater has answered."""
         with self._lock:
             rows = self._base.execute("SELECT DISTINCT trial FROM answers WHERE rater = ? ORDER BY trial", (rater.rater,))

@@ -101,7 +101,7 @@ class _Calls:
         if type(seconds) not in (int, float) or not 0 <= seconds < 1e9:
             raise InputError("the seconds are no time")
         self._answers.add(rater, number, check_answers(self._plan, trials[number], given.get("answers")), seconds)
-        return {"done": len(self._answers.trials_done(rater)), "of": len(trials)}
+        return {"done": len(self._answers.list_trials(rater)), "of": len(trials)}
 
     def _find(self, name: str) -> Rater:
         rater = self._answers.find_rater(name)
@@ -111,7 +111,7 @@ class _Calls:
 
     def _session(self, rater: Rater) -> dict[str, Any]:
         trials = [describe_trial(self._plan, trial) for trial in self._trials(rater.number)]
-        return {"rater": rater.rater, "trials": trials, "done": self._answers.trials_done(rater)}
+        return {"rater": rater.rater, "trials": trials, "done": self._answers.list_trials(rater)}
 
 
 def _endpoint(call: Call) -> Callable[[Any], Awaitable[Any]]:

@@ -74,12 +74,12 @@ def estimate(cells: Array, *, seed: int = 0) -> Estimate:
         return Estimate(none, none, none, none, none, none, 0, 0, 0)
     known = np.where(seen, cells, 0.0)
     mean = float(known.sum() / count)
-    error = _clustered_error(np.where(seen, cells - mean, 0.0), count, raters, clips)
+    error = _two_way_error(np.where(seen, cells - mean, 0.0), count, raters, clips)
     low, high = _interval(known, seen, seed)
     return Estimate(mean, low, high, error, _chance(mean, error, min(raters, clips)), _wilcoxon(cells), count, raters, clips)
 
 
-def _clustered_error(rest: Array, count: int, raters: int, clips: int) -> float:
+def _two_way_error(rest: Array, count: int, raters: int, clips: int) -> float:
     """Standard error; where the sum of the parts is below one of them, which chance can do, the larger part."""
     parts = [float((rest.sum(axis) ** 2).sum()) for axis in (1, 0)]
     scaled = [part * g / (g - 1) if g > 1 else 0.0 for part, g in zip(parts, (raters, clips), strict=True)]

@@ -110,8 +110,8 @@ def tiny_plan(template, **changes):
         for n in range(6)
     ]
     given = {
-        "title": "words", "template": template, "consent": "words", "instructions": "words", "thanks": "words", "shows": kind.shows,
-        "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
+        "title": "words", "template": template, "consent": "words", "instructions": "words", "thanks": "words",
+        "shows": kind.shows, "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
         "reference": "a" if kind.needs_reference else None,
     }  # fmt: skip
     return Plan.model_validate(given | changes)

@@ -92,7 +92,7 @@ CONSENT = (
     "You are invited to a study about computer-animated characters. You will watch short videos and answer questions about "
     "them.\n\n"
     "Taking part is voluntary. You may close the page at any time, without giving a reason. What is kept are your answers, the "
-    "time that they took, and the code of your invitation if it had one; neither your name nor your address is kept. The answers "
-    "may be published without the codes."
+    "time that they took, and the code of your invitation if it had one; neither your name nor your address is kept. The "
+    "answers may be published without the codes."
 )
 THANKS = "Thank you. Your answers are saved. You may close this page."

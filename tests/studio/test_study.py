@@ -101,11 +101,11 @@ def test_a_session_is_counterbalanced():
 
 def tiny_plan(template, **changes):
     """A plan of three systems on six speeches, without files."""
-    from cospeech.studio.study.plan import Clip, Plan
+    from cospeech.studio.study.plan import StudyClip, StudyPlan
 
     kind, systems = TEMPLATES[template], ["a", "b", "c"]
     clips = [
-        Clip(id=f"{k:08x}{n:08x}", system=s, stimulus=f"s{n}", file=f"{k:08x}{n:08x}.mp4")
+        StudyClip(id=f"{k:08x}{n:08x}", system=s, stimulus=f"s{n}", file=f"{k:08x}{n:08x}.mp4")
         for k, s in enumerate(systems)
         for n in range(6)
     ]
@@ -114,7 +114,7 @@ def tiny_plan(template, **changes):
         "shows": kind.shows, "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
         "reference": "a" if kind.needs_reference else None,
     }  # fmt: skip
-    return Plan.model_validate(given | changes)
+    return StudyPlan.model_validate(given | changes)
 
 
 @pytest.mark.parametrize("template", TEMPLATES)

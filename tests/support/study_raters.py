@@ -17,7 +17,7 @@ from cospeech.studio.server import open_socket, server_of
 from cospeech.studio.study.answers import Answers
 from cospeech.studio.study.app import make_app
 from cospeech.studio.study.make import make_study
-from cospeech.studio.study.plan import Plan, load_plan
+from cospeech.studio.study.plan import StudyPlan, load_plan
 from cospeech.studio.study.session import Trial, answer_keys, make_session
 
 
@@ -98,7 +98,7 @@ Opinion = Callable[[Random, Trial, str, int], int]
 """(draw, trial, question, place) → value."""
 
 
-def right_answers(plan: Plan, trial: Trial) -> dict[tuple[str, int], int]:
+def right_answers(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], int]:
     """Answers that pass an attention check."""
     keys = answer_keys(plan, trial)
     if trial.check == "same":
@@ -107,7 +107,7 @@ def right_answers(plan: Plan, trial: Trial) -> dict[tuple[str, int], int]:
     return {key: values[0 if trial.check == "first" else -1] for key, values in keys.items()}
 
 
-def as_sent(plan: Plan, answers: dict[tuple[str, int], int]) -> dict[str, Any]:
+def as_sent(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, Any]:
     """Answers as the page sends them."""
     each = {question.name: question.kind == "scale" for question in plan.questions}
     return {
@@ -116,7 +116,7 @@ def as_sent(plan: Plan, answers: dict[tuple[str, int], int]) -> dict[str, Any]:
     }
 
 
-def rate(port: int, plan: Plan, number: int, opinion: Opinion, *, careless: bool = False, pages: int | None = None) -> str:
+def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless: bool = False, pages: int | None = None) -> str:
     """Take part as rater ``number``, who must be the next one; returns the rater's name."""
     draw, connection = Random(number), HTTPConnection("127.0.0.1", port, timeout=10)
     trials = make_session(plan, number)

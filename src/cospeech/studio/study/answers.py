@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import InputError
-from .plan import Plan
+from .plan import StudyPlan
 from .session import Trial, answer_keys, make_session
 
 __all__ = ["Answers", "Rater", "check_answers"]
@@ -47,7 +47,7 @@ class Rater(NamedTuple):
     participant: str
 
 
-def check_answers(plan: Plan, trial: Trial, given: Any) -> dict[tuple[str, int], int]:
+def check_answers(plan: StudyPlan, trial: Trial, given: Any) -> dict[tuple[str, int], int]:
     """The answers to a trial as a page sends them, ``{"question": value}`` or ``{"question": [value of each clip]}``.
 
     Raises:
@@ -79,7 +79,7 @@ class Answers:
         InputError: the plan was changed after the first rater in a way that changes what the answers mean.
     """
 
-    def __init__(self, study: Path, plan: Plan) -> None:
+    def __init__(self, study: Path, plan: StudyPlan) -> None:
         self._plan, self._lock = plan, threading.Lock()
         path = study / FILE
         try:

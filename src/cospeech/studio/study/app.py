@@ -12,7 +12,7 @@ from typing import Any
 from ...errors import InputError
 from ..server import Guard, load_web
 from .answers import Answers, Rater, check_answers
-from .plan import CLIPS, Plan
+from .plan import CLIPS, StudyPlan
 from .session import describe_study, describe_trial, make_session
 
 Call = Callable[[dict[str, Any], str], dict[str, Any]]
@@ -35,7 +35,7 @@ def page_file(name: str) -> bytes:
     return (PAGE / name).read_bytes()
 
 
-def make_app(study: Path, plan: Plan, answers: Answers, *, token: str | None = None) -> Any:
+def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | None = None) -> Any:
     """The application, behind its guard.
 
     Args:
@@ -75,7 +75,7 @@ def make_app(study: Path, plan: Plan, answers: Answers, *, token: str | None = N
 class _Calls:
     """What the page asks for; JSON values in, JSON values out."""
 
-    def __init__(self, plan: Plan, answers: Answers) -> None:
+    def __init__(self, plan: StudyPlan, answers: Answers) -> None:
         self._plan, self._answers = plan, answers
         self._trials = lru_cache(1000)(partial(make_session, plan))
 

@@ -12,7 +12,7 @@ from ...convert import convert_file
 from ...errors import InputError, nearest
 from ...export.registry import suffixes
 from ...files import workplace
-from .plan import CLIPS, Clip, Plan, save_plan
+from .plan import CLIPS, StudyClip, StudyPlan, save_plan
 from .templates import CONSENT, TEMPLATES, THANKS
 
 __all__ = ["VARIANTS", "make_study"]
@@ -37,7 +37,7 @@ def make_study(
     seed: int = 0,
     title: str = "Gestures and speech",
     progress: Callable[[float], None] | None = None,
-) -> Plan:
+) -> StudyPlan:
     """Make the folder of a study from clips of systems on the same speech.
 
     Args:
@@ -73,7 +73,7 @@ def make_study(
     stimuli = sorted(next(iter(systems.values())))
     clips = [_name_clip(seed, system, stimulus, systems[system][stimulus]) for system in systems for stimulus in stimuli]
     try:
-        plan = Plan.model_validate({
+        plan = StudyPlan.model_validate({
             "title": title, "template": template, "consent": CONSENT, "instructions": kind.instructions, "thanks": THANKS,
             "shows": kind.shows, "variant": variant, "questions": list(kind.questions), "systems": list(systems),
             "reference": reference, "transfer": list(transfer), "checks": checks, "fewest_checks": checks, "seed": seed,
@@ -123,12 +123,12 @@ def _find_clips(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
     return found
 
 
-def _name_clip(seed: int, system: str, stimulus: str, source: Path) -> Clip:
+def _name_clip(seed: int, system: str, stimulus: str, source: Path) -> StudyClip:
     """A clip under a name that says nothing: the hash has the seed in it, which raters do not know."""
     text = "\0".join((str(seed), system, stimulus)).encode()
     name = hashlib.blake2b(text, digest_size=8).hexdigest()
     suffix = source.suffix.lower() if source.suffix.lower() in VIDEOS else ".mp4"
-    return Clip(id=name, system=system, stimulus=stimulus, file=name + suffix)
+    return StudyClip(id=name, system=system, stimulus=stimulus, file=name + suffix)
 
 
 def _write_clip(source: Path, target: Path, variant: str, speech: Path | None) -> None:

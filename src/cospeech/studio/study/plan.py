@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ...errors import InputError
 from ...files import atomic, parse_json, read_regular
 
-__all__ = ["Clip", "Plan", "Question", "load_plan", "save_plan"]
+__all__ = ["StudyClip", "StudyPlan", "Question", "load_plan", "save_plan"]
 
 PLAN, CLIPS = "plan.json", "clips"
 PLAN_BYTES = 1 << 24
@@ -70,7 +70,7 @@ class Question(_Strict):
         return list(zip(range(-2, 3), words, strict=True))
 
 
-class Clip(_Strict):
+class StudyClip(_Strict):
     """A video of a study.
 
     Args:
@@ -86,7 +86,7 @@ class Clip(_Strict):
     file: Annotated[str, Field(pattern=r"^[0-9a-f]{16}\.(mp4|webm)$")]
 
 
-class Plan(_Strict):
+class StudyPlan(_Strict):
     """The whole of a study.
 
     Args:
@@ -117,10 +117,10 @@ class Plan(_Strict):
     checks: Annotated[int, Field(ge=0, le=20)] = 2
     fewest_checks: Annotated[int, Field(ge=0, le=20)] = 2
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    clips: Annotated[list[Clip], Field(min_length=1, max_length=20_000)]
+    clips: Annotated[list[StudyClip], Field(min_length=1, max_length=20_000)]
 
     @model_validator(mode="after")
-    def _check(self) -> Plan:
+    def _check(self) -> StudyPlan:
         cells = {(clip.system, clip.stimulus) for clip in self.clips}
         known = {*self.systems}
         if len(known) != len(self.systems) or len({q.name for q in self.questions}) != len(self.questions):
@@ -154,7 +154,7 @@ class Plan(_Strict):
         return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def load_plan(study: Path) -> Plan:
+def load_plan(study: Path) -> StudyPlan:
     """The plan of a study's folder.
 
     Raises:
@@ -163,14 +163,14 @@ def load_plan(study: Path) -> Plan:
     path = study / PLAN
     data = parse_json(read_regular(path, "the plan of a study", PLAN_BYTES), str(path), PLAN_VALUES)
     try:
-        return Plan.model_validate(data)
+        return StudyPlan.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the plan"
         raise InputError(f"{str(path)!r}: {where}: {first['msg']}", "mend it, or make the study again") from None
 
 
-def save_plan(plan: Plan, study: Path) -> None:
+def save_plan(plan: StudyPlan, study: Path) -> None:
     """Write the plan into the folder of its study."""
     with atomic(study / PLAN) as temporary:
         temporary.write_text(plan.model_dump_json(indent=2) + "\n", "utf-8")

@@ -16,7 +16,7 @@ import numpy as np
 from ...metrics.holm import correct
 from ...motion.rotations import Array
 from .answers import Answers, Rater
-from .plan import Plan, Question, load_plan
+from .plan import Question, StudyPlan, load_plan
 from .session import Trial, answer_keys, passes
 from .statistics import Estimate, alpha, estimate, grid
 
@@ -83,7 +83,7 @@ def name_rater(rater: Rater) -> str:
     return f"R_{hashlib.blake2b(rater.rater.encode(), digest_size=6).hexdigest()}"
 
 
-def count_raters(plan: Plan, answers: Answers, *, incomplete: bool = False) -> Counted:
+def count_raters(plan: StudyPlan, answers: Answers, *, incomplete: bool = False) -> Counted:
     """Who is counted: who has answered all pages (or any, with ``incomplete``) and passed enough attention checks."""
     kept, failed, short, times = [], [], [], []
     for rater, trials, given, seconds in answers.sessions():
@@ -100,7 +100,7 @@ def count_raters(plan: Plan, answers: Answers, *, incomplete: bool = False) -> C
     return Counted(kept, failed, short, median(times) if times else float("nan"))
 
 
-def read_votes(plan: Plan, answers: Answers, raters: Iterable[str]) -> list[Vote]:
+def read_votes(plan: StudyPlan, answers: Answers, raters: Iterable[str]) -> list[Vote]:
     """The answers of some raters, without attention checks."""
     chosen, found = {*raters}, []
     for rater, trials, given, _ in answers.sessions():
@@ -118,7 +118,7 @@ Scores = dict[str, list[tuple[str, str, float]]]
 """System → (rater, speech, score)."""
 
 
-def _scores(plan: Plan, question: Question, votes: Iterable[Vote]) -> Scores:
+def _scores(plan: StudyPlan, question: Question, votes: Iterable[Vote]) -> Scores:
     """The score of each system by one question.
 
     Of a scale, the rating. Of a favourite, 1 where it was chosen. Of a style, 1 where the answer is right: different for the
@@ -187,7 +187,7 @@ def _agreement(question: Question, votes: list[Vote]) -> float:
     return alpha(grid(units), (lambda a, b: (a != b).astype(float)) if nominal else None)
 
 
-def study_findings(plan: Plan, votes: list[Vote], counted: Counted) -> Findings:
+def study_findings(plan: StudyPlan, votes: list[Vote], counted: Counted) -> Findings:
     """All estimates of a study."""
     found = Findings(counted)
     for question in plan.questions:
@@ -222,7 +222,7 @@ def _chance(p: float) -> str:
     return "–" if np.isnan(p) else "< .001" if p < 0.001 else f"{p:.3f}"
 
 
-def report_text(plan: Plan, findings: Findings) -> str:
+def report_text(plan: StudyPlan, findings: Findings) -> str:
     """The report, in Markdown."""
     counted = findings.counted
     lines = [

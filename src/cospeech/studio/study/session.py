@@ -11,7 +11,7 @@ from itertools import combinations
 from random import Random
 from typing import Any, NamedTuple
 
-from .plan import Plan
+from .plan import StudyPlan
 
 __all__ = ["Trial", "answer_keys", "describe_trial", "make_session"]
 
@@ -31,7 +31,7 @@ class Trial(NamedTuple):
     check: str | None = None
 
 
-def comparisons(plan: Plan) -> list[tuple[str, ...]]:
+def comparisons(plan: StudyPlan) -> list[tuple[str, ...]]:
     """Which systems are shown together."""
     if plan.shows == "single":
         return [(system,) for system in plan.systems]
@@ -42,7 +42,7 @@ def comparisons(plan: Plan) -> list[tuple[str, ...]]:
     return list(combinations(plan.systems, 2))
 
 
-def make_session(plan: Plan, number: int) -> list[Trial]:
+def make_session(plan: StudyPlan, number: int) -> list[Trial]:
     """The trials of a rater.
 
     Args:
@@ -66,7 +66,7 @@ def make_session(plan: Plan, number: int) -> list[Trial]:
     return _with_checks(plan, trials, draw)
 
 
-def _with_checks(plan: Plan, trials: list[Trial], draw: Random) -> list[Trial]:
+def _with_checks(plan: StudyPlan, trials: list[Trial], draw: Random) -> list[Trial]:
     """Attention checks among the trials, evenly spread."""
     found, length = list(trials), len(trials)
     alike = plan.reference is not None and any(question.kind == "same" for question in plan.questions)
@@ -79,7 +79,7 @@ def _with_checks(plan: Plan, trials: list[Trial], draw: Random) -> list[Trial]:
     return found
 
 
-def answer_keys(plan: Plan, trial: Trial) -> dict[tuple[str, int], list[int]]:
+def answer_keys(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], list[int]]:
     """(question, place of the clip, or −1 where it is about all clips) → the values that may be answered."""
     keys = {}
     for question in plan.questions:
@@ -89,7 +89,7 @@ def answer_keys(plan: Plan, trial: Trial) -> dict[tuple[str, int], list[int]]:
     return keys
 
 
-def passes(plan: Plan, trial: Trial, answers: dict[tuple[str, int], int]) -> bool:
+def passes(plan: StudyPlan, trial: Trial, answers: dict[tuple[str, int], int]) -> bool:
     """Whether the answers to an attention check are those that were asked for."""
     if trial.check == "same":
         alike = {question.name for question in plan.questions if question.kind == "same"}
@@ -98,7 +98,7 @@ def passes(plan: Plan, trial: Trial, answers: dict[tuple[str, int], int]) -> boo
     return all(answers.get(key) == values[end] for key, values in answer_keys(plan, trial).items())
 
 
-def describe_trial(plan: Plan, trial: Trial) -> dict[str, Any]:
+def describe_trial(plan: StudyPlan, trial: Trial) -> dict[str, Any]:
     """What the page is told of a trial: ids of clips, and the text of a check; never a name."""
     ids = {(clip.system, clip.stimulus): clip.file for clip in plan.clips}
     notice = ""
@@ -107,7 +107,7 @@ def describe_trial(plan: Plan, trial: Trial) -> dict[str, Any]:
     return {"clips": [ids[system, trial.stimulus] for system in trial.systems], "notice": notice}
 
 
-def describe_study(plan: Plan) -> dict[str, Any]:
+def describe_study(plan: StudyPlan) -> dict[str, Any]:
     """What the page is told of the study; nothing about its systems."""
     shown = len(comparisons(plan)[0])
     questions = [

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...files import parse_json, read_regular, workplace
 from .answers import Answers, Rater, check_answers
 from .app import MOST_CODE, PAGE_FILES, page_file
-from .plan import CLIPS, Plan, load_plan
+from .plan import CLIPS, StudyPlan, load_plan
 from .session import describe_study, describe_trial, make_session
 
 __all__ = ["export_page", "import_answers"]
@@ -26,7 +26,7 @@ SESSIONS = (1, 5000)
 """In an exported page; each takes some kB."""
 
 
-def export_page(study: Path, page: Path, *, sessions: int = 200) -> Plan:
+def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
     """Write a study as a folder of files for any web space; the page offers the answers as a download.
 
     Args:
@@ -76,7 +76,7 @@ def import_answers(study: Path, files: Sequence[Path]) -> tuple[int, int]:
     return added, len(read) - added
 
 
-def _read_session(plan: Plan, path: Path) -> tuple[Rater, dict[int, tuple[dict[tuple[str, int], int], float]]]:
+def _read_session(plan: StudyPlan, path: Path) -> tuple[Rater, dict[int, tuple[dict[tuple[str, int], int], float]]]:
     """A rater and the answers from a file."""
     given = parse_json(read_regular(path, "the answers of a rater", ANSWER_BYTES), str(path), ANSWER_VALUES)
     hint = "is it the file that the page of this study has saved?"

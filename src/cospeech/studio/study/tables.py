@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...files import all_or_none
-from .plan import Plan
+from .plan import StudyPlan
 from .report import Vote
 
 __all__ = ["write_tables"]
@@ -45,7 +45,7 @@ def _vote(vote: Vote) -> tuple[object, ...]:
     return (vote.rater, vote.stimulus, *vote.systems, winner, abs(vote.value) == 2, "[]", "")
 
 
-def write_tables(plan: Plan, votes: Sequence[Vote], folder: Path) -> list[Path]:
+def write_tables(plan: StudyPlan, votes: Sequence[Vote], folder: Path) -> list[Path]:
     """Write ``answers.csv``, a file of votes for each question of preference, and ``ratings.csv`` where there are scales.
 
     Raises:

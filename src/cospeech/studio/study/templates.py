@@ -18,7 +18,7 @@ class Template(NamedTuple):
 
     Args:
         what: one line.
-        shows: as of `Plan`.
+        shows: as of `StudyPlan`.
         questions: what is asked.
         stimuli_each: speeches for each rater, at most.
         instructions: what raters read before the first clip.

@@ -169,6 +169,7 @@ def test_a_network_needs_the_token(study):
         )
 
 
+@pytest.mark.slow
 def test_a_thousand_connections_that_come_and_go(port):
     for k in range(1000):
         with socket.create_connection(("127.0.0.1", port), timeout=10) as line:

@@ -49,6 +49,7 @@ def study(tmp_path):
     return make_tiny_study(tmp_path, 3, 8, template="chain-of-generation", seed=3)
 
 
+@pytest.mark.slow
 def test_raters_find_the_planted_effect_and_no_other(study):
     plan = load_plan(study)
     with serving(study) as port:

@@ -196,7 +196,7 @@ def open_live_session(
 ) -> LiveSession:
     """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
 
-    A body without legs has a stance, and no model has more look-ahead than is usual.
+    A body without legs has a stance. No model has more look-ahead than is usual, and ``look_ahead`` gives it less.
 
     Args:
         model: a name, a bundle or a run, as of `generate_files`; or a model.

@@ -14,12 +14,13 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError
 from ..face.gains import face_gains
-from ..face.mouth import Mouth, MouthMaker
+from ..face.mouth import Mouth, MouthMaker, limit_wait
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
+from .foresight import LATENCY, LEAST_FACE, LEAST_LOOK_AHEAD, LOOK_AHEAD, foresee
 from .options import GenerationOptions
 from .plan import Gesture
-from .session import LATENCY, LOOK_AHEAD, Session, check_speech, in_short, stream_motion
+from .session import Session, check_speech, in_short, stream_motion
 from .styles import STYLES, Style, find_style
 
 __all__ = [
@@ -56,7 +57,7 @@ class RuleBasedModel:
 
         ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where
         another system turns the head, see `Session.aim`. Options that only some trained
-        systems have (face, continue_from, look_ahead, takes) are refused.
+        systems have (face, continue_from, takes) are refused.
         """
         options = GenerationOptions.of(options, keywords)
         for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
@@ -64,16 +65,17 @@ class RuleBasedModel:
                 raise InputError(
                     f"the rule-based model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md"
                 )
-        if options.look_ahead is not None:
-            raise InputError("the rule-based model's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
+        foresight = foresee(options.look_ahead, least=LEAST_FACE if options.parts == ("face",) else LEAST_LOOK_AHEAD)
         if options.takes > 1:
             raise InputError(f"{options.takes} takes of the rule-based model at once", "one session for each")
         mouth = self._mouth() if self._mouth is not None and moving and "face" in options.parts else None
         session = Session(
             find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
-            gains=face_gains(options.face_gain), aimed=aimed,
+            gains=face_gains(options.face_gain), aimed=aimed, foresight=foresight,
         )  # fmt: skip
+        if mouth is not None and not foresight.is_usual:
+            limit_wait(mouth, foresight.mouth_waits)
         if mouth is not None:
             session.share(SharedProsody())
         return session
@@ -92,6 +94,8 @@ class RuleBasedModel:
             parts: of face, body, hands.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
                 or a dict), see `cospeech.face.gains.face_gains`.
+            look_ahead: seconds of speech after a frame that it depends on, 0.4 … 1.48 (0.2 … of the face alone); less makes a
+                live character quicker to answer, and its strokes come later than the words (docs/runtime.md).
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ..audio.emotions import Moods, emotion_track
-from ..audio.event_detection import TICK
 from ..errors import InputError
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .manner import MannerCourse, make_manner
+from .foresight import Foresight
+from .manner import Manner, MannerCourse, make_manner
 from .mood import Mood
 from .options import INTENSITY_RANGE, check_range
 from .plan import Planner
@@ -21,6 +21,7 @@ class SessionControls:
 
     seed: int
     gains: Array | None
+    foresight: Foresight
     mood: Mood
     planner: Planner
     manners: MannerCourse
@@ -30,7 +31,7 @@ class SessionControls:
     @property
     def planned_until(self) -> float:
         """Seconds up to which movement is planned."""
-        return self._ticks * TICK
+        return self._ticks * self.foresight.tick
 
     def restyle(self, style: object) -> None:
         """Another style, for all frames that are not made yet; it is faded in over half a second.
@@ -67,4 +68,7 @@ class SessionControls:
     def _perform(self, style: Style, intensity: float) -> None:
         now = self.planned_until
         self.planner.restyle(now, style, intensity, self.modifier)
-        self.manners.change(make_manner(style, intensity, seed=self.seed, gains=self.gains), now)
+        self.manners.change(self._make_manner(style, intensity), now)
+
+    def _make_manner(self, style: Style, intensity: float) -> Manner:
+        return make_manner(style, intensity, seed=self.seed, gains=self.gains, delays=self.foresight.face)

@@ -84,6 +84,7 @@ class Planner:
 
     def __init__(self, style: Style, *, seed: int, intensity: float = 1.0, temperature: float = 1.0) -> None:
         self.style, self.intensity, self.temperature = style, intensity, temperature
+        self.horizon, self.late = HORIZON, 0.0  # as of `cospeech.rules.foresight.Foresight`
         self._random = Random(f"{seed}/plan")
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
@@ -91,8 +92,7 @@ class Planner:
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
-        self._last_accent = -1.0
-        self._last_word = -1.0
+        self._last_accent = self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
         self._forms = weigh_forms(style.repertoire)
 
@@ -124,8 +124,9 @@ class Planner:
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
         for accent in accents:
-            if self._last_accent < accent.time <= now + HORIZON:
+            if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time
+                accent = accent._replace(time=accent.time + self.late) if self.late else accent
                 if accent.time > now + 0.1 or now == 0:
                     self._on_accent(now, accent, words, modifier)
                 self.posture.on_accent(now, accent, modifier)
@@ -179,7 +180,7 @@ class Planner:
         """Words with a strong gesture of their own get it even without an accent."""
         for word in words:
             middle = word.start + 0.4 * (word.end - word.start)
-            if not (self._last_word < word.start and now + 0.45 < middle <= now + HORIZON - 0.1) or self.intensity <= 0:
+            if not (self._last_word < word.start and now + 0.45 < middle <= now + self.horizon - 0.1) or self.intensity <= 0:
                 continue
             found = form_for(word.text)
             if found is None or LEXICAL_FORMS[found[0]].score < 0.8 or found[1] < 0.5 or middle <= self._last_accent + 0.1:
@@ -359,7 +360,7 @@ class Planner:
 
     def _let_go(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
         """Retract hands that have nothing to hold; drop them for good in long pauses."""
-        quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
+        quiet = not any(p.end > now - 0.05 and p.start < now + self.horizon for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)

@@ -37,7 +37,7 @@ from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
 
-__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
+__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
 
@@ -112,6 +112,14 @@ class ResolvedStyle:
     """Of which speakers the network plays a mixture, where it plays one."""
 
 
+def latency_of_body(
+    system: System, frontend: SpeechFrontend | SpeechTextFrontend, decoder: Decoder, stances: Sequence[StanceLayer]
+) -> float:
+    """Seconds that body and hands wait: for the network, the features, smoothing, the cubic, and a stance."""
+    behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)
+    return decoder.latency + behind + frontend.delay
+
+
 class TrainedSession:
     """One take, or several of one speech: pushed into like `cospeech.rules.Session`.
 
@@ -151,8 +159,7 @@ class TrainedSession:
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
         self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
-        behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)  # and of the cubic
-        self._latency = self._look_ahead = decoder.latency + behind + frontend.delay
+        self._latency = self._look_ahead = latency_of_body(system, frontend, decoder, stances)
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
@@ -192,14 +199,13 @@ class TrainedSession:
     def latency(self) -> float:
         """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given.
 
-        What the network, the features, smoothing and the cubic wait for; with a face, at least `cospeech.rules.LATENCY`.
+        What the network, the features, smoothing and the cubic wait for; with a face, at least what that waits for.
         """
         return self._latency
 
     @property
     def look_ahead(self) -> float:
-        """Seconds of sound after a frame's time on which the frame depends, at most; where there is a face, at least
-        `cospeech.rules.LOOK_AHEAD`."""
+        """Seconds of sound after a frame's time on which the frame depends, at most."""
         return self._look_ahead
 
     @property
@@ -288,6 +294,8 @@ class TrainedSession:
         if self._over:
             return self._next_frames()
         self._over = True
+        for face in self._faces:
+            face.hear_rest()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):

@@ -62,5 +62,5 @@ $(VENV)/.core: requirements/core.txt pyproject.toml
 $(VENV)/.dev: $(VENV)/.core uv.lock
 	@echo "installing the tools of development into $(VENV) (on Linux 3 GB, most of it torch)"
 	@$(PIP) install --only-binary :all: "uv==$$(sed -n '/^name = "uv"$$/{n;s/version = "\(.*\)"/\1/p;}' uv.lock)"
-	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --extra live --extra wav2vec --group dev --group docs --group build
+	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --extra live --extra wav2vec --extra studio --group dev --group docs --group build
 	@touch $@

@@ -34,6 +34,12 @@ COMMANDS = (
     "prepare",
     "synthesise",
     "evaluate",
+    "study",
+    "study make",
+    "study serve",
+    "study export",
+    "study import",
+    "study report",
     "train",
     "bundle",
 )

@@ -5,7 +5,7 @@
 EMODB is a folder with EmoDB's ``labels.csv`` and clips (Burkhardt et al. 2005, CC0). SPEECH holds recordings of readers, in a
 folder each; ``a2f_emotional`` in it is a test alone. Functionals are kept in WORK. ``--write`` replaces the shipped weights.
 
-Voices that act by rule are made of the readers and of the neutral clips of EmoDB's actors (`cospeech.corpora.synthetic.acting`).
+Voices that act by rule (`cospeech.corpora.synthetic.acting`) are made of the readers and of the neutral clips of the actors.
 Ten folds leave out an actor each, with the voices made of the actor, and of a reader where there is one left.
 """
 
@@ -278,11 +278,15 @@ def print_real(folds: Folds, temperature: float) -> None:
     print(f"EmoDB: UAR {recall_score(true, said, average='macro'):.3f} of {len(names)} emotions")
     print(f"  first five clips of a voice {recall_score(true[first], said[first], average='macro'):.3f}", end=", ")
     print(f"later ones {recall_score(true[~first], said[~first], average='macro'):.3f}")
-    print(f"  arousal: AUC {roc_auc_score(high[known], arousal[known]):.3f}; of neutral {arousal[true == 'neutral'].mean():+.2f}")
+    print(
+        f"  arousal: AUC {roc_auc_score(high[known], arousal[known]):.3f}; of neutral {arousal[true == 'neutral'].mean():+.2f}"
+    )
     print(f"  calibration error {calibration_error(shares, said == true):.3f} at temperature {temperature:.2f}")
     for least in (0.5, 0.75):
         sure = shares.max(1) >= least
-        print(f"  probability of {least} or more: {sure.mean():.2f} of the clips, {np.mean(said[sure] == true[sure]):.2f} of them right")
+        print(
+            f"  probability of {least} or more: {sure.mean():.2f} of the clips, {np.mean(said[sure] == true[sure]):.2f} of them right"
+        )
     print(names, confusion_matrix(true, said, labels=names, normalize="true").round(2), sep="\n")
 
 

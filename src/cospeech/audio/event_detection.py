@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
@@ -63,10 +64,14 @@ class EventDetector:
         known: seconds up to which `window` can answer.
         accents: recent accents in time order, each known ``LEVEL_DELAY + PEAK_DELAY + 0.1`` s after it happened.
         phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
+
+    Args:
+        also: gets all prosody, with mel bands, as soon as it is certain.
     """
 
-    def __init__(self) -> None:
-        self._prosody: Prosody = ProsodyStream()
+    def __init__(self, also: Callable[[Features], None] | None = None) -> None:
+        self._also = also
+        self._prosody: Prosody = ProsodyStream(mel=also is not None)
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
         self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
@@ -106,6 +111,8 @@ class EventDetector:
     def _take(self, features: Features) -> None:
         if not len(features.energy):
             return
+        if self._also is not None:
+            self._also(features)
         for name in ("energy", "pitch", "voicing", "onset", "bands"):
             rows = np.asarray(getattr(features, name), float)
             self._raw.setdefault(name, _Buffer(rows.shape[1] if rows.ndim > 1 else 0)).append(rows)

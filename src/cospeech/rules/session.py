@@ -18,6 +18,7 @@ from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
+from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.composition import Face
 from ..face.gaze import direction_of, eye_angles, look, toward
@@ -25,11 +26,11 @@ from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
-from .arousal import LOOKS, arouse
+from .arousal import arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
 from .manner import Manner, MannerCourse, make_manner, mix_frames
-from .mood import SPAN, Mood
+from .mood import Mood
 from .plan import HORIZON, Gesture, Planner
 from .realise import Pieces, gaze_only, realise
 from .styles import Style
@@ -96,8 +97,8 @@ class Session(SessionControls):
     ) -> None:
         self.seed, self.fps, self.parts, self.gains = seed, fps, parts, gains
         self.manners = MannerCourse(make_manner(style, intensity, seed=seed, gains=gains))
-        self.detector = EventDetector()
         self.mood = Mood(emotion)
+        self.detector = EventDetector(self.mood.voice.push)
         self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
@@ -126,7 +127,7 @@ class Session(SessionControls):
 
     @property
     def expression(self) -> dict[str, float]:
-        """Weight of each emotion that was played, over the speech: of a track its own, else neutral alone."""
+        """Weight of each emotion that was played, over the speech: of a track its own, else what was surely heard."""
         return self.mood.expression
 
     @property
@@ -239,9 +240,8 @@ class Session(SessionControls):
         if self.mood.track is not None:
             self.mood.keep(now)
         if self.mood.listens and self._ticks % _LOOK == 0:
-            recent = [a for a in detector.accents if a.time <= now + HORIZON]
             listen = self.mood.follow if self.mood.track is None else self.mood.listen
-            listen(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
+            listen(now + HORIZON)
         if self.mood.track is not None or self._ticks % _LOOK == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)

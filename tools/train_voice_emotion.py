@@ -284,9 +284,8 @@ def print_real(folds: Folds, temperature: float) -> None:
     print(f"  calibration error {calibration_error(shares, said == true):.3f} at temperature {temperature:.2f}")
     for least in (0.5, 0.75):
         sure = shares.max(1) >= least
-        print(
-            f"  probability of {least} or more: {sure.mean():.2f} of the clips, {np.mean(said[sure] == true[sure]):.2f} of them right"
-        )
+        right = np.mean(said[sure] == true[sure])
+        print(f"  probability of {least} or more: {sure.mean():.2f} of the clips, {right:.2f} of them right")
     print(names, confusion_matrix(true, said, labels=names, normalize="true").round(2), sep="\n")
 
 

@@ -18,7 +18,7 @@ from cospeech.audio.voice_emotion import (
     VoiceEmotion,
     VoiceLook,
     judge_voice,
-    shipped_weights,
+    load_weights,
 )
 from cospeech.audio.voice_functionals import FUNCTIONALS, LEVELS, measure_voice
 from cospeech.cli.demo import EXAMPLE
@@ -50,7 +50,7 @@ def test_nearly_nothing_is_no_voice(frames):
 
 
 def test_the_level_runs_from_that_of_all_voices_to_that_of_this_one():
-    weights, rng = shipped_weights(), np.random.default_rng(0)
+    weights, rng = load_weights(), np.random.default_rng(0)
     level, rows = RunningLevel(weights), weights.mean + weights.spread * rng.normal(2.0, 0.5, (400, FUNCTIONALS))
     first, *_, last = [level.standardise(row) for row in rows]
     assert first.mean() > 1.2
@@ -110,7 +110,7 @@ def test_a_category_is_played_only_where_it_is_sure_and_the_voice_is_known():
 
 def test_the_weights_are_small_and_tell_acted_anger_from_sadness(shared):
     """Of the actors it was trained on: a check that it works; how well for others, the page says."""
-    weights = shipped_weights()
+    weights = load_weights()
     assert weights.categories.shape == (len(CATEGORIES), FUNCTIONALS + 1)
     with (shared / "data" / "speech_emotion" / "labels.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["speaker"] == "03" and row["emotion"] in ("anger", "sadness")][:12]

@@ -32,7 +32,7 @@ __all__ = [
     "VoiceLook",
     "VoiceWeights",
     "judge_voice",
-    "shipped_weights",
+    "load_weights",
 ]
 
 CATEGORIES = (*EMOTIONS, "boredom")
@@ -74,7 +74,7 @@ class VoiceLook(NamedTuple):
 
 
 @cache
-def shipped_weights() -> VoiceWeights:
+def load_weights() -> VoiceWeights:
     """The weights in the package."""
     with files("cospeech").joinpath("assets/voice_emotion.npz").open("rb") as file, np.load(file, allow_pickle=False) as stored:
         return VoiceWeights(*(np.asarray(stored[name], float) for name in ("mean", "spread", "categories", "arousal")))
@@ -121,7 +121,7 @@ class VoiceEmotion:
     """
 
     def __init__(self, weights: VoiceWeights | None = None) -> None:
-        self._weights = weights or shipped_weights()
+        self._weights = weights or load_weights()
         self._level = RunningLevel(self._weights)
         self._pieces: list[Features] = []
 
@@ -168,10 +168,10 @@ class ConfidentEmotion:
         self._looks += 1
         shares = np.exp(self._logits / self._count)
         self.probabilities = _count_boredom(shares / shares.sum())
-        self.played = _SMOOTH * self.played + (1 - _SMOOTH) * self._wanted()
+        self.played = _SMOOTH * self.played + (1 - _SMOOTH) * self._weigh()
         return self.played
 
-    def _wanted(self) -> Array:
+    def _weigh(self) -> Array:
         best = int(self.probabilities.argmax())
         low, high = _SURE
         sure = float(np.clip((self.probabilities[best] - low) / (high - low), 0.0, 1.0))

@@ -18,8 +18,8 @@ from ..face.mouth import Mouth, MouthMaker
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
 from .options import GenerationOptions
-from .plan import Gesture
 from .session import LATENCY, LOOK_AHEAD, Session, check_speech, in_short, stream_motion
+from .strokes import Gesture
 from .styles import STYLES, Style, find_style
 
 __all__ = [

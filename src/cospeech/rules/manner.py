@@ -42,7 +42,7 @@ def make_manner(style: Style, intensity: float, *, seed: int, gains: Array | Non
     """
     face = Face(
         seed=seed, intensity=min(intensity, _MOST_FACE), expressiveness=style.expressiveness, emphasis=style.emphasis,
-        blink_rate=style.blinks / 60, gains=gains,
+        blink_rate=style.blinks / 60, coupling=style.coupling, gains=gains,
     )  # fmt: skip
     return Manner(style, intensity, face)
 

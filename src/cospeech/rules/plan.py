@@ -11,12 +11,12 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
-from typing import NamedTuple
 
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
 from ..audio.speech import Word
+from ..face.expressions import BROWS_LEAD
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
@@ -26,14 +26,15 @@ from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form, weigh_forms
 from .rest_poses import RESTS
-from .strokes import draw_arc, draw_skew, draw_twist
+from .strokes import Gesture, draw_arc, draw_skew, draw_twist
 from .styles import Style
 
-__all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
+__all__ = ["LEFT", "RIGHT", "Planner"]
 
 LEFT, RIGHT = 0, 1
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
+_FORGOTTEN = 8.0  # seconds after which a stroke moves no face [ours: four seconds of motion are made at once, at most]
 _RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 _SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
@@ -42,18 +43,6 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
-
-
-class Gesture(NamedTuple):
-    """A planned stroke, for annotations and pictures: times in seconds."""
-
-    start: float
-    stroke: float
-    end: float
-    form: str
-    hands: str
-    word: str
-    score: float
 
 
 @dataclass
@@ -92,6 +81,8 @@ class Planner:
         self._planned: list[Gesture] = []
         self._heard: list[Accent] = []
         self._last_accent = -1.0
+        self.stroke_accents: deque[float] = deque()
+        """Times of recent accents with a stroke that was planned early enough for the face to go along."""
         self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
         self._forms = weigh_forms(style.repertoire)
@@ -126,9 +117,15 @@ class Planner:
         for accent in accents:
             if self._last_accent < accent.time <= now + HORIZON:
                 self._last_accent = accent.time
+                before = len(self._planned)
                 if accent.time > now + 0.1 or now == 0:
                     self._on_accent(now, accent, words, modifier)
-                self.posture.on_accent(now, accent, modifier)
+                has_stroke = len(self._planned) > before
+                if has_stroke and accent.time >= now + BROWS_LEAD:
+                    self.stroke_accents.append(accent.time)
+                self.posture.on_accent(now, accent, modifier, has_stroke)
+        while self.stroke_accents and self.stroke_accents[0] < now - _FORGOTTEN:
+            self.stroke_accents.popleft()
         self._silent_words(now, words, modifier)
         self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from math import ceil
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,8 +31,9 @@ from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
 from .manner import Manner, MannerCourse, make_manner, mix_frames
 from .mood import Mood
-from .plan import HORIZON, Gesture, Planner
+from .plan import HORIZON, Planner
 from .realise import Pieces, gaze_only, realise
+from .strokes import Gesture
 from .styles import Style
 
 __all__ = [
@@ -307,10 +308,9 @@ class Session(SessionControls):
         words = [w for w in self._words if w.start < times[-1] + 1.0]
         shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
         spoken = None if self.mouth is None else self.mouth.at(times)
-        return [
-            face.weights(times, heard, accents=accents, words=words, emotion=mood, shifts=shifts, spoken=spoken)
-            for face in faces
-        ]
+        strokes = None if self._eyes_only else list(self.planner.stroke_accents)
+        seen: dict[str, Any] = {"words": words, "emotion": mood, "shifts": shifts, "spoken": spoken, "strokes": strokes}
+        return [face.weights(times, heard, accents=accents, **seen) for face in faces]
 
     def aim(self, motion: Motion) -> Motion:
         """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.

@@ -8,18 +8,31 @@ ours, to those figures and by eye.
 from __future__ import annotations
 
 from random import Random
+from typing import NamedTuple
 
 import numpy as np
 
 from ..motion.kinematics.hands import CHANNELS, Channel
 from ..motion.rotations import Array
 
-__all__ = ["draw_arc", "draw_skew", "draw_twist"]
+__all__ = ["Gesture", "draw_arc", "draw_skew", "draw_twist"]
 
 _LONGEST = 0.22  # arm lengths off the chord at most
 _OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
 _DRAG = 48.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
+
+
+class Gesture(NamedTuple):
+    """A planned stroke, for annotations and pictures: times in seconds."""
+
+    start: float
+    stroke: float
+    end: float
+    form: str
+    hands: str
+    word: str
+    score: float
 
 
 def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:

@@ -29,7 +29,7 @@ def initialise_by_name(make: Callable[[], Net], seed: int) -> Net:
         seed: of the run.
     """
     made: list[nn.Module] = []
-    with _when_made(made.append):
+    with _watch_modules(made.append):
         first = make()
     names = {id(module): name for name, module in first.named_modules()}
     order = iter([names.get(id(module), f"{type(module).__name__} of no name") for module in made])
@@ -38,12 +38,12 @@ def initialise_by_name(make: Callable[[], Net], seed: int) -> Net:
         name = next(order, "")
         torch.random.manual_seed((seed * 1_000_003 + crc32(name.encode())) % 2**63)
 
-    with _when_made(draw_anew):
+    with _watch_modules(draw_anew):
         return make()
 
 
 @contextmanager
-def _when_made(tell: Callable[[nn.Module], None]) -> Iterator[None]:
+def _watch_modules(tell: Callable[[nn.Module], None]) -> Iterator[None]:
     """Tell of each module as it begins to be made."""
     begin = nn.Module.__init__
 

@@ -20,7 +20,7 @@ from cospeech.corpora.clip import Clip
 from cospeech.corpora.prepare import DEFAULT_POSES, prepare
 from cospeech.corpora.store import Store
 from cospeech.corpora.synthetic import LAYOUTS, perform, synthesise, voices
-from cospeech.corpora.synthetic.speakers import choose_speakers
+from cospeech.corpora.synthetic.speakers import choose_speakers, vary_take
 from cospeech.corpora.synthetic.speech_splits import SPLIT_SENTENCES, split_recordings
 from cospeech.corpora.synthetic.texts import SENTENCES
 from cospeech.errors import CospeechWarning, InputError, InternalError
@@ -361,4 +361,44 @@ def test_the_same_words_are_in_one_split_whoever_says_them():
     assert texts["train"].count(list("pqrstu")) == texts["validation"].count(list("vw")) == texts["test"].count(list("xy")) == 2
     assert sum(map(len, texts.values())) == 4 + 1 + 2 * 3
     assert not set(SPLIT_SENTENCES["train"]) & {*SPLIT_SENTENCES["test"], *SPLIT_SENTENCES["validation"]}
-    assert sum(map(len, SPLIT_SENTENCES.values())) == len(set(SENTENCES))
+    assert sum(map(len, SPLIT_SENTENCES.values())) == len(set(SENTENCES)) >= 400
+
+
+def test_a_take_has_its_own_tempo_amplitude_and_hand():
+    style = choose_speakers(1, 0)[0].style
+    takes = [vary_take(style, seed, 1.0) for seed in range(200)]
+    assert vary_take(style, 3, 0.0) == style
+    assert vary_take(style, 3, 1.0) == takes[3]
+    for name, least in (("tempo", 0.05), ("amplitude", 0.1), ("hand", 0.1)):
+        values = np.array([getattr(take, name) for take in takes])
+        assert values.std() > least
+        assert abs(values.mean() - getattr(style, name)) < 0.06
+    assert all(0 <= take.hand <= 1 for take in takes)
+
+
+def test_voices_vary_in_speed_and_pitch_from_speech_to_speech():
+    voice = voices.Voice("espeak-ng", "en-us+m1", 1.0, 45)
+    varied = {voices.vary_voice(voice, seed) for seed in range(50)}
+    assert len(varied) == 50
+    assert max(v.pitch for v in varied) - min(v.pitch for v in varied) > 15
+    assert 0.85 < min(v.speed for v in varied) < 0.92 < 1.08 < max(v.speed for v in varied) < 1.16
+    assert voices.vary_voice(voice, 7) == voices.vary_voice(voice, 7)
+
+
+def test_a_neutral_corpus_and_one_without_coupling(recordings, tmp_path):
+    pytest.importorskip("lmdb")
+    seen = []
+
+    def remember(speech, style, **options):
+        seen.append((style.coupling, options["emotion"]))
+        return perform(speech, style, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cospeech.corpora.synthetic.perform", remember)
+        options = {"speech": recordings, "hours": 1 / 90, "speakers": 2, "tts": False}
+        made = synthesise(tmp_path / "raw", "ted", neutral=True, coupling=0.0, **options)
+    assert set(seen) == {(0.0, "neutral")}
+    assert made.emotions == {"neutral": made.takes}
+    for wrong in ({"coupling": 1.1}, {"coupling": -0.1}, {"variation": 3.0}):
+        with pytest.raises(InputError):
+            synthesise(tmp_path / "other", "ted", speech=recordings, tts=False, **wrong)

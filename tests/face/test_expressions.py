@@ -11,7 +11,7 @@ from cospeech import models
 from cospeech.audio.prosodic_events import Accent
 from cospeech.audio.speech import Speech, Word
 from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
-from cospeech.face.expressions import accent_brows
+from cospeech.face.expressions import accent_brows, couple
 from cospeech.face.laughter import AFTER, LAUGHS, laughter
 from cospeech.face.visemes import VISEMES, phones_of
 from cospeech.motion.motion import Motion
@@ -120,3 +120,18 @@ def test_emphasis_says_how_many_accents_move_the_brows_and_how_far():
     assert moved[0.0].max() == 0
     assert 0 < shares[0.5] < shares[1.0] < shares[2.0]
     assert np.median(moved[2.0][moved[2.0] > 0.05]) > 1.2 * np.median(moved[1.0][moved[1.0] > 0.05])
+
+
+def test_brows_go_along_with_strokes_as_closely_as_they_are_coupled():
+    accents = [Accent(2.0 * k, 0.6) for k in range(1, 400)]
+    peaks, strokes = np.array([a.time for a in accents]), [a.time for a in accents[::2]]
+    shares = {}
+    for amount in (0.0, 0.5, 1.0):
+        up = accent_brows(peaks, accents, seed=3, strokes=strokes, coupling=amount)[:, :3].max(1) > 0.05
+        shares[amount] = up[::2].mean(), up[1::2].mean()
+    assert abs(shares[0.0][0] - shares[0.0][1]) < 0.1
+    assert shares[0.5][0] > shares[0.5][1] + 0.3
+    assert shares[1.0][0] > 0.85
+    assert shares[1.0][1] < 0.1
+    assert abs(np.mean(shares[0.5]) - np.mean(shares[0.0])) < 0.1  # how often is as before
+    assert couple(0.3, True, 0.0) == couple(0.3, False, 0.0) == 0.3

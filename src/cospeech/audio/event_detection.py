@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
@@ -68,15 +69,24 @@ class EventDetector:
         phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
 
     Args:
+        also: gets all prosody, with mel bands, as soon as it is certain.
         tick: seconds between two decisions.
         level_delay: seconds the running level sees ahead of the frame that it scales.
         peak_delay: seconds after a peak at which it counts; with less than `PEAK_DELAY` its rise alone says how high it is.
     """
 
-    def __init__(self, *, tick: float = TICK, level_delay: float = LEVEL_DELAY, peak_delay: float = PEAK_DELAY) -> None:
+    def __init__(
+        self,
+        also: Callable[[Features], None] | None = None,
+        *,
+        tick: float = TICK,
+        level_delay: float = LEVEL_DELAY,
+        peak_delay: float = PEAK_DELAY,
+    ) -> None:
+        self._also = also
         self._tick_seconds, self._step = tick, round(tick * RATE)
         self._delay, self._wait = round(level_delay * RATE), round(peak_delay * RATE)
-        self._prosody: Prosody = ProsodyStream()
+        self._prosody: Prosody = ProsodyStream(mel=also is not None)
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
         self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
@@ -132,6 +142,8 @@ class EventDetector:
     def _take(self, features: Features) -> None:
         if not len(features.energy):
             return
+        if self._also is not None:
+            self._also(features)
         for name in ("energy", "pitch", "voicing", "onset", "bands"):
             rows = np.asarray(getattr(features, name), float)
             self._raw.setdefault(name, _Buffer(rows.shape[1] if rows.ndim > 1 else 0)).append(rows)

@@ -77,6 +77,23 @@ Gestures = Annotated[
 ]
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
 Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
+Calm = Annotated[bool, Option("--neutral", help="Make all takes neutral.")]
+Coupling = Annotated[
+    float | None,
+    Option(
+        "--coupling",
+        metavar="NUMBER",
+        help="How closely brows, nods and blinks go along with strokes, 0 … 1. The default is that of the styles.",
+    ),
+]
+Variation = Annotated[
+    float,
+    Option(
+        "--variation",
+        metavar="NUMBER",
+        help="How much tempo, amplitude and preferred hand vary from take to take, 0 … 2. It is not audible.",
+    ),
+]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
 
 
@@ -153,6 +170,9 @@ def _add_synthesise(app: typer.Typer) -> None:
         gestures: Gestures = 0,
         tts: Tts = True,
         act: Act = True,
+        neutral: Calm = False,
+        coupling: Coupling = None,
+        variation: Variation = 1.0,
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
@@ -176,6 +196,9 @@ def _add_synthesise(app: typer.Typer) -> None:
                 gestures=gestures,
                 tts=tts,
                 act=act,
+                neutral=neutral,
+                coupling=coupling,
+                variation=variation,
                 progress=tell,
             )
         if not quiet:

@@ -21,12 +21,15 @@ _TWICE = 0.10  # share of cells with two blinks, and of cells with none (ours: f
 _APART = 0.55  # s; a blink that an event asks for is dropped this close to one that is due anyway (ours)
 _AT_PHRASE_END, _AT_SHIFT = 0.32, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
 _HELD_BACK = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
+_AT_STROKE, _STROKE_LEADS = 0.16, 0.1  # [ours] chance at a coupling of 1; seconds before the accent of the stroke
+_HELD_FOR_STROKES = 0.25  # [ours] more of the other blinks left out at a coupling of 1, so that the rate stays
 _LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
 _SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
 PAUSE_KNOWN = (_PAUSE + 2) / RATE
 """Seconds after the last loud moment until it is known to be the end of a phrase."""
 _PAIR = np.array([[0], [1]])
 _PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT, _HOLD = 5101 + _PAIR, 5103, 5104, 5105, 5107, 5109  # streams of the hash
+_STROKE = 5111  # and of a stroke
 
 
 def phrase_ends(heard: Heard) -> Array:
@@ -67,8 +70,16 @@ def _draw_caused_blinks(
 
 
 def eyelids(
-    times: Array, heard: Heard, *, seed: int, rate: float, shifts: Sequence[tuple[float, float]] = (), late: float = 0.0
-) -> Array:  # fmt: skip
+    times: Array,
+    heard: Heard,
+    *,
+    seed: int,
+    rate: float,
+    shifts: Sequence[tuple[float, float]] = (),
+    strokes: Sequence[float] = (),
+    coupling: float = 0.0,
+    late: float = 0.0,
+) -> Array:
     """(T,) how far blinks close the eyes, 0 … 1.
 
     Args:
@@ -77,12 +88,14 @@ def eyelids(
         seed: which schedule.
         rate: blinks per second that come without a cause; events add to them.
         shifts: (time in s, size in rad) of large gaze shifts.
+        strokes: times of accents with a stroke of the hands; some come with a blink.
+        coupling: how many, 0 … 1.
         late: seconds by which blinks at the ends of phrases come later, because little is heard ahead; such an end counts
             when its pause is long enough to be one.
     """
     due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
     speaking = heard.at(due, heard.loudness) > _SPEAKING
-    kept = ~speaking | (hash_uniform(seed, _HOLD, index) > _HELD_BACK)
+    kept = ~speaking | (hash_uniform(seed, _HOLD, index) > _HELD_BACK + _HELD_FOR_STROKES * coupling)
     begin, index = due[kept], index[kept]
     ends = phrase_ends(heard)
     if late:
@@ -94,6 +107,11 @@ def eyelids(
         when, size = np.array(shifts, float).T
         chance = _AT_SHIFT * np.minimum(size / _LARGE_SHIFT, 1.0)
         more = _draw_caused_blinks(seed, due, when - 0.03, np.rint(when * 1000).astype(int), _SHIFT, chance)
+        begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
+    if len(strokes) and rate > 0 and coupling > 0:
+        when = np.array(strokes, float)
+        numbers = np.rint(when * 1000).astype(int)
+        more = _draw_caused_blinks(seed, due, when - _STROKE_LEADS, numbers, _STROKE, _AT_STROKE * coupling)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     near = (begin > times[0] - 0.5) & (begin < times[-1])
     begin, index = begin[near], index[near]

@@ -6,6 +6,7 @@ A pure function of time: nothing is remembered from call to call, so a stream in
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +77,7 @@ class Face:
         expressiveness: 0 … about 2; scales brows, small signs and, less, the articulation.
         emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
+        coupling: 0 … 1; how closely brows and blinks go along with the strokes of the hands.
         gains: (52,) factors of what comes out; all 1 where not given.
         delays: by how much what needs foresight comes late.
     """
@@ -88,13 +90,14 @@ class Face:
         expressiveness: float = 1.0,
         emphasis: float = 1.0,
         blink_rate: float = 22.0 / 60,
+        coupling: float = 0.0,
         gains: Array | None = None,
         delays: FaceDelays | None = None,
     ) -> None:
         self._delays = delays or FaceDelays()
         self._gains = np.ones(len(ARKIT)) if gains is None else gains
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
-        self.emphasis = emphasis
+        self.emphasis, self.coupling = emphasis, coupling
         self._articulation = 0.8 + 0.1 * intensity + 0.1 * expressiveness
         lean = 0.05 * hash_normal(seed, _SIDES, np.arange(len(ARKIT) // 2))  # nobody's face is quite even
         self._lean = np.ones(len(ARKIT))
@@ -114,6 +117,7 @@ class Face:
         head_speed: Array | None = None,
         shifts: Sequence[tuple[float, float]] = (),
         spoken: Array | None = None,
+        strokes: Sequence[float] | None = None,
     ) -> Array:
         """ARKit weights at ``times``.
 
@@ -128,6 +132,7 @@ class Face:
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
             shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
             spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
+            strokes: times of those accents that a stroke of the hands goes with; None: nobody knows the hands.
 
         Returns:
             (T, 52) in 0 … 1; without ``gaze`` before gains, with lids as for eyes that look straight ahead.
@@ -147,8 +152,8 @@ class Face:
         out += laughs * np.maximum(LAUGHS - out, 0.0)
         _close_lips(out, closed)
         out *= self._lean
-        self._brows(out, times, accents, drift)
-        self._lids(out, times, heard, head_speed, shifts)
+        self._brows(out, times, accents, drift, strokes)
+        self._lids(out, times, heard, head_speed, shifts, strokes)
         out = np.clip(out, 0.0, 1.0)
         return out if gaze is None else self.finish(out, gaze)
 
@@ -221,20 +226,33 @@ class Face:
         out[:, _SMILE] += friendly[:, None]
         return out
 
-    def _brows(self, out: Array, times: Array, accents: Sequence[Accent], drift: Array) -> None:
-        moves = accent_brows(times, accents, seed=self.seed, amount=self.emphasis, late=self._delays.brows)
+    def _brows(
+        self, out: Array, times: Array, accents: Sequence[Accent], drift: Array, strokes: Sequence[float] | None
+    ) -> None:
+        tied = 0.0 if strokes is None else self.coupling
+        drawn: dict[str, Any] = {"seed": self.seed, "amount": self.emphasis, "late": self._delays.brows}
+        moves = accent_brows(times, accents, **drawn, strokes=strokes or (), coupling=tied)
         moves *= self.expressiveness * (0.7 + 0.3 * self.intensity)
         down = out[:, _BROWS[3:]].mean(1)
         held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
         out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
         out[:, _BROWS[3:]] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
 
-    def _lids(self, out: Array, times: Array, heard: Heard, head_speed: Array | None, shifts: Sequence) -> None:
+    def _lids(
+        self,
+        out: Array,
+        times: Array,
+        heard: Heard,
+        head_speed: Array | None,
+        shifts: Sequence,
+        strokes: Sequence[float] | None,
+    ) -> None:
         lids = out[:, _BLINK]
         if head_speed is not None:
             lids = lids + 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
-        late = self._delays.blinks
-        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts, late=late)[:, None]
+        tied = 0.0 if strokes is None else self.coupling
+        causes: dict[str, Any] = {"shifts": shifts, "strokes": strokes or (), "coupling": tied, "late": self._delays.blinks}
+        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, **causes)[:, None]
         lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
         out[:, _WIDE] *= 1 - shut

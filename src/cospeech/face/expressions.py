@@ -13,7 +13,7 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from ..motion.weighted_sum import add_weighted_rows
 
-__all__ = ["EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell"]
+__all__ = ["BROWS_EARLY", "EXPRESSIONS", "IS_MOUTH", "accent_brows", "accent_swell", "couple"]
 
 # The apex of each emotion after the action units of EMFACS (Ekman & Friesen 1983), with ARKit's names; "Both" stands
 # for Left and Right. The amounts are ours, by eye. Rows in the order of the emotions of `cospeech.rules`.
@@ -70,16 +70,41 @@ BROWS_EARLY = 0.24
 """Seconds before the energy peak at which a brow flash starts (ours)."""
 SWELL_EARLY, _SWELL_LATE = 0.80, 0.25
 """Seconds before an accent from which an expression swells, and after it at which it is strongest (ours)."""
+_MOST_TIED = 0.9  # [ours] chance of a sign of the face with a stroke, at a coupling of 1
 _KNIT = 0.14  # share of accents with the brows drawn together instead
 _ALONE = 0.10  # share of rises of one brow only
 _WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
 
 
-def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: float = 1.0, late: float = 0.0) -> Array:
+def couple(chance: Array | float, has_stroke: Array | bool, coupling: float) -> Array:
+    """Chances of a sign of face or head at accents: pulled up where a stroke of the hands goes with them, else down.
+
+    About half of all accents have a stroke; so the number of signs stays about the same.
+
+    Args:
+        chance: without any coupling.
+        has_stroke: whether a stroke of the hands goes with the accent.
+        coupling: 0 none … 1.
+    """
+    chance = np.asarray(chance, float)
+    return np.where(has_stroke, chance + coupling * np.maximum(_MOST_TIED - chance, 0.0), chance * (1 - coupling))
+
+
+def accent_brows(
+    times: Array,
+    accents: Sequence[Accent],
+    *,
+    seed: int,
+    amount: float = 1.0,
+    strokes: Sequence[float] = (),
+    coupling: float = 0.0,
+    late: float = 0.0,
+) -> Array:
     """(T, 4): brow inner up, outer up left, outer up right, down, raised by accents; 0 … about 0.8.
 
     Some 40 % of strong accents move the brows, more or fewer by ``amount`` (0: none); how much, which and how evenly is drawn
-    from the seed and the accent's time. They come ``late`` seconds later than they should.
+    from the seed and the accent's time. With ``coupling``, more of those whose times are in ``strokes`` do, and fewer others.
+    They come ``late`` seconds later than they should.
     """
     if not len(accents):
         return np.zeros((len(times), 4))
@@ -87,6 +112,7 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: 
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
     chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
+    chance = couple(chance, np.isin(when, np.array(strokes, float)), coupling * min(amount, 1.0))
     knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)

@@ -87,6 +87,11 @@ class ChainLive(ChainOfGenerationExtended):
             self.teacher.eval()
         return self
 
+    @property
+    def preliminary_steps(self) -> int:
+        """Those of the classifier; none with a teacher, which has one."""
+        return 0 if self.teacher is not None else super().preliminary_steps
+
     def objectives(self) -> dict[str, Objective]:
         """As of the chain; with a teacher there is no first stage, and what is its own rests."""
         parts = super().objectives()

@@ -257,6 +257,11 @@ class ChainOfGeneration(Windowed):
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
+    @property
+    def preliminary_steps(self) -> int:
+        """Those of the classifier."""
+        return self.config.classifier_steps
+
     def objectives(self) -> dict[str, Objective]:
         """First the classifier alone; then all other parts, with the classifier fixed."""
         first = self.config.classifier_steps

@@ -92,7 +92,7 @@ class RuleBasedModel:
         Args:
             speech: any rate; words, where it has them, call for lexical gestures and better lips.
             style: a name in `STYLES`, a mixture (``"calm:0.7,lively:0.3"``) or a `Style` of your own; None: the first one.
-            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, no category.
+            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, and what is surely heard.
             seed: another seed, another plausible performance; the same one, the same bytes.
             intensity: size of all movement, 0 (idle) … 2.
             temperature: freedom in the choice and place of gestures, 0 … 2.

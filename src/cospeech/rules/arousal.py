@@ -1,7 +1,7 @@
-"""Arousal in the voice: how much louder, faster and higher than usual this voice speaks, against its own running baseline.
+"""Arousal in the voice, followed over a stream, and what it changes in movement.
 
-Arousal is what loudness, pitch and rate tell about a voice; which emotion it is they do not tell (docs/emotion_from_speech.md).
-So arousal makes movement larger and quicker, and names nothing.
+Arousal is what a voice tells surely, in actors and languages that were never heard (docs/emotion_from_speech.md). It makes
+movement larger and quicker, and names nothing. `cospeech.audio.voice_emotion` hears it.
 """
 
 from __future__ import annotations
@@ -11,33 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..audio.prosodic_events import RATE, Accent, Heard
+from ..audio.voice_emotion import LOOKS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 
-__all__ = ["LOOKS", "WINDOW", "Arousal", "amplitude", "arouse", "loudness_rate_pitch"]
+__all__ = ["Arousal", "amplitude", "arouse"]
 
-LOOKS = 0.5  # seconds between two looks
-
-WINDOW = 3.0  # seconds of speech that a look rests on [ours: a phrase or two]
-_LOUD = 0.4  # `Heard.loudness` that counts as speech, as for phrases
-_USUAL = np.array([3.0, 0.8, 1.6])  # SD within one voice of dB, accents per second, semitones [ours: over 24 LJSpeech clips]
-_SHARES = np.array([0.45, 0.2, 0.35])  # of the three cues [ours: loudness and pitch are the surest, Banse & Scherer 1996]
-_MEMORY = 80  # looks, two a second, over which the baseline runs [ours: 40 s of speech]
 _TRUST = 12  # looks until half of what is heard is believed [ours: 6 s of speech]
 _INERTIA = 0.75  # per look: arousal changes over some two seconds [ours]
 _USUALLY, _EXTENT = 0.25, 0.4  # [ours] arousal that is none yet; share by which full arousal enlarges learned poses
 _AMPLITUDE, _RATE, _TEMPO, _BODY = 0.22, 0.15, 0.15, 0.2  # [ours] share by which full arousal changes an `EmotionModifier`
-
-
-def loudness_rate_pitch(heard: Heard, accents: list[Accent]) -> Array | None:
-    """(3,) of a stretch of speech: dB of the voice, accents per second, semitones; None where nearly nothing is said."""
-    voiced, spoken = heard.voicing > 0.5, heard.loudness > _LOUD
-    if voiced.sum() < 0.3 * RATE or spoken.sum() < 0.5 * RATE:
-        return None
-    first, last = heard.start / RATE, (heard.start + len(heard.loudness)) / RATE
-    rate = sum(first <= a.time < last for a in accents) / (spoken.sum() / RATE)
-    return np.array([heard.bands[spoken][:, 1:4].mean(), rate, heard.tone[voiced].mean()])
 
 
 class Arousal:
@@ -46,21 +29,17 @@ class Arousal:
     def __init__(self) -> None:
         self.level = 0.0
         """−1 … 1; 0: as this voice usually speaks."""
-        self._mean = np.zeros(3)
         self._looks = 0
         self._total, self._ticks = 0.0, 0
         self._levels = array("d")  # of the looks from the first on that somebody may still ask for
         self._first = 0
 
-    def follow(self, heard: Heard, accents: list[Accent]) -> None:
-        """Take one look at the last seconds of speech, twice a second; where nothing is said, arousal fades."""
-        cues = loudness_rate_pitch(heard, accents)
+    def follow(self, heard: float | None) -> None:
+        """Take what one more look heard, twice a second; None: nothing is said, and arousal fades."""
         goal = 0.0
-        if cues is not None:
-            away = np.clip((cues - self._mean) / _USUAL, -3.0, 3.0) @ _SHARES if self._looks else 0.0
-            goal = float(np.tanh(0.8 * away)) * self._looks / (self._looks + _TRUST)
+        if heard is not None:
+            goal = min(max(heard, -1.0), 1.0) * self._looks / (self._looks + _TRUST)
             self._looks += 1
-            self._mean += (cues - self._mean) / min(self._looks, _MEMORY)
         self.level = _INERTIA * self.level + (1 - _INERTIA) * goal
         self._levels.append(self.level)
         self._total += self.level

@@ -12,9 +12,9 @@ from numbers import Real
 
 from ..audio.event_detection import ENVELOPE_DELAY, LEVEL_DELAY, PEAK_DELAY, TICK
 from ..audio.features.prosody import DELAY
+from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.delays import FaceDelays
-from .arousal import LOOKS
 from .plan import HORIZON
 
 __all__ = [

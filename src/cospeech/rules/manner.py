@@ -48,7 +48,7 @@ def make_manner(
     """
     face = Face(
         seed=seed, intensity=min(intensity, _MOST_FACE), expressiveness=style.expressiveness, emphasis=style.emphasis,
-        blink_rate=style.blinks / 60, gains=gains, delays=delays,
+        blink_rate=style.blinks / 60, coupling=style.coupling, gains=gains, delays=delays,
     )  # fmt: skip
     return Manner(style, intensity, face, seed)
 

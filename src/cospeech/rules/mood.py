@@ -1,8 +1,6 @@
-"""The emotion of a performance: the one that is given; or, of the voice, its arousal, and a guess that is only reported.
+"""The emotion of a performance: the one that is given; or, of the voice, its arousal, and a category where it is sure.
 
-The guess at the eight emotions follows pitch, effort, rate and dynamics by rule. It does not name acted emotions reliably (on
-one actress's anger, joy and sadness, neutral stays the likeliest), it cannot hear irony, and it reads no words. So it is never
-played: what a voice alone tells surely is arousal (`Arousal`). Numbers are ours, set on that actress and on neutral readers.
+`cospeech.audio.voice_emotion` hears both. It cannot hear irony, and it reads no words.
 """
 
 from __future__ import annotations
@@ -10,63 +8,53 @@ from __future__ import annotations
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
-from ..audio.event_detection import quantile
-from ..audio.prosodic_events import RATE, Accent, Heard
+from ..audio.voice_emotion import LOOKS, ConfidentEmotion, VoiceEmotion
 from ..motion.rotations import Array
-from .arousal import WINDOW, Arousal
+from .arousal import Arousal
 
-__all__ = ["SPAN", "Mood", "voice_cues"]
+__all__ = ["SPAN", "Mood"]
 
-SPAN = 6.0  # seconds of speech that a guess rests on
-_DOUBT = 0.08  # a guess below this is none (ours)
-_INERTIA = 0.85  # per look, twice a second: moods change over some three seconds
-
-
-def voice_cues(heard: Heard, accents: list[Accent]) -> Array | None:
-    """(4,) cues of a stretch of speech, each roughly unit normal over neutral readers; None when nearly nothing is said.
-
-    Pitch movement (SD of semitones), effort (high against low bands), accents per second of speech, dynamics.
-    """
-    voiced = heard.voicing > 0.5
-    spoken = heard.loudness > 0.4
-    if voiced.sum() < 0.6 * RATE or spoken.sum() < RATE:
-        return None
-    tone = heard.tone[voiced]
-    low, high = heard.bands[spoken][:, 1].mean(), heard.bands[spoken][:, 3].mean()
-    duration = spoken.sum() / RATE
-    first, last = heard.start / RATE, (heard.start + len(heard.loudness)) / RATE
-    rate = sum(first <= a.time < last for a in accents) / duration
-    ordered = np.sort(tone)
-    spread = quantile(ordered, 0.9) - quantile(ordered, 0.1)
-    cues = np.array([spread, high - low, rate, heard.loudness[spoken].std()])
-    return (cues - _USUAL) / _VARIES
+SPAN = 6.0  # seconds of speech that a classifier's emotion rests on
+_REMEMBERED = 40  # looks: 20 s, of which `SteeredMoods` asks for ten at most [ours]
+_NEUTRAL = np.array([float(name == "neutral") for name in EMOTIONS])
 
 
-_USUAL = np.array([10.0, -14.5, 3.6, 0.155])  # semitones, dB, per second, loudness: means over neutral readers (ours)
-_VARIES = np.array([3.0, 4.0, 0.7, 0.025])
-_WEIGHTS = np.array(  # rows: emotions; columns: bias, pitch movement, effort, accent rate, dynamics
-    [
-        [1.6, 0.0, 0.0, 0.0, 0.0],  # neutral
-        [-0.3, 1.1, 0.2, 0.3, 0.1],  # happiness
-        [-0.4, 0.1, 0.6, 0.5, 0.4],  # anger
-        [-1.8, -0.6, -0.4, -0.9, -0.4],  # sadness: flat *and* slow *and* soft; synthetic voices are flat without being sad
-        [-2.0, -0.6, 0.0, -0.3, 0.0],  # contempt
-        [-1.6, 1.0, 0.3, 0.1, 0.2],  # surprise
-        [-1.8, 0.2, 0.3, 0.6, 0.2],  # fear
-        [-2.2, -0.3, 0.2, -0.2, 0.2],  # disgust
-    ]
-)
+class _HeardMoods:
+    """What was played of the voice, look by look; half a second late, so that the look after a time is known."""
+
+    def __init__(self) -> None:
+        self.first = 0
+        """Number of the look from which the voice is followed."""
+        self._looks: list[Array] = []
+        self._gone = 0
+
+    def append(self, weights: Array) -> None:
+        """(8,) of the next look."""
+        self._looks.append(weights)
+        if len(self._looks) > 2 * _REMEMBERED:
+            del self._looks[:_REMEMBERED]
+            self._gone += _REMEMBERED
+
+    def at(self, times: Array) -> Array:
+        """(…, 8) weights at these times in seconds; neutral before the first look."""
+        times = np.asarray(times, float)
+        looks = np.array([_NEUTRAL if not self._gone else self._looks[0], *self._looks])
+        place = np.clip(times / LOOKS - 1 - self.first - self._gone + 1, 0, len(looks) - 1)
+        low = np.floor(place).astype(int)
+        part = (place - low)[..., None]
+        found: Array = looks[low] + part * (looks[np.minimum(low + 1, len(looks) - 1)] - looks[low])
+        return found
 
 
-_FOLLOWED, _IGNORED = EmotionTrack.constant("neutral"), EmotionTrack.constant("happiness")
-"""What `Mood` plays while it follows the voice; and any other, for the share of the voice."""
+_IGNORED, _FOLLOWED = EmotionTrack.constant("happiness"), EmotionTrack.constant("neutral")
+"""For the share of the voice: any other than neutral, and neutral."""
 
 
 class Mood:
     """What is felt, followed over a stream.
 
     Args:
-        track: the course to keep to, or None to follow the voice: then *neutral* is felt, with the voice's arousal.
+        track: the course to keep to, or None to follow the voice: its arousal, and the category that is surely heard.
     """
 
     def __init__(self, track: Moods | None = None) -> None:
@@ -74,6 +62,9 @@ class Mood:
         self.probabilities = (track or EmotionTrack.constant("neutral")).at(np.zeros(()))
         """(8,) what is felt now."""
         self.arousal = Arousal()
+        self.voice = VoiceEmotion()
+        """Whoever hears the speech pushes its prosody here."""
+        self._category, self._course = ConfidentEmotion(), _HeardMoods()
         self._guess = self.probabilities
         self._heard, self._felt = np.zeros(len(EMOTIONS)), np.zeros(len(EMOTIONS))
         self._ticks = 0
@@ -88,9 +79,10 @@ class Mood:
             self._voice = SteeredMoods(_FOLLOWED if self.track is None else _IGNORED)
             if self.track is not None:
                 self.arousal.begin(time)
-            self.track = SteeredMoods(self.track or _FOLLOWED)
+                self._course.first = round(time / LOOKS)
+            self.track = SteeredMoods(self.track or self._course)
         assert isinstance(self.track, SteeredMoods)
-        self.track.change(track or _FOLLOWED, time)
+        self.track.change(track or self._course, time)
         self._voice.change(_FOLLOWED if track is None else _IGNORED, time)
 
     @property
@@ -110,21 +102,17 @@ class Mood:
         self._guess = self.probabilities = self.track.at(np.array(time))
         self._count()
 
-    def follow(self, heard: Heard, accents: list[Accent]) -> None:
-        """Take one look at the last `SPAN` seconds of speech."""
-        cues = voice_cues(heard, accents)
-        if cues is not None:
-            logits = _WEIGHTS @ np.concatenate([[1.0], np.clip(cues, -2.5, 2.5)])
-            guess = np.exp(logits - logits.max())
-            guess = np.maximum(guess / guess.sum() - _DOUBT, 0.0)
-            guess[0] += 1.0 - guess.sum()
-            self._guess = _INERTIA * self._guess + (1 - _INERTIA) * guess
-        self.listen(heard, accents)
+    def follow(self, until: float) -> None:
+        """Take one look at the speech before ``until`` seconds, and play what is heard."""
+        self.listen(until)
+        self._guess, self.probabilities = self._category.probabilities, self._category.played
         self._count()
 
-    def listen(self, heard: Heard, accents: list[Accent]) -> None:
-        """The part of `follow` that is arousal."""
-        self.arousal.follow(heard.last(WINDOW), accents)
+    def listen(self, until: float) -> None:
+        """Take one look, while something else may be played."""
+        look = self.voice.look(until)
+        self.arousal.follow(None if look is None else look.arousal)
+        self._course.append(self._category.follow(look))
 
     def _count(self) -> None:
         self._heard = self._heard + self._guess

@@ -38,7 +38,7 @@ class GenerationOptions:
     style: Any = None
     """A name, a mixture, or for trained models an example; the model's default where None."""
     emotion: str | Moods = "auto"
-    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice."""
+    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": what is heard in the voice."""
     seed: int = 0
     """Of the first take; take k has the seed ``seed + k``."""
     intensity: float = 1.0

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
 from ..audio.speech import Word
+from ..face.expressions import BROWS_EARLY
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
@@ -30,10 +31,11 @@ from .rest_poses import RESTS
 from .strokes import draw_arc, draw_skew, draw_twist
 from .styles import Style
 
-__all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
+__all__ = ["LEFT", "RIGHT", "Planner"]
 
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
+_FORGOTTEN = 8.0  # seconds after which a stroke moves no face [ours: four seconds of motion are made at once, at most]
 RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
@@ -68,6 +70,8 @@ class Planner:
         """Of the last gesture: seconds of its hold, and where its first stroke ends: out, up and forward, arm lengths."""
         self._heard: list[Accent] = []
         self._last_accent = self._last_word = -1.0
+        self.stroke_accents: deque[float] = deque()
+        """Times of recent accents with a stroke that was planned early enough for the face to go along."""
         self._recent: deque[str] = deque(maxlen=3)
         self._forms = weigh_forms(style.repertoire)
 
@@ -86,14 +90,8 @@ class Planner:
         return self.posture.track
 
     def decide(
-        self,
-        now: float,
-        *,
-        accents: Sequence[Accent],
-        phrases: Sequence[Phrase],
-        words: Sequence[Word],
-        modifier: EmotionModifier,
-    ) -> list[Gesture]:
+        self, now: float, *, accents: Sequence[Accent], phrases: Sequence[Phrase], words: Sequence[Word], modifier: EmotionModifier
+    ) -> list[Gesture]:  # fmt: skip
         """One tick: take up what has become visible, let go what has run its course. Returns the strokes it planned."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
@@ -101,17 +99,22 @@ class Planner:
         for accent in accents:
             if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time
-                accent = accent._replace(time=accent.time + self.late) if self.late else accent
+                accent, before = accent._replace(time=accent.time + self.late) if self.late else accent, len(self._planned)
                 if accent.time > now + 0.1 or now == 0:
                     self._on_accent(now, accent, words, modifier)
-                self._nod(now, accent, modifier)
+                self._nod(now, accent, modifier, len(self._planned) > before)
         self._silent_words(now, words, modifier)
         self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []
         return planned
 
-    def _nod(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
-        self.posture.on_accent(now, accent, modifier)
+    def _nod(self, now: float, accent: Accent, modifier: EmotionModifier, has_stroke: bool) -> None:
+        """Head and face at an accent, with a stroke of the hands or without."""
+        if has_stroke and accent.time >= now + BROWS_EARLY:
+            self.stroke_accents.append(accent.time)
+        while self.stroke_accents and self.stroke_accents[0] < now - _FORGOTTEN:
+            self.stroke_accents.popleft()
+        self.posture.on_accent(now, accent, modifier, has_stroke)
 
     # ------------------------------------------------------------------------------------------------ strokes
 

@@ -97,12 +97,12 @@ class _Source(Planner):
             self._looks += 1
         return made
 
-    def _nod(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
+    def _nod(self, now: float, accent: Accent, modifier: EmotionModifier, has_stroke: bool) -> None:
         states = self.states()
-        super()._nod(now, accent, modifier)
+        super()._nod(now, accent, modifier, has_stroke)
 
         def nod(player: PlanPlayer, _: GestureOverride | None) -> None:
-            player.posture.on_accent(now, accent, player.modifier)
+            Planner._nod(player, now, accent, player.modifier, has_stroke)
 
         self.decisions.append(_Decision(states, nod, accent.time))
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
+from ..face.expressions import couple
 from ..face.gaze import Gaze, GazePlanner
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.rotations import Array
@@ -138,10 +139,11 @@ class Posture:
         if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05
 
-    def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
-        """Nods and tilts of the head on accents."""
+    def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier, has_stroke: bool = False) -> None:
+        """Nods and tilts of the head on accents; with a stroke of the hands more often, without one less often."""
         tied = self.style.emphasis
-        if accent.time < now + 0.2 or self._random.random() > (0.45 + 0.5 * accent.strength) * min(tied, 1.0):
+        chance = couple((0.45 + 0.5 * accent.strength) * min(tied, 1.0), has_stroke, self.style.coupling * min(tied, 1.0))
+        if accent.time < now + 0.2 or self._random.random() > chance:
             return
         size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
         size *= 0.4 + 0.6 * tied

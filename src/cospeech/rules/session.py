@@ -16,6 +16,7 @@ from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
+from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.composition import Face
 from ..face.gaze import direction_of, eye_angles, look, toward
@@ -23,13 +24,13 @@ from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
-from .arousal import LOOKS, arouse
+from .arousal import arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
 from .foresight import AROUSAL_DELAY, LATENCY, LOOK_AHEAD, MOUTH_WAITS, USUAL, Foresight
 from .gesture import Gesture
 from .manner import Manner, MannerCourse, mix_frames
-from .mood import SPAN, Mood
+from .mood import Mood
 from .plan import Planner
 from .plan_edits import Plan
 from .plan_record import PlanRecord
@@ -82,11 +83,11 @@ class Session(SessionControls):
     ) -> None:
         self.seed, self.fps, self.parts, self.gains, self.foresight = seed, fps, parts, gains, foresight
         self.manners = MannerCourse(self._make_manner(style, intensity, seed))
+        self.mood = Mood(emotion)
         self.detector = EventDetector(
-            tick=foresight.tick, level_delay=foresight.level_delay, peak_delay=foresight.peak_delay
+            self.mood.voice.push, tick=foresight.tick, level_delay=foresight.level_delay, peak_delay=foresight.peak_delay
         )  # fmt: skip
         self._look = round(LOOKS / foresight.tick)  # ticks
-        self.mood = Mood(emotion)
         size: Any = {"intensity": intensity, "temperature": temperature}
         self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
         self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
@@ -118,7 +119,7 @@ class Session(SessionControls):
 
     @property
     def expression(self) -> dict[str, float]:
-        """Weight of each emotion that was played, over the speech: of a track its own, else neutral alone."""
+        """Weight of each emotion that was played, over the speech: of a track its own, else what was surely heard."""
         return self.mood.expression
 
     @property
@@ -267,9 +268,8 @@ class Session(SessionControls):
         if self.mood.track is not None:
             self.mood.keep(now)
         if self.mood.listens and self._ticks % self._look == 0:
-            recent = [a for a in detector.accents if a.time <= horizon]
             listen = self.mood.follow if self.mood.track is None else self.mood.listen
-            listen(detector.window(horizon - SPAN, horizon), recent)
+            listen(horizon)
         if self.mood.track is not None or self._ticks % self._look == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
@@ -337,10 +337,9 @@ class Session(SessionControls):
         words = [w for w in self._words if w.start < min(times[-1] + 1.0, self.planned_until + self.foresight.mouth_waits)]
         shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
         spoken = None if self.mouth is None else self.mouth.at(times)
-        return [
-            face.weights(times, heard, accents=accents, words=words, emotion=mood, shifts=shifts, spoken=spoken)
-            for face in faces
-        ]
+        strokes = None if self._eyes_only else list(self.planner.stroke_accents)
+        seen: dict[str, Any] = {"words": words, "emotion": mood, "shifts": shifts, "spoken": spoken, "strokes": strokes}
+        return [face.weights(times, heard, accents=accents, **seen) for face in faces]
 
     def aim(self, motion: Motion) -> Motion:
         """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.

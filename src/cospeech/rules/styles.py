@@ -69,6 +69,10 @@ class Style:
     """Of the face."""
     emphasis: float = 1.0
     """How much brows and head go along with accents: 0 not at all, 1 as most speakers, 2 as a show host."""
+    coupling: float = 0.5
+    """How closely brows, nods and blinks go along with the strokes of the hands: 0 not at all, 1 nearly always.
+
+    In people, brows and head move with pitch accents and gestures (Cavé et al. 1996, McClave 2000, Krahmer & Swerts 2007)."""
     averted: float = 0.25
     """Share of time the gaze is not on the listener."""
     blinks: float = 22.0

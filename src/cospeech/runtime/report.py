@@ -20,7 +20,7 @@ class Report(BaseModel):
     takes: int = Field(description="number of takes")
     realtime_factor: float = Field(description="seconds of work per second of motion, files included")
     emotion: dict[str, float] = Field(description="probability of each emotion that was given or heard, over the whole speech")
-    played: dict[str, float] = Field(description="weight of each emotion that was played; neutral alone where none was given")
+    played: dict[str, float] = Field(description="weight of each emotion that was played: given, or surely heard")
     arousal: float | None = Field(
         None, description="mean arousal that was heard in the voice and played, -1 … 1; none where an emotion was given"
     )

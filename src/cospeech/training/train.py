@@ -23,6 +23,7 @@ from torch import Tensor
 
 from ..corpora.store import Store
 from ..errors import CospeechError, InputError, nearest
+from ..models.nn.named_initialisation import initialise_by_name
 from ..models.nn.objective import Batch, StepRandom
 from .batch_loader import BatchLoader
 from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
@@ -74,7 +75,9 @@ class _Run:
         if there:
             check_same(read_facts(folder), work.facts, read_tensors(folder / "statistics.safetensors")[0], work.statistics)
         self.seed(0)
-        self.model = build_model(work.facts, work.needs).to(team.device)
+        model = initialise_by_name(lambda: build_model(work.facts, work.needs), self.settings.seed)
+        self.model = model.to(team.device)
+        self.total = self.settings.steps + self.model.preliminary_steps
         self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
@@ -109,7 +112,8 @@ class _Run:
         """Restore the run to a `state`."""
         tensors, state = saved
         self.model.load_state_dict(with_prefix("model.", tensors))
-        self.done, self.best, self.latest = int(state["step"]), state["best"], state["latest"]
+        self.done = int(state["step"]) + self.model.preliminary_steps
+        self.best, self.latest = state["best"], state["latest"]
         self.average.restore(with_prefix("ema.", tensors))
         for part in self.parts:
             part.restore(tensors)
@@ -232,19 +236,19 @@ class _Run:
         tensors |= {f"ema.{name}": tensor for name, tensor in self.average.values.items()}
         for part in self.parts:
             tensors |= part.state()
-        return tensors, {"step": self.done, "best": self.best, "latest": self.latest}
+        return tensors, {"step": self.done - self.model.preliminary_steps, "best": self.best, "latest": self.latest}
 
     def _keep(self) -> Saved | None:
         """A copy of `state`, to go back to; None where last.safetensors is that, or the step is over before anybody minds."""
         validates = self.held is not None and (self.done + 1) % self.settings.validate_every == 0
-        if self.saved == self.done or not (self.slow or validates or self.done + 1 == self.settings.steps):
+        if self.saved == self.done or not (self.slow or validates or self.done + 1 == self.total):
             return None
         tensors, state = self.state()
         return {name: tensor.detach().to("cpu", copy=True) for name, tensor in tensors.items()}, deepcopy(state)
 
     def loop(self, log: _Rows, watch: SignalWatch, progress: Tell | None) -> bool:
         """All steps that are left; whether it was stopped before."""
-        last, stopping, alone = self.settings.steps, False, self.team.size == 1
+        last, stopping, alone = self.total, False, self.team.size == 1
         while self.done < last and not stopping and not (alone and watch.numbers):
             began, kept = perf_counter(), self._keep() if alone else None
             try:

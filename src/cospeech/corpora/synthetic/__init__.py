@@ -26,9 +26,9 @@ from ...rules import EMOTIONS, Gesture, RuleBasedModel, Style
 from .. import CORPORA
 from ..clip import SPLITS, Clip, Semantic
 from .acting import Actor, act
-from .speakers import Speaker, choose_speakers
+from .speakers import Speaker, choose_speakers, vary_take
 from .speech_splits import SPLIT_SENTENCES, split_of, split_recordings
-from .voices import Voice, find_voices, pieces_of, reader_of, recordings, repeat, say
+from .voices import Voice, find_voices, pieces_of, reader_of, recordings, repeat, say, vary_voice
 
 __all__ = ["LAYOUTS", "Layout", "SynthesisReport", "perform", "synthesise"]
 
@@ -44,6 +44,8 @@ class Layout:
         neutral: how many takes are neutral for one of each other emotion.
         full: whether an emotion of a speaker and split can run out of places.
         acted: whether speakers have voices of their own, which act the emotion.
+        calm: whether all takes are neutral.
+        variation: of the style from take to take.
     """
 
     fps: float
@@ -52,6 +54,8 @@ class Layout:
     neutral: int = 7
     full: bool = False
     acted: bool = False
+    calm: bool = False
+    variation: float = 1.0
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -109,6 +113,9 @@ def synthesise(
     gestures: int = 0,
     tts: bool = True,
     act: bool = True,
+    neutral: bool = False,
+    coupling: float | None = None,
+    variation: float = 1.0,
     progress: Callable[[float, float | None], None] | None = None,
 ) -> SynthesisReport:
     """Make a synthetic corpus.
@@ -124,6 +131,9 @@ def synthesise(
         gestures: seed of the motion alone: with another one the same speakers say the same and move otherwise.
         tts: whether espeak-ng and flite speak, as far as they are installed.
         act: whether voices act the emotions, in layouts that say which there is (BEAT's).
+        neutral: whether all takes are neutral, so that everything in the motion can be heard or is by chance.
+        coupling: how closely brows, nods and blinks go along with strokes, 0 … 1; that of the styles where not given.
+        variation: of tempo, amplitude and preferred hand from take to take (`vary_take`), 0 … 2; not audible.
         progress: called with seconds done and seconds in all.
 
     Returns:
@@ -137,8 +147,13 @@ def synthesise(
         raise InputError(f"no layout is called {layout!r}", nearest(layout, LAYOUTS))
     if not 0 < hours <= 1000:
         raise InputError(f"{hours} hours", "more than 0, at most 1000")
+    for name, value, most in (("coupling", 0.0 if coupling is None else coupling, 1), ("variation", variation, 2)):
+        if not 0 <= value <= most:
+            raise InputError(f"{name} {value}", f"0 … {most}")
     target, chosen = Path(raw), LAYOUTS[layout]
     people = choose_speakers(chosen.speakers if speakers is None else speakers, seed)
+    if coupling is not None:
+        people = [person._replace(style=replace(person.style, coupling=coupling)) for person in people]
     take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
     engines = find_voices(seed) if tts else []
     found = _up_to(_find_recordings(speech, tts and not engines), min(hours * 3600, _MOST_HELD))
@@ -150,9 +165,8 @@ def synthesise(
         raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    clips = _clips(
-        replace(chosen, acted=chosen.acted and act), layout, people, pools, hours * 3600, (seed, gestures), made, progress
-    )
+    performed = replace(chosen, acted=chosen.acted and act, calm=neutral, variation=variation)
+    clips = _clips(performed, layout, people, pools, hours * 3600, (seed, gestures), made, progress)
     write = import_module(CORPORA[layout].module).write
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -216,8 +230,9 @@ class _Pool:
             return which, self._real[which]
         which = (number // 2 if self._real else number) % self._synthetic
         if which not in self._made:
-            voice = self._engines[which % len(self._engines)]
-            self._made[which] = say(voice, 0.85 * self._seconds, self._seed * 1_000_003 + which, self._sentences)
+            seed = self._seed * 1_000_003 + which
+            voice = vary_voice(self._engines[which % len(self._engines)], seed)
+            self._made[which] = say(voice, 0.85 * self._seconds, seed, self._sentences)
         return -1 - which, self._made[which]
 
 
@@ -269,7 +284,7 @@ def _clips(
         emotions = _emotions(chosen.neutral, seed, who)
         done, k, said = 0.0, 0, Counter[str]()
         while done < seconds / len(people) or k < len(SPLITS):
-            emotion = next(emotions)
+            emotion = "neutral" if chosen.calm else next(emotions)
             split = split_of(k) if split_of(k) in pools[who] else next(iter(pools[who]))
             if chosen.full:
                 emotion, split = _place(places, who, emotion, split)
@@ -279,7 +294,8 @@ def _clips(
             if chosen.acted:
                 speech = act(speech, actor.acting(emotion, own), own)
             moved = _take_seed(seed, who, k, gestures) if gestures else own
-            clip = perform(speech, person.style, emotion=emotion, seed=moved, fps=chosen.fps)
+            style = vary_take(person.style, moved, chosen.variation)
+            clip = perform(speech, style, emotion=emotion, seed=moved, fps=chosen.fps)
             yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
             done, k = done + clip.duration, k + 1
             made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration

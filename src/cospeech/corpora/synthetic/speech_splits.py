@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from ...audio.speech import Speech, Word
 from ..clip import SPLITS
-from .texts import SENTENCES
+from .texts import EVERYDAY, TOPICS
 from .voices import reader_of
 
 __all__ = ["SPLIT_SENTENCES", "split_of", "split_recordings"]
@@ -27,9 +27,13 @@ def split_of(number: int) -> str:
 
 
 SPLIT_SENTENCES: dict[str, tuple[str, ...]] = {
-    split: tuple(text for k, text in enumerate(SENTENCES) if split_of(k) == split) for split in SPLITS
+    split: (
+        *(text for k, text in enumerate(EVERYDAY) if split_of(k) == split),
+        *(text for k, topic in enumerate(TOPICS) if split_of(k) == split for text in topic),
+    )
+    for split in SPLITS
 }
-"""Split → the sentences that its synthesised speech consists of."""
+"""Split → the sentences that its synthesised speech consists of. A topic belongs to one split."""
 
 
 def split_recordings(speeches: Iterable[Speech]) -> dict[str, list[Speech]]:

@@ -19,7 +19,7 @@ from .. import folder
 from ..clip import Clip
 from .texts import SENTENCES
 
-__all__ = ["ENGINES", "Voice", "find_voices", "pieces_of", "reader_of", "recordings", "repeat", "say"]
+__all__ = ["ENGINES", "Voice", "find_voices", "pieces_of", "reader_of", "recordings", "repeat", "say", "vary_voice"]
 
 _RATE = 16_000  # Hz
 _PAUSE = 0.6  # seconds between two recordings or sentences; ours
@@ -28,6 +28,7 @@ _PATIENCE = 60.0  # seconds for some sentences; an engine takes well under one
 _FLITE = ("slt", "rms", "awb", "kal16")
 _ACCENTS = ("en-us", "en-gb", "en-gb-x-rp", "en-gb-scotland", "en-029")
 _TIMBRES = ("m1", "f2", "m3", "f4", "m7", "f1", "m4", "f5", "f3", "m2")
+_SPEEDS, _PITCHES = (0.88, 1.14), (-12, 13)  # [ours] of a speech against its voice: factor, and steps of espeak-ng
 ENGINES = ("espeak-ng", "flite")
 """Programs that are looked for."""
 
@@ -54,6 +55,13 @@ class Voice:
             stretch = f"duration_stretch={1 / self.speed:.3f}"
             return ["flite", "-voice", self.name, "--setf", stretch, "-t", text, "-o", str(path)]
         return ["espeak-ng", "-v", self.name, "-s", str(round(165 * self.speed)), "-p", str(self.pitch), "-w", str(path), text]
+
+
+def vary_voice(voice: Voice, seed: int) -> Voice:
+    """The voice somewhat faster or slower, higher or lower: so much a voice of a program can be changed and stay natural."""
+    rng = np.random.default_rng([seed, 15])
+    speed, pitch = rng.uniform(*_SPEEDS), int(rng.integers(*_PITCHES))
+    return replace(voice, speed=voice.speed * float(speed), pitch=min(max(voice.pitch + pitch, 0), 99))
 
 
 def find_voices(seed: int) -> list[Voice]:

@@ -66,6 +66,11 @@ class Trainable(nn.Module):
         return None
 
     @property
+    def preliminary_steps(self) -> int:
+        """Steps of a stage before the one that ``[train] steps`` counts; so every system gets equally many steps of that."""
+        return 0
+
+    @property
     def window(self) -> int:
         """Frames of a training window: ``frames`` of the settings, and what is heard after them."""
         return int(self.config.frames) + self.delay

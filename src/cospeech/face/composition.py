@@ -40,14 +40,14 @@ _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
 for _row, _name in enumerate(MOUTH):
     _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
-_ROUND = [MOUTH.index("mouthFunnel"), MOUTH.index("mouthPucker")]
+_PUCKER = MOUTH.index("mouthPucker")
+_ROUND = [MOUTH.index("mouthFunnel"), _PUCKER]
 _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
 )  # [ours] what rounded lips, fully, leave less of
 _PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
 _TOUCH = (0.05, 0.09)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: of voices that were
 # not in the training data, where a learnt mouth closes less far than on GRID
-_GUESS = 0.25  # [ours] share of the rules' rounded lips that is shown where no word is known and the mouth rounds them less
 _SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
@@ -193,8 +193,8 @@ class Face:
         )
         sealed *= talks
         closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
-        guess = (_GUESS * self._articulation * talks * (1 - mouth.claim))[:, None]
-        known[:, _ROUND] = np.maximum(known[:, _ROUND], guess * voice.shape[:, _ROUND])
+        share = voice.shape[:, _PUCKER] * self._articulation * talks * (1 - mouth.claim)
+        known[:, _ROUND] = np.maximum(known[:, _ROUND], share[:, None] * voice.shape[:, _ROUND])
         return np.maximum(shape, known @ _SPREAD), closed
 
     def _scale(self, out: Array) -> Array:

@@ -3,8 +3,9 @@
     python tools/calibrate_face.py RUN STORE OUT
 
 A network that is told to move moves too often where it is unsure. Here each weight of each speaker is stretched, ``max(0, g · y
-− t)``: of all pairs whose standard deviation is one of `WANTED` of the tracked one, the pair with the least absolute error. The
-floor t takes off what the network makes of noise; a face at rest stays at rest.
+− t)``: of all pairs that bring its standard deviation to a share of the tracked one, the pair with the least absolute error.
+The floor t takes off what the network makes of noise; a face at rest stays at rest. The share is the middle of the range that
+`tools/measure_face.py` counts, or 1 for a channel whose deviation few clips make.
 
 The made deviation is that of the validation split, because a network moves more surely in what it was trained on. The tracked
 one is that of the training takes and the validation split together, because most channels move in few clips, and few clips
@@ -24,18 +25,19 @@ from typing import Any
 
 import numpy as np
 import torch
-from measure_face import LIVE, deviation, moments
+from measure_face import LIVE, RATIO, deviation, moments
 
 from cospeech.audio.features.reduce import reduce_audio
 from cospeech.corpora.store import Store
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors
 
-WANTED = (0.8, 0.9, 1.0)  # [ours] standard deviations, made ÷ tracked, that are tried: well within .6 to 1.3
+MIDDLE = (RATIO[0] * RATIO[1]) ** 0.5  # [ours] of the tracked standard deviation is what a channel is brought to, .88
+RARE = 1.75  # [ours] ratio of the ends of the interval from which few clips make a deviation: such a channel gets all of it
 ALONE = ("jawOpen",)
 """Left as they are: the jaw is good."""
 MOST = 3.0  # [ours] no factor is larger: a lip that is sped up more jumps
-FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.985, 0.99])  # [ours] quantiles
+FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85])  # [ours] quantiles: of more, few moments are left
 EVERY = 8  # [ours] of the training clips, every so many-th is played, where there are more than ten times as many
 DRAWS, ENDS = 400, (0.025, 0.975)  # [ours] of the bootstrap over clips, and the ends of its interval
 FILE = "last.safetensors"
@@ -84,13 +86,15 @@ def interval(rows: np.ndarray) -> np.ndarray:
 
 
 def aims(splits: dict[str, Takes]) -> np.ndarray:
-    """(52,) the tracked deviation that a channel is brought near."""
-    every = deviation(np.concatenate([takes.tracked for takes in splits.values()]))
-    if len(splits) < 2:
-        return every
-    own = deviation(splits["validation"].tracked)
-    (low, high), (least, most) = (interval(splits[name].tracked) for name in ("train", "validation"))
-    return np.where(((least > high) | (most < low)) & (own > LIVE), own, every)
+    """(52,) the deviation that a channel is brought to; 0 of those that stay as they are."""
+    tracked = np.concatenate([takes.tracked for takes in splits.values()])
+    wanted, (bottom, top) = deviation(tracked), interval(tracked)
+    share = np.where(top > RARE * bottom, 1.0, MIDDLE)
+    if len(splits) > 1:
+        own = deviation(splits["validation"].tracked)
+        (low, high), (least, most) = (interval(splits[name].tracked) for name in ("train", "validation"))
+        wanted = np.where(((least > high) | (most < low)) & (own > LIVE), own, wanted)
+    return np.where(wanted > LIVE, share * wanted, 0.0)
 
 
 def stretches(splits: dict[str, Takes]) -> np.ndarray:
@@ -98,7 +102,7 @@ def stretches(splits: dict[str, Takes]) -> np.ndarray:
     found, wanted = np.tile([1.0, 0.0], (len(ARKIT), 1)), aims(splits)
     for name in {name.removesuffix("Left").removesuffix("Right") for name in ARKIT} - {*ALONE}:
         both = [ARKIT_INDEX[n] for n in (name, f"{name}Left", f"{name}Right") if n in ARKIT_INDEX]
-        live = [k for k in both if wanted[k] > LIVE]
+        live = [k for k in both if wanted[k] > 0]
         if live:
             found[both] = stretch([*splits.values()], live, wanted)
     return found
@@ -113,16 +117,15 @@ def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[floa
     """g and t of one channel with these sides, by errors of all takes and the size of the last; else 1 and 0."""
     best, wanted, held = (np.inf, 1.0, 0.0), aim[sides], takes[-1].made[:, sides]
     for floor in np.unique(np.quantile(np.concatenate([each.made[:, sides] for each in takes]), FLOORS)):
-        for goal in WANTED:
-            few, many = 0.02, MOST
-            for _ in range(14):  # the deviation grows with g, as t is in units of g
-                middle = (few * many) ** 0.5
-                few, many = (middle, many) if ratio(held, wanted, middle, middle * floor) < goal else (few, middle)
-            if ratio(held, wanted, many, many * floor) < 0.98 * goal:  # more than `MOST` would be needed
-                continue
-            pairs = [(each.made[:, sides], each.real[:, sides]) for each in takes]
-            error = sum(float((np.abs(np.clip(many * (a - floor), 0, 1) - b).mean(0) / wanted).sum()) for a, b in pairs)
-            best = min(best, (error, many, many * floor))
+        few, many = 0.02, MOST
+        for _ in range(14):  # the deviation grows with g, as t is in units of g
+            middle = (few * many) ** 0.5
+            few, many = (middle, many) if ratio(held, wanted, middle, middle * floor) < 1 else (few, middle)
+        if ratio(held, wanted, many, many * floor) < 0.98:  # more than `MOST` would be needed
+            continue
+        pairs = [(each.made[:, sides], each.real[:, sides]) for each in takes]
+        error = sum(float((np.abs(np.clip(many * (a - floor), 0, 1) - b).mean(0) / wanted).sum()) for a, b in pairs)
+        best = min(best, (error, many, many * floor))
     return best[1], best[2]
 
 

@@ -87,7 +87,7 @@ def lag(real: np.ndarray, made: np.ndarray, fps: float) -> np.ndarray:
 
 def format_figure(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
     """A figure of rows that each stand for a clip, with its interval."""
-    ends = bootstrap(lambda chosen: float(figure(values[chosen])), len(values), draws=DRAWS, seed=0)
+    ends = bootstrap(lambda chosen: float(figure(values[chosen])), len(values), draws=DRAWS, seed=0).interval
     low, high = ends if ends is not None else (np.nan, np.nan)
     return f"{unit * figure(values):.3g} ({unit * low:.3g} … {unit * high:.3g})"
 

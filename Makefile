@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test check lint fix docs bench media lock clean
+.PHONY: demo test check lint fix docs bench blender media lock clean
 
 demo: $(VENV)/.core              ## install the core, generate from the example speech into demo/, say how to open it
 	@echo "generating from the example speech into demo/ (the video takes longest)"
@@ -38,6 +38,9 @@ bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/python benchmarks/chain.py
 	@$(BIN)/python benchmarks/live.py
 
+blender: $(VENV)/.core           ## the Blender add-on: dist/cospeech-blender.zip
+	@$(BIN)/python tools/build_blender.py
+
 media: $(VENV)/.core             ## the README's moving picture
 	$(BIN)/python tools/make_media.py
 
@@ -59,5 +62,5 @@ $(VENV)/.core: requirements/core.txt pyproject.toml
 $(VENV)/.dev: $(VENV)/.core uv.lock
 	@echo "installing the tools of development into $(VENV) (on Linux 3 GB, most of it torch)"
 	@$(PIP) install --only-binary :all: "uv==$$(sed -n '/^name = "uv"$$/{n;s/version = "\(.*\)"/\1/p;}' uv.lock)"
-	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --extra live --extra wav2vec --group dev --group docs --group build
+	@$(BIN)/uv sync --quiet --frozen --inexact --python $(BIN)/python --extra av --extra live --extra wav2vec --extra studio --group dev --group docs --group build
 	@touch $@

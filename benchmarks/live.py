@@ -1,15 +1,19 @@
-"""Live sessions: interruptions, idling, the first push. ``python benchmarks/live.py [--interrupts 200] [--idle 120] [--warm]``
+"""Live sessions: interruptions, idling, the first push, real time.
+``python benchmarks/live.py [--interrupts 200] [--idle 120] [--warm] [--pace 20] [--look-ahead 0.5]``
 
 `--interrupts N` stops the example speech at N random moments, of each of `--models`, and says how fast joints turn against the
 fastest that unloaded limbs do, how far a step from frame to frame jumps off the steps
 beside it, how long the lips take to shut, and where the hands are. `--idle M` simulates M minutes in which nothing is said, and
 says how often the character blinks, for how long any joint stands still, and how much its course resembles itself later.
-`--warm` times pushes of 20 ms after `warm_up`. Without an option, it does a little of each.
+`--warm` times pushes of 20 ms after `warm_up`. `--pace S` plays S seconds in real time, pieces of 20 ms at 60 fps, through a
+`FramePacer`: how far frames leave from their even times, how long a push takes on the clock and of the processor, and how far
+behind its sound a frame leaves. `--look-ahead` is that of `--warm` and `--pace`. Without an option, it does a little of each.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import time
 
 import numpy as np
@@ -17,8 +21,10 @@ from speed import machine
 
 import cospeech
 from cospeech.audio.speech import Speech, example
+from cospeech.export.live.pacing import SHORT_MARGIN, FramePacer
 from cospeech.metrics.blinks import blinks_of
 from cospeech.motion.motion import Motion
+from cospeech.motion.parts import PARTS
 from cospeech.motion.rotations import Array, quat_angle, quat_conjugate, quat_multiply, quat_to_rotvec
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
@@ -134,10 +140,48 @@ def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
           f"Largest autocorrelation after a minute or more: {alike[worst]:.2f} ({worst})")  # fmt: skip
 
 
-def report_warm(name: str) -> None:
+class Recorder:
+    """Stands where a receiver would: when each frame leaves."""
+
+    def __init__(self) -> None:
+        self.left: list[tuple[float, float]] = []
+
+    def send(self, frame: Motion) -> None:
+        self.left.append((time.monotonic(), frame.start))
+
+
+def report_pace(name: str, seconds: float, look_ahead: float | None) -> None:
+    parts = ("face",) if name == "speech-to-face" else PARTS
+    live = cospeech.open_live_session(name, fps=60, look_ahead=look_ahead, parts=parts)
+    live.warm_up()
+    speech, recorder, took, used = Speech.load(example()[0]), Recorder(), list[float](), list[float]()
+    pacer = FramePacer([recorder], live.latency + PIECE + SHORT_MARGIN)  # type: ignore[list-item]
+    pieces = list(speech.chunks(PIECE))[:-1]
+    begin = time.monotonic()
+    pacer.begin()
+    for k in range(round(seconds / PIECE)):
+        if (rest := begin + (k + 1) * PIECE - time.monotonic()) > 0:
+            time.sleep(rest)
+        started, worked = time.perf_counter(), time.thread_time()
+        for motion in live.push(pieces[k % len(pieces)].samples, speech.rate):
+            pacer.push(motion)
+        took.append(1e3 * (time.perf_counter() - started))
+        used.append(1e3 * (time.thread_time() - worked))
+    pace = pacer.close(drop=True)
+    left = np.array(recorder.left)
+    gaps = 1e3 * np.abs(np.diff(left[:, 0]) - np.diff(left[:, 1]))
+    lag = left[:, 0] - begin - left[:, 1]
+    wall, cpu, gap = np.percentile(took, 99), np.percentile(used, 99), np.percentile(gaps, 99)
+    print(f"{name}, look-ahead {look_ahead}: a push takes {np.median(took):.2f} ms, p99 {wall:.1f} ms on the clock, "
+          f"{np.median(used):.2f} and {cpu:.1f} ms of the processor, the first {took[0]:.1f} ms; jitter of the time between "
+          f"frames p99 {gap:.2f} ms; a frame leaves {np.median(lag):.3f} s behind its sound, {lag.max():.3f} s at most; "
+          f"{pace.late} of {pace.frames} frames late; load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
+
+
+def report_warm(name: str, look_ahead: float | None) -> None:
     speech = Speech.load(example()[0])
     for warm in (False, True):
-        live, took = cospeech.open_live_session(name, fps=60), []
+        live, took = cospeech.open_live_session(name, fps=60, look_ahead=look_ahead), []
         began = time.perf_counter()
         if warm:
             live.warm_up()
@@ -158,15 +202,19 @@ def main() -> None:
     parser.add_argument("--interrupts", type=int, default=0)
     parser.add_argument("--idle", type=float, default=0.0, metavar="MINUTES")
     parser.add_argument("--warm", action="store_true")
+    parser.add_argument("--pace", type=float, default=0.0, metavar="SECONDS")
+    parser.add_argument("--look-ahead", type=float)
     parser.add_argument("--fps", type=float, default=30.0, help="of idling")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--models", nargs="+", default=list(MODELS))
     given = parser.parse_args()
-    little = not (given.interrupts or given.idle or given.warm)
+    little = not (given.interrupts or given.idle or given.warm or given.pace)
     print(machine(), flush=True)
     for name in given.models:
         if given.warm or little:
-            report_warm(name)
+            report_warm(name, given.look_ahead)
+        if given.pace or little:
+            report_pace(name, given.pace or 10.0, given.look_ahead)
         if given.interrupts or little:
             report_interrupts(name, given.interrupts or 10)
     if given.idle or little:

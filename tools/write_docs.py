@@ -1,7 +1,8 @@
 """`make docs`: writes what the documentation takes from the code, so that it cannot drift; a test compares.
 
 ``docs/cli.md`` and ``docs/media/architecture.svg`` are written whole. In other pages (README.md too) the lines between
-``<!-- table: NAME -->`` and ``<!-- end -->`` are, and those after ``<!-- file: PATH -->``, which are the file.
+``<!-- table: NAME -->`` and ``<!-- end -->`` are, and those after ``<!-- file: PATH -->``, which are the file. In mkdocs.yml
+the pages of the models are.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from architecture_picture import PICTURE, architecture_svg
 
 from cospeech.cli.catalogue import catalogue
 from cospeech.limits import LIMITS, Limit
+from cospeech.models import ENTRIES
 
 ROOT = Path(__file__).resolve().parents[1]
+NAVIGATION = ROOT / "mkdocs.yml"
 COMMANDS = (
     "generate",
     "stream",
@@ -31,11 +34,18 @@ COMMANDS = (
     "prepare",
     "synthesise",
     "evaluate",
+    "study",
+    "study make",
+    "study serve",
+    "study export",
+    "study import",
+    "study report",
     "train",
     "bundle",
 )
 BINARY = {30: "GiB", 20: "MiB", 10: "KiB", 0: "bytes"}
 BLOCK = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end -->)", re.S)
+NAV = re.compile(r"(      # models: .*\n)(?:.*\n)*?(      # end\n)")
 FILE = re.compile(r"(<!-- file: (\S+) -->\n```\w+\n).*?(^```\n<!-- end -->)", re.S | re.M)
 
 CLI_HEAD = """\
@@ -145,13 +155,20 @@ TABLES: dict[str, Callable[[], str]] = {
 
 def pages() -> dict[Path, str]:
     """Path → text of every page, as it should be."""
-    found = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg()}
+    found = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg(), NAVIGATION: navigation()}
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if path not in found:
             text = path.read_text("utf-8")
             text = BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
             found[path] = FILE.sub(lambda match: match[1] + (ROOT / match[2]).read_text("utf-8") + match[3], text)
     return found
+
+
+def navigation() -> str:
+    """mkdocs.yml with a line for the page of each model, in the order of the registry; a page gives its own title."""
+    names = (name.replace("-", "_") for name in ENTRIES if name != "rules")  # whose page stands apart
+    found = [f"      - models/{name}.md\n" for name in names if (ROOT / "docs" / "models" / f"{name}.md").is_file()]
+    return NAV.sub(lambda match: match[1] + "".join(found) + match[2], NAVIGATION.read_text("utf-8"))
 
 
 def main() -> None:

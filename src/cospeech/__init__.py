@@ -20,12 +20,13 @@ if TYPE_CHECKING:
     from .models import load
     from .motion.motion import Motion
     from .motion.skeleton import Skeleton, humanoid
+    from .rules.plan_edits import Plan
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "CospeechError", "InputError", "Motion", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid", "load",
-    "open_live_session",
+    "CospeechError", "InputError", "Motion", "Plan", "Skeleton", "Speech", "Word", "__version__", "evaluate", "humanoid",
+    "load", "open_live_session",
 ]  # fmt: skip
 
 NO_TELEMETRY = {
@@ -44,6 +45,7 @@ _HOME = {
     "CospeechError": "errors",
     "InputError": "errors",
     "Motion": "motion.motion",
+    "Plan": "rules.plan_edits",
     "Skeleton": "motion.skeleton",
     "Speech": "audio.speech",
     "Word": "audio.speech",

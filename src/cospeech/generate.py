@@ -17,7 +17,7 @@ from dataclasses import replace
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from . import __version__
 from .audio.emotions import EmotionTrack, read_emotion_track
@@ -25,14 +25,17 @@ from .audio.forced_alignment import align_with_recogniser
 from .audio.speech import Speech, SpeechSource, Word, open_speech
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import File, check_avatar, check_files, check_skeleton
+from .export.checks import File, check_apart, check_avatar, check_files, check_skeleton
 from .export.target_skeleton import rig_files
 from .files import all_or_none
-from .models import DEFAULT, PARTS, GenerationSession, Model
+from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
 from .models import load as load_model
 from .motion.motion import Motion
 from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
+from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
+from .rules.plan_edits import Plan
+from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
 
@@ -47,31 +50,15 @@ Progress = Callable[[float, float | None], None]
 
 
 def generate_files(
-    audio: File,
-    outputs: Sequence[File],
-    *,
-    model: str = DEFAULT,
-    style: StyleLike = None,
-    emotion: str | PathLike[str] | EmotionTrack = "auto",
-    speaker: str | None = None,
-    transcript: File | None = None,
-    transcribe: bool = False,
-    seed: int = 0,
-    takes: int = 1,
-    temperature: float = 1.0,
-    intensity: float = 1.0,
-    parts: Iterable[str] = PARTS,
-    face_gain: FaceGain = 1.0,
-    face: MotionLike = None,
-    continue_from: MotionLike = None,
-    skeleton: File | Skeleton = "humanoid",
-    fps: float = 30.0,
-    avatar: File | None = None,
-    report: File | None = None,
-    special: Mapping[str, Mapping[str, object]] | None = None,
-    progress: Progress | None = None,
-    loaded: Model | None = None,
-) -> Report:
+    audio: File, outputs: Sequence[File], *, model: str = DEFAULT, style: StyleLike = None,
+    emotion: str | PathLike[str] | EmotionTrack = "auto", speaker: str | None = None, transcript: File | None = None,
+    transcribe: bool = False, seed: int = 0, takes: int = 1, temperature: float = 1.0, intensity: float = 1.0,
+    parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
+    plan: File | Plan | None = None, plan_out: File | None = None, plan_edits: PlanCommands = NO_EDITS, keep: str = "",
+    keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", fps: float = 30.0, avatar: File | None = None,
+    report: File | None = None, special: Mapping[str, Mapping[str, object]] | None = None,
+    progress: Progress | None = None, loaded: Model | None = None,
+) -> Report:  # fmt: skip
     """Generate motion for a sound file, and write it.
 
     Args:
@@ -93,6 +80,11 @@ def generate_files(
         face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.face.gains.face_gains`.
         face: motion with a face, or a file of one, from which body and hands follow and which is shown; for chains.
         continue_from: motion, or a file of one, at whose last poses it begins; for chains.
+        plan: what is gestured when, a `Plan` or the file of one; style, emotion, seed, intensity and temperature are its own.
+        plan_out: write what was performed here, as such a file.
+        plan_edits: what is changed of the plan before it is played; without a plan, of what would be performed.
+        keep: stretches of ``keep_from`` that the files have in the place of new motion: ``0:3.2,5:7``, seconds.
+        keep_from: a motion, or a file of one.
         skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
@@ -111,30 +103,38 @@ def generate_files(
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
+    options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None)
+    old = keep_stretches(keep, keep_from, options.fps)
     target = _check_files(options, skeleton, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    read = (transcript, avatar, track, face, continue_from, *rig_files(skeleton), *example_files(options.style))
-    check_files(audio, names, [path for path in read if path and not isinstance(path, Motion)], report)
+    given = (transcript, avatar, track, face, continue_from, plan, keep_from)
+    read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
+    check_files(audio, names, [path for path in read if not isinstance(path, Motion | Plan)], report)
+    if plan_out is not None:
+        check_apart([Path(plan_out)], [audio, *names, *([Path(report)] if report else [])])
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
-        place = stack.enter_context(all_or_none([*names, *([Path(report)] if report else [])]))
+        place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
         keywords = _writer_keywords(files, audio, avatar, special or {}, source.words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
-            moving = _with_progress(_play_takes(performance, source), progress, group.start, takes, source.expected_seconds)
+            made = old.over(_play_takes(performance, source)) if old else _play_takes(performance, source)
+            moving = _with_progress(made, progress, group.start, takes, source.expected_seconds)
             counts |= _write_all(moving, staged, target, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
-            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=seed, takes=takes,
+            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
             style=_style_text(options.style) or loaded.default_style, style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names])  # fmt: skip
+        if plan_out is not None:
+            place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8")
         if report:
             place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
     return result
@@ -196,7 +196,7 @@ def open_live_session(
 ) -> LiveSession:
     """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
 
-    A body without legs has a stance, and no model has more look-ahead than is usual.
+    A body without legs has a stance. No model has more look-ahead than is usual, and ``look_ahead`` gives it less.
 
     Args:
         model: a name, a bundle or a run, as of `generate_files`; or a model.
@@ -205,9 +205,12 @@ def open_live_session(
         options: of `GenerationOptions`.
 
     Raises:
-        InputError: an option is out of range or a name unknown.
+        InputError: an option is out of range or a name unknown; or a plan is given, which is that of one speech.
     """
     from .runtime.live_session import LiveSession
+
+    if options.get("plan") is not None:
+        raise InputError("a live session plays no plan", "a plan is that of one speech: generate, or model.session(plan=…)")
 
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}

@@ -13,7 +13,8 @@ __all__ = [
     "FACE_JSON_BYTES", "FREE_JOINT_FRAMES", "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
     "HDF5_LMDB_TIMEOUT", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES", "JOINT_FRAMES_PER_BYTE", "JSON_VALUES",
     "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES", "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES",
-    "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAUSIBLE_SECONDS", "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY",
+    "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAN_BYTES", "PLAN_VALUES",
+    "PLAUSIBLE_SECONDS", "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY",
     "SOUND_RATES", "SPEECH_RATES", "STORE_INDEX_BYTES", "TENSORS_HEAD_BYTES", "TEXTURES_PIXELS", "TEXTURE_PIXELS",
     "TOML_DOTS", "TRANSCRIPT_BYTES", "TRANSCRIPT_JSON_VALUES", "WORDS", "WORD_VECTOR_WIDTH", "Limit",
     "most_joint_frames",
@@ -113,6 +114,10 @@ EMOTION_BYTES = 16 << 20
 """Of an emotion track."""
 EMOTION_ROWS = 100_000
 """Of an emotion track: an hour at 25 rows a second."""
+PLAN_BYTES = 64 << 20
+"""Of a plan of gestures: a day of speech has some 40 MB."""
+PLAN_VALUES = 4_000_000
+"""Commas, lists and objects in a plan of gestures: a day of speech has some 2 million."""
 
 # ---- settings, bundles, runs ----
 
@@ -213,6 +218,8 @@ LIMITS = (
     Limit("transcript", WORDS, "words", "a day and a half of speech without a pause"),
     Limit("emotion track", EMOTION_BYTES, "bytes", "an hour has 2 MB"),
     Limit("emotion track", EMOTION_ROWS, "rows", "an hour at 25 rows a second"),
+    Limit("plan of gestures", PLAN_BYTES, "bytes", "a day of speech has some 40 MB"),
+    Limit("plan of gestures", PLAN_VALUES, "commas, lists and objects", "a day of speech has some 2 million"),
     Limit("bone map (--map)", BONE_MAP_BYTES, "bytes", "a map of all joints has 2 kB"),
     Limit("recipe", RECIPE_BYTES, "bytes", "our longest recipe has 2 kB"),
     Limit("line of a bone map or recipe", TOML_DOTS, "dots", "the time to read a key grows with the square of its dots"),

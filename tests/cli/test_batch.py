@@ -237,3 +237,51 @@ def test_no_help_is_cut(columns):
 
 
 COMMANDS = "generate\nstream\nconvert\nrender\nrobot\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle"
+
+
+def test_several_processes_make_what_one_makes(cli, place):
+    Path("rec/me/bad.wav").write_bytes(b"no sound")
+    for folder, jobs in (("one", "1"), ("two", "2")):
+        code, _, err = cli("generate", "rec/me", "-o", f"{folder}/", "-q", "--jobs", jobs, "--report", f"{folder}.json")
+        assert code == 2
+        assert "1 of 3 speeches failed: rec/me/bad.wav" in err
+    assert files("one") == files("two")
+    assert all(Path("one", name).read_bytes() == Path("two", name).read_bytes() for name in files("one"))
+    orders = [
+        [row["outputs"][0][4:] for row in json.loads(Path(name).read_text())["speeches"]] for name in ("one.json", "two.json")
+    ]
+    assert orders == [["a.bvh", "b.bvh"]] * 2
+    assert cli("generate", "rec", "-o", "four/", "--jobs", "0")[0] == 2
+
+
+def test_a_pattern_that_the_shell_left_is_looked_up(cli, place):
+    assert cli("generate", "rec/me/?.wav", "-o", "out/{name}.bvh", "-q") == (0, "", "")
+    assert files("out") == ["a.bvh", "b.bvh"]
+    code, _, err = cli("generate", "rec/*.mp3", "-o", "out/")
+    assert code == 2
+    assert "no file is called 'rec/*.mp3'" in err
+
+
+def test_plans_of_several_speeches(cli, place):
+    assert cli("generate", "rec/me", "-o", "{name}.bvh", "--plan-out", "{name}.json", "-q") == (0, "", "")
+    assert {path.name for path in place.glob("*.json")} == {"a.json", "b.json"}
+    assert cli("generate", "rec/me", "-o", "again-{name}.bvh", "--plan", "{name}.json", "-q") == (0, "", "")
+    assert Path("a.bvh").read_bytes() == Path("again-a.bvh").read_bytes()
+    code, _, err = cli("generate", "rec/me", "-o", "out/", "--plan", "a.json")
+    assert code == 2
+    assert "one plan 'a.json' for several speeches" in err
+
+
+def test_edits_of_the_command_line(cli, place):
+    assert cli("generate", "talk.wav", "-o", "a.bvh", "--gesture", "huge@0.4", "--plan-out", "plan.json", "-q") == (0, "", "")
+    forms = [row["form"] for row in json.loads(Path("plan.json").read_text())["gestures"]]
+    assert "big" in forms
+    assert cli("generate", "talk.wav", "-o", "b.bvh", "--plan", "plan.json", "-q") == (0, "", "")
+    assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
+    assert cli("generate", "talk.wav", "-o", "c.bvh", "--keep", "0:0.5", "a.bvh", "--seed", "3", "-q") == (0, "", "")
+    assert cli("generate", "talk.wav", "-o", "d.bvh", "--stretch", "0.2:0.6:style=lively", "--reseed", "0.7:0.9", "-q")[0] == 0
+    for wrong in (["--remove", "g9"], ["--gesture", "qqq@1"], ["--keep", "0:9", "a.bvh"], ["--plan", "a.bvh"], ["--lock", "x"]):
+        code, _, err = cli("generate", "talk.wav", "-o", "x.bvh", *wrong)
+        assert code == 2
+        assert err.startswith("error: ")
+        assert not Path("x.bvh").exists()

@@ -21,7 +21,7 @@ from cospeech.corpora.beat import read as beat
 from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
 from cospeech.corpora.prepare.filters import keep
-from cospeech.corpora.prepare.pieces import Plan, encode, split_of
+from cospeech.corpora.prepare.pieces import PreparationPlan, encode, split_of
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
@@ -335,9 +335,9 @@ def test_audio_features_are_those_of_the_frames_own_time():
 
 def test_what_is_missing_is_absent():
     clip = Clip("a", "s", "beat", motion=moving("beat", 2, 30))
-    assert set(encode(clip, Plan("beat", "euler", 15.0))) == {"pose"}
+    assert set(encode(clip, PreparationPlan("beat", "euler", 15.0))) == {"pose"}
     with pytest.raises(InputError, match="no joint rotations"):
-        encode(replace(clip, motion=None), Plan("beat", "euler", 15.0))
+        encode(replace(clip, motion=None), PreparationPlan("beat", "euler", 15.0))
 
 
 def test_every_corpus_has_a_default_pose():
@@ -352,7 +352,7 @@ def test_pats_brings_its_own_spectra_and_words():
     ready = np.repeat(np.arange(206.0)[:, None], 64, 1)
     extra = {"audio/log_mel_400": ready, "words": (Word("Yes", 0.5, 0.8),), "video_fn": "x"}
     clip = Clip("1", "oliver", "pats", points=Points(15.0, values, "pats"), extra=extra)
-    arrays = encode(clip, Plan("pats", "keypoints2d", 15.0))
+    arrays = encode(clip, PreparationPlan("pats", "keypoints2d", 15.0))
     assert arrays["audio"].shape == (30, len(pieces.audio_names("pats")))
     np.testing.assert_array_equal(arrays["audio"][:, 0], (np.arange(30) / 15 * 103).astype(int))
     assert arrays["word"][7:13].tolist() == [0, 1, 1, 1, 1, 0]
@@ -360,7 +360,7 @@ def test_pats_brings_its_own_spectra_and_words():
     with pytest.raises(InputError, match="ready-made"):
         faster(clip, 1.1)
     lacking = replace(clip, extra={})
-    assert set(encode(lacking, Plan("pats", "keypoints2d", 15.0))) == {"pose"}
+    assert set(encode(lacking, PreparationPlan("pats", "keypoints2d", 15.0))) == {"pose"}
 
 
 @pytest.mark.parametrize("corpus", sorted(DEFAULT_POSES))

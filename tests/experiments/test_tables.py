@@ -31,7 +31,7 @@ from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.inputs import StoreInputs, find_context, generate_rows
 from cospeech.experiments.tables.report import summary, to_markdown
-from cospeech.experiments.tables.runs import FEATURES, OMEGA, SMALL, PlayableRun
+from cospeech.experiments.tables.runs import FEATURES, OMEGA, PlayableRun, small_scale
 from cospeech.experiments.tables.scores import generate_windows
 from cospeech.experiments.tables.tsne import tsne
 from cospeech.experiments.tables.verdicts import NOT_ASSAYED, UNDECIDED
@@ -146,7 +146,7 @@ def test_every_row_has_a_recipe_that_builds(name):
         assert (config.history, config.look_ahead) == ((5, 20) if "trinity" in name else (12, 0))
     else:
         assert config.frames == 34  # of which 4 are given
-    small = dict(SMALL[recipe.model]["model"])
+    small = dict(small_scale(recipe.model)["model"])
     kind = network(small.pop("name", recipe.model))
     width = "channels" if recipe.model == "speech2gesture" else "hidden"
     narrow = build(kind.Config, {**recipe.config, **small}, "model")

@@ -20,7 +20,7 @@ from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOI
 from cospeech.experiments.tables.cog_bench import cost_cells, generate_clips
 from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
 from cospeech.experiments.tables.paper_tables import COSTS
-from cospeech.experiments.tables.runs import FEATURES, SMALL
+from cospeech.experiments.tables.runs import FEATURES, small_scale
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.poses.euler import EULER
 from cospeech.motion.skeletons.arkit import ARKIT
@@ -133,7 +133,7 @@ def test_every_row_has_a_recipe_that_builds(row):
     frames = {"audio2gestures": 64, "talkshow": 88, "gesturediffuclip": 36}
     assert config.frames == frames.get(recipe.model, FRAMES)
     small = build(
-        network(recipe.model).Config, {**recipe.config, **SMALL[recipe.model.removesuffix("-extended")]["model"]}, "model"
+        network(recipe.model).Config, {**recipe.config, **small_scale(recipe.model.removesuffix("-extended"))["model"]}, "model"
     )
     assert small != config
     assert recipe.data.corpus == "beat"

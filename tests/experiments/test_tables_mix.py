@@ -24,7 +24,7 @@ from cospeech.experiments.tables.mix_bench import Measured, StylePreservation, S
 from cospeech.experiments.tables.mix_scores import mean_cells, score_cells, score_target_style
 from cospeech.experiments.tables.mix_windows import FRAMES, MixWindows
 from cospeech.experiments.tables.report import to_markdown
-from cospeech.experiments.tables.runs import CLASSIFIER, SMALL, PlayableRun, of_speakers
+from cospeech.experiments.tables.runs import CLASSIFIER, PlayableRun, of_speakers, small_scale
 from cospeech.metrics.controls import CONTROLS
 from cospeech.motion.points import Points
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
@@ -154,7 +154,7 @@ def test_rows_bear_the_figures_of_their_own_line(shared):
 @pytest.mark.parametrize("name", [*RECIPES, f"{CLASSIFIER}_pats"])
 def test_every_row_has_a_recipe_and_a_small_form_of_it(name):
     recipe = load_recipe(SHIPPED / f"{name}.toml")
-    small = SMALL[recipe.model]
+    small = small_scale(recipe.model)
     assert build_config(name).frames == FRAMES
     assert small["model"]["channels"] < build_config(name).channels
     assert small["train"]["steps"] < recipe.train.steps
@@ -163,7 +163,7 @@ def test_every_row_has_a_recipe_and_a_small_form_of_it(name):
 def test_systems_are_compared_at_the_same_steps_batch_and_rate():
     models = {load_recipe(SHIPPED / f"{name}.toml").model for name in RECIPES}
     assert len(models) == 5
-    assert len({json.dumps(SMALL[model]["train"]) for model in models}) == 1
+    assert len({json.dumps(dict(small_scale(model)["train"])) for model in models}) == 1
 
 
 def test_runs_are_shared_between_tables():

@@ -106,7 +106,7 @@ def desk(tmp_path_factory):
     soundfile.write(place / "talk.wav", samples[: 2 * rate], rate)
     (place / "talk.srt").write_text("1\n00:00:00,200 --> 00:00:01,600\nhello all of you\n")
     (place / "talk.txt").write_text("hello all of you\n")
-    run("generate talk.wav -o talk.bvh -o talk.glb -q", place)
+    run("generate talk.wav --transcript talk.srt -o talk.bvh -o talk.glb --plan-out plan.json -q", place)
     soundfile.write(place / "longer.wav", samples[: 6 * rate], rate)  # an example of style has 64 frames of a model
     run("generate longer.wav -o clip.bvh -o other.glb --style southpaw -q", place)
     run("convert talk.bvh from_anywhere.bvh --skeleton unreal -q", place)

@@ -40,7 +40,7 @@ def test_import_is_light():
 # What the core does not install (the extras and the tools of development), and who runs as if it were not there.
 BEYOND_THE_CORE = {
     "dask", "distributed", "faster_whisper", "h5py", "joblib", "librosa", "lmdb", "onnx", "pandas", "pyarrow", "scipy",
-    "sklearn", "tables", "tensorboard", "torch",
+    "sklearn", "starlette", "tables", "tensorboard", "torch", "uvicorn",
 }  # fmt: skip
 WITHOUT = """
 import sys

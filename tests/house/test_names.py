@@ -28,7 +28,9 @@ IRREGULAR = frozenset({
     "wound", "written",
 })  # fmt: skip
 """Past participles without -ed that are no infinitive; "cut", "put", "read", "run", "set", "spread" and the like are one."""
-NO_PARTICIPLE = frozenset({"bed", "bleed", "embed", "exceed", "feed", "need", "proceed", "red", "seed", "shed", "speed", "ted"})
+NO_PARTICIPLE = frozenset(
+    {"bed", "bleed", "embed", "exceed", "feed", "need", "proceed", "red", "seed", "shed", "speed", "ted", "reseed"}
+)
 """Words in -ed that are none; "ted" is the corpus."""
 PREDICATES = ("is", "has", "was")
 PUBLISHED = "published"

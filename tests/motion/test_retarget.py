@@ -147,6 +147,24 @@ def test_feet_stay_on_the_floor_of_a_small_body():
     assert np.allclose(unscaled.root[:, 1] - motion.root[:, 1], 0.955 * (0.6 - 1), atol=1e-9)
 
 
+def test_a_hand_that_is_modelled_spread_is_at_ease():
+    ours = humanoid()
+    offsets = np.array(ours.offsets)
+    for side, sign in (("left", -1), ("right", 1)):
+        for finger, angle in {"Index": 15, "Middle": 2, "Ring": -18, "Little": -39}.items():
+            turn = axis_angle_to_quat(np.array([0.0, 1.0, 0.0]), sign * np.radians(angle))
+            for part in ("Intermediate", "Distal"):
+                joint = ours.index[side + finger + part]
+                offsets[joint] = quat_rotate(turn, offsets[joint])
+    spread = replace(ours, offsets=offsets, kind="other")
+    still = Motion(fps=30, rotations=np.tile(spread.rest, (2, 1, 1)), root=np.tile(offsets[0], (2, 1)), skeleton=spread)
+    there = still.retarget("humanoid")
+    bones = bone_directions(there, [("IndexProximal", "IndexIntermediate"), ("LittleIntermediate", "LittleDistal")])
+    for side in ("left", "right"):
+        assert degrees_apart(bones[side + "IndexProximal"], bones[side + "LittleIntermediate"]) == pytest.approx(15, abs=0.1)
+    assert np.degrees(quat_angle(there.retarget(spread).rotations, still.rotations)).max() < 0.01
+
+
 def with_axes(skeleton: Skeleton, seed: int = 1) -> Skeleton:
     """The same body, the axes of its bones lying anyhow: only ``rest`` tells the T-pose."""
     frames = rotvec_to_quat(np.random.default_rng(seed).normal(0, 2, (len(skeleton), 3)))

@@ -165,8 +165,8 @@ def test_settings():
     assert looking(sizes, 20, LIVE.ahead / 20) == LIVE
     assert looking(sizes, 20, 2.0) == WindowLayout(window=96, hop=4, ahead=40, fade=4)
     assert looking(sizes, 20, 2.0).past >= LIVE.past  # what is heard before does not become less
-    assert looking(sizes, 20, 0.05) == WindowLayout(window=64, hop=4, ahead=1, fade=1)
-    assert looking(sizes, 20, 0) == WindowLayout(window=64, hop=4, ahead=0, fade=0)
+    assert looking(sizes, 20, 0.05) == WindowLayout(window=64, hop=1, ahead=1, fade=1, held=10)
+    assert looking(sizes, 20, 0) == WindowLayout(window=64, hop=1, ahead=0, fade=0, held=11)
     assert looking(sizes, 20, 7.0) == looking(sizes, 20, inf) == whole(sizes)
     for wrong in (-0.1, np.nan, "long", True, [1.0]):
         with pytest.raises(InputError, match="look_ahead"):

@@ -13,15 +13,14 @@ from dataclasses import fields
 import numpy as np
 
 from ..motion.rotations import Array
-from .features.prosody import Features, ProsodyStream
+from .features.prosody import Features, ProsodyStream, samples_for
 from .features.shared_prosody import Prosody, SharedProsody
 from .prosodic_events import RATE, Accent, Heard, Phrase
 from .speech import Speech
 
-__all__ = ["LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector", "listen", "quantile"]
+__all__ = ["ENVELOPE_DELAY", "LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector", "listen", "quantile"]
 
 TICK = 0.1  # seconds between two decisions; ours
-_TICK = round(TICK * RATE)
 LEVEL_DELAY = 0.25  # seconds the running level sees ahead of the frame that it scales (ours)
 PEAK_DELAY = 0.20  # seconds after a peak that its prominence is judged on (ours)
 _KEEP = 12.0  # seconds of the past that stay in memory
@@ -31,6 +30,10 @@ _SPEAKING = 0.40  # loudness above which somebody speaks (≈ 20 dB under the lo
 _PAUSE = 0.28  # seconds of silence that part two phrases; shorter ones are stops and hesitations
 _SMOOTH = np.hanning(21)[1:-1] / np.hanning(21)[1:-1].sum()  # ≈ 6 Hz low-pass at 100 Hz (motion.md: accents)
 _HALF = len(_SMOOTH) // 2
+ENVELOPE_DELAY = _HALF / RATE
+"""Seconds by which the envelope is known later than the energy."""
+_LEVEL_SPAN = round((TICK + LEVEL_DELAY) * RATE)  # rows that the level is taken from at every tick
+_SURE = round(PEAK_DELAY * RATE)  # rows after a peak that tell how far it falls
 
 
 class _Buffer:
@@ -63,9 +66,16 @@ class EventDetector:
         known: seconds up to which `window` can answer.
         accents: recent accents in time order, each known ``LEVEL_DELAY + PEAK_DELAY + 0.1`` s after it happened.
         phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
+
+    Args:
+        tick: seconds between two decisions.
+        level_delay: seconds the running level sees ahead of the frame that it scales.
+        peak_delay: seconds after a peak at which it counts; with less than `PEAK_DELAY` its rise alone says how high it is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, tick: float = TICK, level_delay: float = LEVEL_DELAY, peak_delay: float = PEAK_DELAY) -> None:
+        self._tick_seconds, self._step = tick, round(tick * RATE)
+        self._delay, self._wait = round(level_delay * RATE), round(peak_delay * RATE)
         self._prosody: Prosody = ProsodyStream()
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
@@ -88,17 +98,33 @@ class EventDetector:
 
     def push(self, samples: Array) -> None:
         """Hear more samples at the announced rate."""
+        self.hear(samples)
+        while self.step():
+            pass
+
+    def hear(self, samples: Array) -> None:
+        """As `push`, but nothing becomes known yet: `step` is called for that."""
         self._take(self._prosody.push(samples))
-        delay = round(LEVEL_DELAY * RATE)
-        while self._raw and self._raw["energy"].end - delay >= self._loudness.end + _TICK:
-            self._tick(self._loudness.end + _TICK)
+
+    @property
+    def needs(self) -> int:
+        """Samples that must have been heard, in all, until the next `step` can be done."""
+        return samples_for(self._loudness.end + self._step + self._delay)
+
+    def step(self) -> bool:
+        """One tick more becomes known, where enough was heard; whether it did."""
+        end = self._loudness.end + self._step
+        if not self._raw or self._raw["energy"].end - self._delay < end:
+            return False
+        self._tick(end)
+        return True
 
     def finish(self) -> None:
         """The speech is over: what is left becomes known, followed by silence."""
         self._take(self._prosody.flush())
         if self._raw:
             while self._loudness.end < self._raw["energy"].end:
-                self._tick(min(self._loudness.end + _TICK, self._raw["energy"].end))
+                self._tick(min(self._loudness.end + self._step, self._raw["energy"].end))
             self._smooth(self._loudness.end, max(self._peak, _WEAKEST), tail=_HALF)
         self.finished = True
         self._confirm_peaks(last=True)
@@ -113,7 +139,9 @@ class EventDetector:
     def _tick(self, end: int) -> None:
         first = self._loudness.end
         energy = self._raw["energy"].rows(first, end)
-        self._follow_level(self._raw["energy"].rows(first, end + round(LEVEL_DELAY * RATE)))
+        seen = end + self._delay
+        oldest = first if self._wait >= _SURE else max(seen - _LEVEL_SPAN, 0)
+        self._follow_level(self._raw["energy"].rows(oldest, seen))
         spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
         top = max(self._peak, _WEAKEST)
         self._loudness.append(np.minimum(np.maximum((energy - (top - spread)) / spread, 0.0), 1.25))
@@ -145,8 +173,9 @@ class EventDetector:
         low, high = quantile(ordered, 0.10), quantile(ordered, 0.92)
         if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
-        self._peak = max(high, self._peak - 0.6 * TICK) if high > self._peak - 14 else self._peak - 0.25 * TICK
-        self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * TICK * 0.5
+        tick = self._tick_seconds
+        self._peak = max(high, self._peak - 0.6 * tick) if high > self._peak - 14 else self._peak - 0.25 * tick
+        self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * tick * 0.5
 
     def _semitones(self, pitch: Array, voicing: Array) -> Array:
         voiced = (pitch > 0) & (voicing > 0.5)
@@ -173,7 +202,7 @@ class EventDetector:
 
     def _confirm_peaks(self, last: bool = False) -> None:
         """Accept peaks of the envelope whose right-hand neighbourhood is known."""
-        wait = 0 if last else round(PEAK_DELAY * RATE)
+        wait = 0 if last else self._wait
         a, b = self._judged, self._envelope.end - wait
         if b <= a + 2:
             return
@@ -186,7 +215,9 @@ class EventDetector:
                 continue
             if e[k] < e[max(0, k - 11) : k + 12].max():
                 continue
-            dip = max(e[max(0, k - 40) : k + 1].min(), e[k : k + 21].min())
+            dip = e[max(0, k - 40) : k + 1].min()
+            if self._wait >= _SURE:
+                dip = max(dip, e[k : k + _SURE + 1].min())
             prominence = e[k] - dip
             if prominence < 0.10:
                 continue

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import fields
+from multiprocessing import get_context
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +20,7 @@ from ..files import atomic, describe_os_error, scratch, workplace
 from ..generate import check_request, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
-from ..rules.options import GenerationOptions
+from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
 
 __all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
@@ -27,8 +29,9 @@ NAME = "{name}"
 """Stands for the name of a speech in the name of a file."""
 STANDARD_INPUT = "-"
 _BLOCK = 1 << 20  # bytes
+_MOST_JOBS = (1, 64)  # ours: more processes than that only wait for each other
 _USUAL = (".bvh", ".glb")  # what is written where no format is named
-_OF_ONE_SPEECH = ("transcript", "face")  # options that cannot be the same for several
+_OF_ONE_SPEECH = ("transcript", "face", "plan", "plan_out", "keep_from")  # options that cannot be the same for several
 _WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
 _OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
 
@@ -54,38 +57,46 @@ def generate_speeches(
     model: str = DEFAULT,
     report: str | PathLike[str] | None = None,
     progress: Progress | None = None,
+    jobs: int = 1,
     **options: Any,
 ) -> Reports:
     """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
 
     Args:
-        speeches: sound files; folders, of which every sound file is taken, those in folders below too; or ``"-"`` alone, for
+        speeches: sound files; folders, of which every sound file is taken, those in folders below too; patterns of files, with
+            ``*`` or ``?``; or ``"-"`` alone, for
             the bytes of one on standard input.
         outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
             a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder.
         model: as for `cospeech.generate.generate_files`.
         report: write the `Report` of one speech, or the `Reports` of several, as JSON here too.
         progress: called with (seconds done, seconds in all or None, which speech).
-        options: as for `generate_files`; transcript, emotion, face and continue_from may have ``{name}`` in them.
+        jobs: how many speeches are generated at the same time, 1 … 64, each in a process of its own.
+        options: as for `generate_files`; transcript, emotion, face, continue_from, plan, plan_out and keep_from may have
+            ``{name}`` in them.
 
     Raises:
         InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
     """
+    check_range("jobs", jobs, _MOST_JOBS)
     with _find_files(speeches) as found:
         loaded = load(model)
         options = {"parts": PARTS, **options}
         shown = {*options["parts"]} & {*loaded.makes}
-        jobs = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
-        if len(jobs) == 1:
+        work = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
+        if len(work) == 1:
             tell = None if progress is None else lambda done, total: progress(done, total, "")
             return Reports(
-                speeches=[_generate(jobs[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
+                speeches=[_generate(work[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
             )
-        _check(jobs, options, report)
+        _check(work, options, report)
         asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
         check_request(loaded, **asked)
         with nullcontext() if report is None else atomic(report) as path:  # it is told now where that cannot be written
-            result = _each(jobs, options, model, loaded, progress)
+            if jobs == 1:
+                result = _each(work, options, model, loaded, progress)
+            else:
+                result = _each_in_parallel(work, options, model, progress, jobs)
             if path is not None:
                 path.write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
         return result
@@ -102,6 +113,34 @@ def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Mode
         except CospeechError as error:
             failed.append(Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError)))
     return Reports(speeches=made, failed=failed)
+
+
+def _each_in_parallel(
+    work: list[_Job], options: Mapping[str, Any], model: str, progress: Progress | None, jobs: int
+) -> Reports:
+    """Several speeches at the same time; the reports are in the order of the speeches."""
+    made, failed = list[Report](), list[Failure]()
+    context = get_context("spawn")  # a fork would copy the threads of onnxruntime as they are
+    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=context) as pool:
+        waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
+        try:
+            for number, (job, future) in enumerate(zip(work, waiting, strict=True), 1):
+                found = future.result()
+                (made if isinstance(found, Report) else failed).append(found)  # type: ignore[arg-type]
+                if progress is not None:
+                    progress(number, len(work), f"{number} of {len(work)}: {job.name}")
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return Reports(speeches=made, failed=failed)
+
+
+def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> Report | Failure:
+    """One speech, in a process of its own."""
+    try:
+        return _generate(job, options, model=model)
+    except CospeechError as error:
+        return Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
 
 
 def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
@@ -134,6 +173,11 @@ def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path
 
 def _files(path: Path) -> list[tuple[str, Path]]:
     """A file and its name without suffix; of a folder the sound files in it, by their paths below it."""
+    if not path.exists() and any(sign in path.name for sign in "*?["):  # a pattern that the shell has not looked up
+        found = [(each.stem, each) for each in sorted(path.parent.glob(path.name)) if each.is_file()]
+        if not found:
+            raise InputError(f"no file is called {str(path)!r}", "is the pattern right?")
+        return found
     if not path.is_dir():
         return [(path.stem, path)]
     from ..corpora.folder import SOUND, sounds

@@ -25,6 +25,7 @@ from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
 from . import robot as cli_robot
 from . import stream as cli_stream
+from . import study as cli_study
 from . import train as cli_train
 from .options import (  # fmt: skip
     Audio,
@@ -37,6 +38,7 @@ from .options import (  # fmt: skip
     Folder,
     Fps,
     Intensity,
+    Jobs,
     Json,
     Model,
     Output,
@@ -54,6 +56,7 @@ from .options import (  # fmt: skip
     number,
     option,
 )
+from .plan_options import AddGesture, Keep, Lock, MoveGesture, PlanFile, PlanOut, RemoveGesture, Reseed, SetStretch
 from .progress import show_progress
 
 if TYPE_CHECKING:
@@ -87,29 +90,14 @@ def _start(
 
 @app.command()
 def generate(
-    audio: Audio,
-    output: Output = None,
-    model: Model = DEFAULT,
-    style: Style = None,
-    emotion: Emotion = "auto",
-    speaker: Speaker = None,
-    transcript: Transcript = None,
-    transcribe: Transcribe = False,
-    seed: Seed = 0,
-    takes: Takes = 1,
-    temperature: Temperature = 1.0,
-    intensity: Intensity = 1.0,
-    parts: Parts = ALL_PARTS,
-    face_gain: FaceGain = "1",
-    face: Face = None,
-    continue_from: Continue = None,
-    skeleton: Skeleton = "humanoid",
-    fps: Fps = 30.0,
-    avatar: Avatar = None,
-    report: ReportFile = None,
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
+    audio: Audio, output: Output = None, model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto",
+    speaker: Speaker = None, transcript: Transcript = None, transcribe: Transcribe = False, seed: Seed = 0, takes: Takes = 1,
+    temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS, face_gain: FaceGain = "1",
+    face: Face = None, continue_from: Continue = None, skeleton: Skeleton = "humanoid", fps: Fps = 30.0,
+    avatar: Avatar = None, report: ReportFile = None, plan: PlanFile = None, plan_out: PlanOut = None,
+    gesture: AddGesture = None, remove: RemoveGesture = None, move: MoveGesture = None, stretch: SetStretch = None,
+    reseed: Reseed = None, lock: Lock = None, keep: Keep = None, jobs: Jobs = 1, quiet: Quiet = False, debug: Debug = False,
+) -> None:  # fmt: skip
     """Generate motion for one speech or for several.
 
     \b
@@ -119,8 +107,16 @@ def generate(
     cospeech generate talk.wav -o talk.vrma --style lively --transcript talk.srt
     cospeech generate talk.wav -o talk.bvh --model mine.cospeech --style clip.bvh
     cospeech generate talk.wav -o talk.glb --emotion moods.csv --face-gain 1.2,jawOpen:0.9
+    cospeech generate talk.wav -o talk.bvh --plan-out plan.json
+    cospeech generate talk.wav -o talk.bvh --plan plan.json --remove g3 --gesture huge@2.4
     """
+    from ..rules.plan_commands import PlanCommands
     from .batch import generate_speeches
+
+    edits = PlanCommands(
+        lock=lock or (), remove=remove or (), move=move or (), stretch=stretch or (), reseed=reseed or (), gesture=gesture or ()
+    )
+    stretches, old = keep or ("", None)
 
     with show_progress("generating", quiet) as progress:
         results = generate_speeches(
@@ -128,6 +124,7 @@ def generate(
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
             continue_from=continue_from, skeleton=skeleton, fps=fps, avatar=avatar, report=report, progress=progress,
+            plan=plan, plan_out=plan_out, plan_edits=edits, keep=stretches, keep_from=old, jobs=jobs,
         )  # fmt: skip
     if not quiet:
         _show_outputs(results.speeches)
@@ -234,6 +231,7 @@ cli_corpora.register(app)
 cli_evaluate.register(app)
 cli_robot.register(app)
 cli_stream.register(app)
+cli_study.register(app)
 cli_train.register(app)
 
 

@@ -12,9 +12,9 @@ from typer import Argument, Option
 from ..export.registry import FORMATS
 
 __all__ = [
-    "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Json", "Map",
-    "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Quiet", "ReportFile", "Retarget", "Seed", "Skeleton", "Speaker",
-    "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
+    "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Jobs",
+    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Quiet", "ReportFile", "Retarget", "Seed",
+    "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
 ]  # fmt: skip
 
 
@@ -44,7 +44,7 @@ Audio = Annotated[
     Argument(
         metavar="SPEECH",
         help="Sound files (WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM and video), "
-        "folders of sound files, or - for standard input.",
+        "folders of sound files, patterns ('talks/*.wav'), or - for standard input.",
     ),
 ]
 Motion = Annotated[Path, Argument(metavar="MOTION", help=f"Motion file to read: {' '.join(_READABLE)}.")]
@@ -169,6 +169,9 @@ ReportFile = Annotated[
     Path | None, option("--report", metavar="FILE", help="Write a report as JSON: model, style, emotion, files, speed.")
 ]
 Folder = Annotated[Path, option("--to", metavar="FOLDER", help="Folder for the files. It is made if it is missing.")]
+Jobs = Annotated[
+    int, option("--jobs", metavar="NUMBER", parser=whole, help="How many speeches are generated at the same time, 1 … 64.")
+]
 Json = Annotated[bool, option("--json", help="Print JSON, for programs.")]
 Debug = Annotated[bool, option("--debug", help="Show the traceback of an error.")]
 Quiet = Annotated[bool, option("--quiet", "-q", help="Print no progress bar and no list of files.")]

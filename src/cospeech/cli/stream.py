@@ -84,6 +84,16 @@ IdleAfter = Annotated[
         help="Silence after which the character listens and idles. Where it is not given: 3 s of live sound, never for a file.",
     ),
 ]
+LookAhead = Annotated[
+    float | None,
+    option(
+        "--look-ahead",
+        metavar="SECONDS",
+        parser=number,
+        help="Seconds of speech that a frame waits for. Less makes the character quicker to answer; its gestures come later "
+        "than the words. rules: 0.4 … 1.48, and 0.2 for --parts face; trained models: 0 and more (docs/runtime.md).",
+    ),
+]
 Unpaced = Annotated[
     bool, typer.Option("--unpaced", help="Send frames when they are made, and read a file as fast as it can be played.")
 ]
@@ -110,6 +120,7 @@ def stream(
     transcript: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
+    look_ahead: LookAhead = None,
     rate: Rate = 16_000,
     samples: Kind = "s16",
     unpaced: Unpaced = False,
@@ -126,7 +137,7 @@ def stream(
     my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
     """
     from ..audio.live_sources import PIECE
-    from ..export.live.pacing import MARGIN, FramePacer
+    from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer
     from ..export.live.targets import StreamSettings, open_outlet
     from ..generate import open_live_session
 
@@ -135,11 +146,12 @@ def stream(
     wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
         model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
-        face_gain=face_gain, fps=fps, idle_after=_idle_after(source) if idle_after is None else idle_after,
+        face_gain=face_gain, fps=fps, look_ahead=look_ahead,
+        idle_after=_idle_after(source) if idle_after is None else idle_after,
     )  # fmt: skip
     if not unpaced:
         session.warm_up()
-    delay = session.latency + PIECE + MARGIN
+    delay = session.latency + PIECE + (MARGIN if look_ahead is None else SHORT_MARGIN)
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
         controls = _open_control(stack, control)

@@ -23,6 +23,8 @@ _AT_PHRASE_END, _AT_SHIFT = 0.32, 0.55  # chances; ours: blinks come more often 
 _HELD_BACK = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
 _LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
 _SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
+PAUSE_KNOWN = (_PAUSE + 2) / RATE
+"""Seconds after the last loud moment until it is known to be the end of a phrase."""
 _PAIR = np.array([[0], [1]])
 _PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT, _HOLD = 5101 + _PAIR, 5103, 5104, 5105, 5107, 5109  # streams of the hash
 
@@ -64,7 +66,9 @@ def _draw_caused_blinks(
     return (when + 0.12 * late)[keep], index[keep] + (stream << 40)
 
 
-def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Sequence[tuple[float, float]] = ()) -> Array:
+def eyelids(
+    times: Array, heard: Heard, *, seed: int, rate: float, shifts: Sequence[tuple[float, float]] = (), late: float = 0.0
+) -> Array:  # fmt: skip
     """(T,) how far blinks close the eyes, 0 … 1.
 
     Args:
@@ -73,14 +77,18 @@ def eyelids(times: Array, heard: Heard, *, seed: int, rate: float, shifts: Seque
         seed: which schedule.
         rate: blinks per second that come without a cause; events add to them.
         shifts: (time in s, size in rad) of large gaze shifts.
+        late: seconds by which blinks at the ends of phrases come later, because little is heard ahead; such an end counts
+            when its pause is long enough to be one.
     """
     due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
     speaking = heard.at(due, heard.loudness) > _SPEAKING
     kept = ~speaking | (hash_uniform(seed, _HOLD, index) > _HELD_BACK)
     begin, index = due[kept], index[kept]
     ends = phrase_ends(heard)
+    if late:
+        ends = ends[ends + _PAUSE <= heard.start + len(heard.loudness)]
     if len(ends) and rate > 0:
-        more = _draw_caused_blinks(seed, due, ends / RATE, ends, _CHANCE, _AT_PHRASE_END)
+        more = _draw_caused_blinks(seed, due, ends / RATE + late, ends, _CHANCE, _AT_PHRASE_END)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])
     if len(shifts) and rate > 0:
         when, size = np.array(shifts, float).T

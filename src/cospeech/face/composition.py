@@ -15,6 +15,7 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from ..motion.weighted_sum import add_weighted_rows
 from .blinks import eyelids
+from .delays import FaceDelays
 from .expressions import EXPRESSIONS, IS_MOUTH, accent_brows, accent_swell
 from .gaze import lids_and_looks
 from .laughter import LAUGHS, laughter
@@ -77,6 +78,7 @@ class Face:
         emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
         gains: (52,) factors of what comes out; all 1 where not given.
+        delays: by how much what needs foresight comes late.
     """
 
     def __init__(
@@ -88,7 +90,9 @@ class Face:
         emphasis: float = 1.0,
         blink_rate: float = 22.0 / 60,
         gains: Array | None = None,
+        delays: FaceDelays | None = None,
     ) -> None:
+        self._delays = delays or FaceDelays()
         self._gains = np.ones(len(ARKIT)) if gains is None else gains
         self.seed, self.intensity, self.expressiveness, self.blink_rate = seed, intensity, expressiveness, blink_rate
         self.emphasis = emphasis
@@ -132,7 +136,7 @@ class Face:
         times = np.asarray(times, float)
         if not len(times):
             return np.zeros((0, len(ARKIT)))
-        voice = voice_to_mouth(times, heard)
+        voice = voice_to_mouth(times, heard, late=self._delays.talking)
         drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
         if spoken is None:
             shape, closed = self._speech(times, heard, voice, words)
@@ -205,8 +209,10 @@ class Face:
         return scaled
 
     def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
-        """(T, 52) of the emotion, waxing and waning with what is stressed; a neutral speaker smiles a little in pauses."""
-        course = np.clip(_CALM + _SWELL * accent_swell(times, accents) + _DRIFT * drift[:, 0], 0.2, 1.0)
+        """(T, 52) of the emotion, waxing and waning with stresses; a neutral speaker smiles a little in pauses."""
+        course = np.clip(
+            _CALM + _SWELL * accent_swell(times, accents, late=self._delays.swell) + _DRIFT * drift[:, 0], 0.2, 1.0
+        )
         course *= self.intensity * (0.7 + 0.3 * self.expressiveness)
         out = add_weighted_rows(emotion * course[:, None], EXPRESSIONS)
         out *= 1 - IS_MOUTH * (_MOUTH_YIELDS * talking)[:, None]
@@ -217,9 +223,8 @@ class Face:
         return out
 
     def _brows(self, out: Array, times: Array, accents: Sequence[Accent], drift: Array) -> None:
-        moves = accent_brows(times, accents, seed=self.seed, amount=self.emphasis) * (
-            self.expressiveness * (0.7 + 0.3 * self.intensity)
-        )
+        moves = accent_brows(times, accents, seed=self.seed, amount=self.emphasis, late=self._delays.brows)
+        moves *= self.expressiveness * (0.7 + 0.3 * self.intensity)
         down = out[:, _BROWS[3:]].mean(1)
         held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
         out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
@@ -229,7 +234,8 @@ class Face:
         lids = out[:, _BLINK]
         if head_speed is not None:
             lids = lids + 0.12 * np.clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
-        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts)[:, None]
+        late = self._delays.blinks
+        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, shifts=shifts, late=late)[:, None]
         lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
         out[:, _WIDE] *= 1 - shut

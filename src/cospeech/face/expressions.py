@@ -66,17 +66,20 @@ IS_MOUTH = np.array([name.startswith(("mouth", "jaw", "tongue")) for name in ARK
 
 _STRONG = 0.35  # accents from this strength on may raise the brows (ours)
 _RISE, _HOLD, _FALL = 0.20, 0.14, 0.55  # s; a brow flash: up before the accent's peak, then slowly down (ours)
-_EARLY = 0.24  # s; it starts this long before the energy peak
+BROWS_EARLY = 0.24
+"""Seconds before the energy peak at which a brow flash starts (ours)."""
+SWELL_EARLY, _SWELL_LATE = 0.80, 0.25
+"""Seconds before an accent from which an expression swells, and after it at which it is strongest (ours)."""
 _KNIT = 0.14  # share of accents with the brows drawn together instead
 _ALONE = 0.10  # share of rises of one brow only
 _WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
 
 
-def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: float = 1.0) -> Array:
+def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: float = 1.0, late: float = 0.0) -> Array:
     """(T, 4): brow inner up, outer up left, outer up right, down, raised by accents; 0 … about 0.8.
 
     Some 40 % of strong accents move the brows, more or fewer by ``amount`` (0: none); how much, which and how evenly is drawn
-    from the seed and the accent's time.
+    from the seed and the accent's time. They come ``late`` seconds later than they should.
     """
     if not len(accents):
         return np.zeros((len(times), 4))
@@ -94,15 +97,16 @@ def accent_brows(times: Array, accents: Sequence[Accent], *, seed: int, amount: 
         up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
         np.where(knit, 0.8 * size, 0.0),
     ], 1)  # fmt: skip
-    since = times[:, None] - (when - _EARLY)
+    since = times[:, None] - (when - BROWS_EARLY + late)
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
 
 
-def accent_swell(times: Array, accents: Sequence[Accent]) -> Array:
-    """(T,) 0 … 1: how much is being stressed around each time, slowly; an expression is strongest there."""
+def accent_swell(times: Array, accents: Sequence[Accent], *, late: float = 0.0) -> Array:
+    """(T,) 0 … 1: how much is being stressed around each time, slowly; an expression is strongest there, or ``late`` seconds
+    later."""
     if not len(accents):
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T
-    near = 1 - np.abs(times[:, None] - when - 0.25) / 1.05  # from 0.8 s before the accent on
+    near = 1 - np.abs(times[:, None] - (when + late) - _SWELL_LATE) / (SWELL_EARLY + _SWELL_LATE)
     return np.tanh(add_weighted_rows(smoothstep(near), strength[:, None]))[:, 0]

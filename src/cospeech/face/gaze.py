@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from random import Random
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multip
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 
-__all__ = ["LISTENER", "GazePlanner", "Saccade", "direction_of", "eye_angles", "look", "toward"]
+__all__ = ["LISTENER", "Gaze", "GazePlanner", "Saccade", "direction_of", "eye_angles", "look", "toward"]
 
 LISTENER = 2.0
 """Metres from the speaker to the listener, in front of where the speaker stands at rest: social distance (Hall 1966)."""
@@ -48,6 +48,17 @@ class Saccade(NamedTuple):
     """Degrees above the listener's eyes."""
     length: float
     """Seconds that the jump takes."""
+
+
+class Gaze(Protocol):
+    """Who says where the eyes go: a `GazePlanner`, or a plan."""
+
+    averted: float
+    away: bool
+
+    def decide(self, now: float, phrases: Sequence[Phrase], averted: float = 0.0) -> Saccade | None:
+        """One tick: a saccade that begins now, or none."""
+        ...
 
 
 class GazePlanner:

@@ -32,6 +32,8 @@ _PAD = 50  # rows of silence beyond the window
 _ROWS = np.arange(32.0)
 _SPEAK = _ROWS * np.exp(-_ROWS / (_TAU * RATE))
 _SPEAK = _SPEAK[::-1] / _SPEAK.sum()
+TALKING_HALF = 0.34
+"""Seconds to either side that tell whether somebody is talking."""
 _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether somebody is talking here
 
 
@@ -98,14 +100,15 @@ def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
     return _ramp(around - level, 0.45, 0.75) * (1 - burst), active
 
 
-def voice_to_mouth(times: Array, heard: Heard) -> MouthEstimate:
-    """The mouth at ``times`` (T,) in seconds; beyond the window there is silence."""
+def voice_to_mouth(times: Array, heard: Heard, *, late: float = 0.0) -> MouthEstimate:
+    """The mouth at ``times`` (T,) in seconds; beyond the window there is silence. `MouthEstimate.talking` is ``late`` seconds
+    behind."""
     rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
     rows[_PAD:-_PAD] = _rows(heard)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
     at, start = np.asarray(times, float) * RATE, heard.start - _PAD
     now = _filter(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, start + len(_SPEAK) - 1)
-    talking = _filter(rows[:, 8:9], at, _SLOW, start + len(_SLOW) // 2)[:, 0]
+    talking = _filter(rows[:, 8:9], at - late * RATE, _SLOW, start + len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))
     shape[:, :7] = now[:, :7]
     return MouthEstimate(shape, _ramp(now[:, 7], 0.15, 0.65), now[:, 8], 0.40 + 0.75 * now[:, 9], talking)

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from ..audio.features.shared_prosody import SharedProsody
+from ..errors import InputError
 from ..motion.rotations import Array
 
-__all__ = ["Mouth", "MouthMaker", "Sharing"]
+__all__ = ["Mouth", "MouthMaker", "Sharing", "WaitLimited", "limit_wait"]
 
 
 class Mouth(Protocol):
@@ -44,6 +45,30 @@ class Sharing(Protocol):
     def share(self, prosody: SharedProsody) -> None:
         """Asked once, before anything is pushed."""
         ...
+
+
+@runtime_checkable
+class WaitLimited(Protocol):
+    """A mouth that can do with less speech ahead than it usually waits for."""
+
+    def limit_wait(self, seconds: float) -> None:
+        """Asked once, before anything is pushed: what was pushed so long ago must be certain.
+
+        Raises:
+            InputError: that is too short for it.
+        """
+        ...
+
+
+def limit_wait(mouth: Mouth, seconds: float) -> None:
+    """Make a mouth certain of what was pushed so many seconds ago.
+
+    Raises:
+        InputError: it cannot do that.
+    """
+    if not isinstance(mouth, WaitLimited):
+        raise InputError("this mouth waits for more speech than a short look_ahead gives", "leave look_ahead out")
+    mouth.limit_wait(seconds)
 
 
 MouthMaker = Callable[[], Mouth]

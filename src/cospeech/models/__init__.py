@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..motion.motion import Motion
     from ..rules.options import GenerationOptions
+    from ..rules.plan_edits import Plan
 
 __all__ = [
     "BUNDLE",
@@ -29,6 +30,7 @@ __all__ = [
     "GenerationSession",
     "Model",
     "ModelEntry",
+    "PlannedSession",
     "find_bundle",
     "load",
     "plays",
@@ -106,6 +108,15 @@ class GenerationSession(Protocol):
 
     def finish_takes(self) -> Iterator[list[Motion]]:
         """As ``finish``, of every take."""
+        ...
+
+
+class PlannedSession(Protocol):
+    """A session that was opened with a plan."""
+
+    @property
+    def plan(self) -> Plan:
+        """What was performed so far."""
         ...
 
 

@@ -30,7 +30,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from .nn.bones import bones_of, rotation_angle
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_CONVOLUTIONS, ModelConfig
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective, StepRandom
 from .nn.settings import check_least
@@ -50,6 +50,8 @@ class Audio2GesturesConfig(ModelConfig):
     """Sizes and weights; the defaults are those of the authors' code."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"channels": 32, "code": 4, "frames": 20}
+    SMALL: ClassVar[Mapping[str, Any]] = {"channels": 64, "code": 8}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_CONVOLUTIONS
 
     frames: int = 64
     """T of a training window; authors' code 64, at 30 per second."""

@@ -31,7 +31,7 @@ from torch.nn import functional as F
 from ..errors import InputError
 from .nn.basic_block import BasicBlock, basic_blocks
 from .nn.cascade import EMOTIONS, FACE
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -40,7 +40,7 @@ from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
-__all__ = ["Camn", "CamnConfig", "EmotionEncoder", "SpeakerEncoder", "face_encoder", "huber", "speech_encoder"]
+__all__ = ["Camn", "CamnConfig", "EmotionEncoder", "SpeakerEncoder", "face_encoder", "speech_encoder"]
 
 SLOPE = 0.1  # of LeakyReLU in MLPs and after the speaker; not stated, authors' code
 EMOTION_SLOPE = 0.3  # of the emotion's convolutions; not stated, authors' code
@@ -52,6 +52,8 @@ class CamnConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4}
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32, "audio": 64, "text": 64}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; section 5: 34 at 15 per second, of which 4 are known."""
@@ -143,11 +145,6 @@ def _mlp(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(nn.Conv1d(inputs, hidden, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(hidden, outputs, 1))
 
 
-def huber(y: Tensor, made: Tensor, beta: float) -> Tensor:
-    """The mean of d² / 2β where |d| < β, of |d| − β / 2 where not."""
-    return F.smooth_l1_loss(made, y, beta=beta)
-
-
 # the model -----------------------------------------------------------------------------------------------------------
 
 
@@ -232,4 +229,4 @@ class Camn(ManyInputs):
         if self.config.semantic:
             meant = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
             made, pose = made * meant, pose * meant
-        return {"huber": self.config.reconstruction * huber(pose, made, self.config.beta)}
+        return {"huber": self.config.reconstruction * F.smooth_l1_loss(made, pose, beta=self.config.beta)}

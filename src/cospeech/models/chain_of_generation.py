@@ -40,7 +40,7 @@ from ..errors import InputError, nearest
 from .chain_export import chain_graphs
 from .nn.cascade import EMOTIONS, Cascade, CascadeOutput, Layers, Signals, Through, Widths
 from .nn.channel_attention import ChannelAttention
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.contrast import RhythmIdentity
 from .nn.export import ExportGraph
 from .nn.modalities import INPUTS
@@ -62,6 +62,10 @@ class ChainConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "latent": 8, "classifier_channels": 6, "classifier_steps": 10,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "hidden": 64, "layers": 2, "word_width": 32, "latent": 64, "classifier_steps": 150, "classifier_channels": 64,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """N; section 4.1."""

@@ -30,7 +30,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError, nearest
 from .nn.conditioning import frame_windows
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.export import ExportGraph
 from .nn.modalities import INPUTS
 from .nn.objective import Batch, Objective
@@ -52,6 +52,8 @@ class GesticulatorConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "speech": 6, "context": 12, "word_width": 5, "history": 3, "look_ahead": 4, "frames": 8, "epoch": 2,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "context": 128, "speech": 32, "word_width": 32, "epoch": 20}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = {**SMALL_RECURRENT, "batch": 48}
 
     frames: int = 40
     """Trained in a window, between history and look-ahead; authors' code 40 at 20 per second."""

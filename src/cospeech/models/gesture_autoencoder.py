@@ -31,7 +31,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.norm import BatchNorm1d, batch_norm
 from .nn.objective import Batch, Objective
 from .nn.trainable import Trainable
@@ -48,6 +48,8 @@ class AutoencoderConfig(ModelConfig):
     """Sizes of `GestureAutoencoder`; the paper gives none, the defaults are the authors' code's for TED."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"width": 8, "code": 4}
+    SMALL: ClassVar[Mapping[str, Any]] = {"width": 64, "frames": 30}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = {**SMALL_FLOW, "batch": 64}
 
     frames: int = 30
     """T of a training window; ω takes windows of any length."""
@@ -67,6 +69,7 @@ class FgdConfig(ModelConfig):
     """
 
     TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "code": 4}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = {**SMALL_FLOW, "steps": 2000, "batch": 64}
 
     frames: int = 34
     """T of a window; Yoon et al. 2020 (2.27 s at their 15 frames per second)."""

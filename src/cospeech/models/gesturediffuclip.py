@@ -38,7 +38,7 @@ from ..audio.features.words import subword_rows
 from ..errors import InputError
 from .nn.coder import STRIDE, Down, Up
 from .nn.conditioning import StyleEncoder
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.contrast import choice_nce, info_nce, unit
 from .nn.diffusion import add_noise, denoise, level_features, velocity
 from .nn.export import ExportGraph, Shape
@@ -66,6 +66,11 @@ class GestureDiffuClipConfig(ModelConfig):
         "hidden": 16, "latent": 6, "heard": 16, "text_channels": 6, "text": 6, "word_width": 5, "style": 6, "width": 8,
         "layers": 1, "heads": 2, "steps": 3, "align_from": 40, "diffusion_from": 50,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "hidden": 96, "latent": 16, "heard": 64, "text": 32, "text_channels": 32, "word_width": 32, "style": 16, "width": 64,
+        "layers": 3, "align_from": 200, "diffusion_from": 250,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 36
     """T of a training window: the 34 of BEAT's systems, filled up to a multiple of 4."""

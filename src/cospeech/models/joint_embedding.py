@@ -23,7 +23,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -47,6 +47,8 @@ class JointEmbeddingConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "strides": (5, 1, 1, 1), "speech_hidden": 8, "pose_channels": 4, "code": 6,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32, "speech_hidden": 64}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""

@@ -49,7 +49,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError, nearest
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_CONVOLUTIONS, ModelConfig
 from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
@@ -69,6 +69,8 @@ class MixGanConfig(ModelConfig):
     """Sizes and weights without those of style; the defaults are the paper's, or, where it is silent, the authors' code's."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"modes": 4, "channels": 8}
+    SMALL: ClassVar[Mapping[str, Any]] = {"channels": 16, "patch_channels": 16}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_CONVOLUTIONS
 
     frames: int = 64
     """T of a training window; not stated in the text, authors' code 64 (4.3 s at 15 frames per second)."""

@@ -30,7 +30,7 @@ from torch import Tensor, nn
 from ..errors import InputError, nearest
 from ..motion.poses.controls import CONTROLS
 from .nn.conditioning import drop_history, frame_windows
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
 from .nn.trainable import Trainable
@@ -43,6 +43,8 @@ class MoGlowConfig(ModelConfig):
     """Sizes; the defaults are those of the paper on gestures, in its version of the authors' configuration."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16}
+    SMALL: ClassVar[Mapping[str, Any]] = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_FLOW
 
     steps: int = 16
     """K; authors' configuration, paper version 16."""

@@ -18,22 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from ..errors import InputError
-from .camn import EmotionEncoder, face_encoder, huber, speech_encoder
-from .nn.configuration import ModelConfig
+from .camn import EmotionEncoder, face_encoder, speech_encoder
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, ManyInputs, ModalityInputs, weights_of
 from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
 from .nn.settings import check_least
-from .nn.speaker_latent import SpeakerLatent, kl_divergence, pose_diversity
+from .nn.speaker_latent import SpeakerLatent, pose_diversity
 from .nn.temporal import Memory, TextTcn
-from .nn.window_discriminator import AdversarialWindows, WindowDiscriminator
+from .nn.window_discriminator import AdversarialWindows, SampledWindows, WindowDiscriminator
 from .nn.words import word_embedding
 
 __all__ = ["MultiContext", "MultiContextConfig"]
@@ -46,6 +45,10 @@ class MultiContextConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "audio": 6, "text": 4, "adversarial_from": 5,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "hidden": 64, "layers": 2, "word_width": 32, "audio": 64, "text": 64, "adversarial_from": 60,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; Yoon et al. 34 at 15 per second, of which 4 are known."""
@@ -94,17 +97,6 @@ class MultiContextConfig(ModelConfig):
 
 
 # parts ---------------------------------------------------------------------------------------------------------------
-
-
-class _Made(NamedTuple):
-    """Poses, and the z that they were made of."""
-
-    pose: Tensor
-    """(B, T, D)."""
-    z: Tensor
-    mean: Tensor
-    variance: Tensor
-    """log σ²; (B, width, T) each."""
 
 
 # the model -----------------------------------------------------------------------------------------------------------
@@ -159,18 +151,14 @@ class MultiContext(ManyInputs, AdversarialWindows):
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""
         return self._generate(given, noise).pose
 
-    def _generate(self, given: ModalityInputs, noise: Tensor) -> _Made:
+    def _generate(self, given: ModalityInputs, noise: Tensor) -> SampledWindows:
         """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
         mean, variance = self.speaker(given.speaker)
         z = mean + torch.exp(variance / 2) * noise.mT
         parts = [given.seed.mT, self.speech(given.audio.mT), self.text(given.words.mT, Memory()), z]
         parts += [] if self.emotion is None else [self.emotion(given.emotion)]
         parts += [] if self.face is None else [self.face(given.face.mT)]
-        return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
-
-    def _generate_in_training(self, batch: Batch, given: ModalityInputs) -> _Made:
-        """With ε drawn, one for a window."""
-        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+        return SampledWindows(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
     def recurrent_layers(self) -> tuple[BothWaysGru, ...]:
         """Its one recurrent layer."""
@@ -178,20 +166,7 @@ class MultiContext(ManyInputs, AdversarialWindows):
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
-    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Of G, weighted; moves all but the discriminator."""
-        given = self.collect_training_inputs(batch, self.config.seed_dropout)
-        made = self._generate_in_training(batch, given)
-        terms = {"huber": self.config.reconstruction * huber(batch["pose"], made.pose, self.config.beta)}
-        if self.discriminator is not None and step >= self.config.adversarial_from:
-            terms["adversarial"] = self.config.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
-        if self.config.diversity:
-            terms["diversity"] = -self.config.diversity * self._diversity(batch, given, made)
-        if self.config.divergence:
-            terms["divergence"] = self.config.divergence * kl_divergence(made.mean, made.variance)
-        return terms
-
-    def _diversity(self, batch: Batch, given: ModalityInputs, made: _Made) -> Tensor:
+    def _diversity(self, batch: Batch, given: ModalityInputs, made: SampledWindows) -> Tensor:
         """How differently another speaker, drawn of all, would move, for so much difference of z."""
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)

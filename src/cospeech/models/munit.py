@@ -30,7 +30,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_CONVOLUTIONS, ModelConfig
 from .nn.objective import Batch, Objective
 from .nn.settings import check_least
 from .nn.unet1d import SLOPE
@@ -51,6 +51,8 @@ class MunitConfig(ModelConfig):
     """Sizes and weights; the defaults are those of the authors' configurations for images. Mix-StAGE's paper gives none."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"channels": 4, "style": 2, "mlp": 8, "blocks": 1}
+    SMALL: ClassVar[Mapping[str, Any]] = {"channels": 8, "mlp": 64, "blocks": 2}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_CONVOLUTIONS
 
     frames: int = 64
     """T of a training window; Mix-StAGE's 64."""

@@ -25,7 +25,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..errors import InputError
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
@@ -41,6 +41,8 @@ class Seq2SeqConfig(ModelConfig):
     """Sizes and weights; those of the authors' later code (of Yoon et al. 2020, who compare with it)."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"hidden": 8, "word_width": 5}
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "word_width": 32}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; later code 34 at 15 per second, of which 4 are given."""

@@ -33,6 +33,8 @@ class SpeakerClassifierConfig(ModelConfig):
     """Sizes; the defaults are those of the authors' code of Mix-StAGE."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"channels": 4}
+    SMALL: ClassVar[Mapping[str, Any]] = {"channels": 16, "plain": True}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = {"steps": 1200, "validate_every": 150, "save_every": 1200}
 
     frames: int = 64
     """T of a training window, and of a window of the score; authors' code 64 (4.3 s at 15 frames per second)."""

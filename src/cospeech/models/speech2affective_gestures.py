@@ -46,6 +46,7 @@ class Speech2AffectiveGesturesConfig(TrimodalConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "bones": ((0, 1),), "parts": ((0,), (1,)), "part_edges": ((0, 1),),
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32}
 
     bones: tuple[tuple[int, int], ...] = BONES
     """Pairs of bones that meet; bone 0 is the middle of the graph. A pose has three numbers for each bone."""

@@ -31,7 +31,7 @@ from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_CONVOLUTIONS, ModelConfig
 from .nn.content import AudioContent
 from .nn.modalities import SEEDS
 from .nn.norm import BatchNorm1d
@@ -53,6 +53,8 @@ class Speech2GestureConfig(ModelConfig):
     """Sizes; the defaults are those of the form in Mix-StAGE's code."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"channels": 8, "discriminator_channels": 4}
+    SMALL: ClassVar[Mapping[str, Any]] = {"channels": 16, "discriminator_channels": 16}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_CONVOLUTIONS
 
     frames: int = 64
     """T of a training window; authors' code 64, at 15 per second (4.3 s)."""

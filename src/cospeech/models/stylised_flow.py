@@ -32,7 +32,7 @@ from torch import Tensor, nn
 from ..errors import InputError
 from .gesture_autoencoder import GestureAutoencoder
 from .nn.conditioning import GlobalEncoder, drop_history, frame_windows
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective, StepRandom
 from .nn.trainable import Trainable
@@ -47,6 +47,11 @@ class FlowConfig(ModelConfig):
     """Sizes and weights; the defaults are the paper's for TED."""
 
     TINY: ClassVar[Mapping[str, Any]] = {"steps": 2, "hidden": 16, "encoder_channels": 8, "encoder_blocks": 2}
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "name": "stylised-flow-extended", "steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005,
+        "encoder_channels": 16, "encoder_blocks": 2, "reconstruct_every": 5,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_FLOW
 
     steps: int = 16
     """K; not stated, authors' code 16."""

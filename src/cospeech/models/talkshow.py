@@ -35,7 +35,7 @@ from torch.nn import functional as F
 from ..errors import InputError, nearest
 from .nn.cascade import FACE
 from .nn.coder import STRIDE, Down, Up
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.export import ExportGraph, Shape
 from .nn.modalities import check_lacks, weights_of
 from .nn.objective import Batch, Objective
@@ -60,6 +60,11 @@ class TalkShowConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "frames": 36, "codes": 12, "code": 6, "hidden": 16, "heard": 16, "width": 8, "layers": 2, "latent": 8, "prior_from": 40,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {
+        "frames": 36, "codes": 128, "code": 16, "hidden": 96, "heard": 64, "width": 32, "layers": 5, "latent": 64,
+        "prior_from": 300,
+    }  # fmt: skip
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 88
     """T of a training window; authors' code 88 at 30 per second. A multiple of 4."""

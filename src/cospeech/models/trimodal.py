@@ -17,24 +17,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from ..errors import InputError
-from .camn import huber
-from .nn.configuration import ModelConfig
+from .nn.configuration import SMALL_RECURRENT, ModelConfig
 from .nn.modalities import SEEDS, weights_of
 from .nn.objective import Batch
 from .nn.recurrent import BothWaysGru
 from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
-from .nn.speaker_latent import SpeakerLatent, kl_divergence, pose_diversity
+from .nn.speaker_latent import SpeakerLatent, pose_diversity
 from .nn.temporal import Memory, TextTcn
 from .nn.waveform_encoder import STRIDES, WaveformEncoder
-from .nn.window_discriminator import AdversarialWindows, WindowDiscriminator
+from .nn.window_discriminator import AdversarialWindows, SampledWindows, WindowDiscriminator
 from .nn.words import word_embedding
 
 __all__ = ["Trimodal", "TrimodalConfig"]
@@ -47,6 +45,8 @@ class TrimodalConfig(ModelConfig):
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "strides": (5, 1, 1, 1), "adversarial_from": 5,
     }  # fmt: skip
+    SMALL: ClassVar[Mapping[str, Any]] = {"hidden": 64, "layers": 2, "word_width": 32, "adversarial_from": 60}
+    SMALL_TRAIN: ClassVar[Mapping[str, Any]] = SMALL_RECURRENT
 
     frames: int = 34
     """T of a training window; section 4.2: 34 at 15 per second, of which 4 are known."""
@@ -92,17 +92,6 @@ class TrimodalConfig(ModelConfig):
         if not (self.dropout < 1 and self.seed_dropout <= 1 and min(self.beta, self.diversity_beta) > 0):
             problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, β {self.beta} and {self.diversity_beta}"
             raise InputError(f"a trimodal network with {problem}", "shares; β > 0")
-
-
-class _Made(NamedTuple):
-    """Poses, and the z that they were made of."""
-
-    pose: Tensor
-    """(B, T, D)."""
-    z: Tensor
-    mean: Tensor
-    variance: Tensor
-    """log σ²; (B, width, T) each."""
 
 
 class Trimodal(SeededWindows, AdversarialWindows):
@@ -159,15 +148,11 @@ class Trimodal(SeededWindows, AdversarialWindows):
         """See `SeededWindows`; the noise is ε."""
         return self._generate(given, noise).pose
 
-    def _generate(self, given: WindowInputs, noise: Tensor) -> _Made:
+    def _generate(self, given: WindowInputs, noise: Tensor) -> SampledWindows:
         mean, variance = given.style.mT.chunk(2, 1)
         z = mean + torch.exp(variance / 2) * noise.mT
         parts = [self.known(given.seed.mT), self.speech(given.audio), self.text(given.words.mT, Memory()), z]
-        return _Made(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
-
-    def _generate_in_training(self, batch: Batch, given: WindowInputs) -> _Made:
-        """With ε drawn, one for a window."""
-        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+        return SampledWindows(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
     def speaker_style(self, speaker: Tensor) -> Tensor:
         """(B,) numbers → (B, 2 · width of z): μ and log σ²."""
@@ -181,21 +166,7 @@ class Trimodal(SeededWindows, AdversarialWindows):
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
-    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Of G, weighted; moves all but the discriminator."""
-        c = self.config
-        given = self.collect_training_inputs(batch, c.seed_dropout)
-        made = self._generate_in_training(batch, given)
-        terms = {"huber": c.reconstruction * huber(batch["pose"], made.pose, c.beta)}
-        if self.discriminator is not None and step >= c.adversarial_from:
-            terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
-        if c.diversity:
-            terms["diversity"] = -c.diversity * self._diversity(batch, given, made)
-        if c.divergence:
-            terms["divergence"] = c.divergence * kl_divergence(made.mean, made.variance)
-        return terms
-
-    def _diversity(self, batch: Batch, given: WindowInputs, made: _Made) -> Tensor:
+    def _diversity(self, batch: Batch, given: WindowInputs, made: SampledWindows) -> Tensor:
         """Of the motion of another speaker, drawn of all, which is taken as a constant (authors' code)."""
         drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         with torch.no_grad():

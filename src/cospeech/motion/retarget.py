@@ -20,12 +20,14 @@ from .bone_mapping import load_map, recognise
 from .motion import Motion
 from .rotations import (
     Array,
+    axis_angle_to_quat,
     quat_between,
     quat_conjugate,
     quat_continuous,
     quat_identity,
     quat_multiply,
     quat_normalize,
+    quat_rotate,
     quat_slerp,
 )
 from .skeleton import Skeleton, find_skeleton
@@ -38,6 +40,8 @@ skeleton = find_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELET
 
 _AIMED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Thumb", "Index", "Middle", "Ring", "Little")
 _SPINE = ("spine", "chest", "upperChest")
+_FINGERS = ("Index", "Middle", "Ring", "Little")
+_FAN, _WIDE = np.radians((15.0, 40.0))  # from index to little in the T-pose; [ours]: of a hand at ease, of a spread one
 
 
 def retarget(
@@ -164,6 +168,30 @@ class _Plan:
         return root
 
 
+def _close_fans(aims: Mapping[str, Array]) -> dict[str, Array]:
+    """Directions of bones in the T-pose, with those of widely spread fingers brought near to each other.
+
+    Some characters are modelled with spread fingers, and takes without finger data leave them so. On both skeletons such
+    a hand counts as one at ease; thus nothing is lost on the way there and back.
+    """
+    found = dict(aims)
+    for side in ("left", "right"):
+        first = {f: aims[f"{side}{f}Proximal"] for f in _FINGERS if f"{side}{f}Proximal" in aims}
+        if not {"Index", "Little"} <= first.keys():
+            continue
+        sideways = {f: np.arctan2(aim[2], abs(aim[0])) for f, aim in first.items()}
+        fan = sideways["Index"] - sideways["Little"]
+        if fan <= _WIDE:
+            continue
+        centre = sideways.get("Middle", (sideways["Index"] + sideways["Little"]) / 2)
+        for finger, angle in sideways.items():
+            closing = (angle - centre) * (1 - _FAN / fan)
+            turn = axis_angle_to_quat(np.array([0.0, 1.0, 0.0]), closing if side == "left" else -closing)
+            for name in (name for name in aims if name.startswith(side + finger)):
+                found[name] = quat_rotate(turn, aims[name])
+    return found
+
+
 @lru_cache(32)
 def _plan(a: _Key, b: _Key) -> _Plan:
     source, target = a.skeleton, b.skeleton
@@ -174,7 +202,7 @@ def _plan(a: _Key, b: _Key) -> _Plan:
         partner = {ours: name for ours, name in partner.items() if ours not in _SPINE or name != tops[0]}
         partner[tops[1]] = tops[0]  # type: ignore[index, assignment]
     source_rest, target_rest = (s.forward(s.rest, s.offsets[0])[1] for s in (source, target))
-    aims = directions(source, theirs), directions(target, goal)
+    aims = _close_fans(directions(source, theirs)), _close_fans(directions(target, goal))
     pairs, before = [], []
     for ours, name in partner.items():
         j, k = target.index[goal[ours]], source.index[theirs[name]]

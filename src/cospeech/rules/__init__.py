@@ -7,6 +7,7 @@ analyse (`listen`, `mood`) → plan (`plan`, `posture`, with the tables `styles`
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..audio.emotions import EMOTIONS
@@ -14,17 +15,20 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError
 from ..face.gains import face_gains
-from ..face.mouth import Mouth, MouthMaker
+from ..face.mouth import Mouth, MouthMaker, limit_wait
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
+from .foresight import LATENCY, LEAST_FACE, LEAST_LOOK_AHEAD, LOOK_AHEAD, foresee
+from .gesture import Gesture
 from .options import GenerationOptions
-from .plan import Gesture
-from .session import LATENCY, LOOK_AHEAD, Session, check_speech, in_short, stream_motion
+from .plan_edits import Plan
+from .session import Session
+from .streaming import check_speech, in_short, stream_motion
 from .styles import STYLES, Style, find_style
 
 __all__ = [
-    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "RuleBasedModel",
-    "RuleGesturer", "Session", "Style",
+    "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "Plan",
+    "RuleBasedModel", "RuleGesturer", "Session", "Style",
 ]  # fmt: skip
 
 
@@ -56,7 +60,7 @@ class RuleBasedModel:
 
         ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where
         another system turns the head, see `Session.aim`. Options that only some trained
-        systems have (face, continue_from, look_ahead, takes) are refused.
+        systems have (face, continue_from, takes) are refused.
         """
         options = GenerationOptions.of(options, keywords)
         for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
@@ -64,16 +68,20 @@ class RuleBasedModel:
                 raise InputError(
                     f"the rule-based model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md"
                 )
-        if options.look_ahead is not None:
-            raise InputError("the rule-based model's look-ahead cannot be chosen", f"it is {LOOK_AHEAD:g} s")
+        foresight = foresee(options.look_ahead, least=LEAST_FACE if options.parts == ("face",) else LEAST_LOOK_AHEAD)
+        if options.plan is not None and not foresight.is_usual:
+            raise InputError("a plan with a look-ahead of its own", "it is for a live character, and a plan is for a file")
         if options.takes > 1:
             raise InputError(f"{options.takes} takes of the rule-based model at once", "one session for each")
         mouth = self._mouth() if self._mouth is not None and moving and "face" in options.parts else None
         session = Session(
             find_style(options.style), emotion=options.track, seed=options.seed, intensity=options.intensity,
             temperature=options.temperature, fps=options.fps, parts=options.parts if moving else (), mouth=mouth,
-            gains=face_gains(options.face_gain), aimed=aimed,
+            gains=face_gains(options.face_gain), aimed=aimed, foresight=foresight,
+            plan=options.plan if moving else None,
         )  # fmt: skip
+        if mouth is not None and not foresight.is_usual:
+            limit_wait(mouth, foresight.mouth_waits)
         if mouth is not None:
             session.share(SharedProsody())
         return session
@@ -90,8 +98,12 @@ class RuleBasedModel:
             temperature: freedom in the choice and place of gestures, 0 … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
+            plan: a `Plan`, or the file of one: what is gestured when; style, emotion, seed, intensity and temperature are its
+                own then.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
                 or a dict), see `cospeech.face.gains.face_gains`.
+            look_ahead: seconds of speech after a frame that it depends on, 0.4 … 1.48 (0.2 … of the face alone); less makes a
+                live character quicker to answer, and its strokes come later than the words (docs/runtime.md).
 
         Returns:
             Motion of exactly ceil(duration × fps) frames on our humanoid.
@@ -104,6 +116,22 @@ class RuleBasedModel:
         pieces = [piece for chunk in in_short(speech) for piece in session.push(chunk)]
         pieces += session.finish()
         return Motion.concatenate(pieces)
+
+    def plan(self, speech: Speech, **options: Any) -> Plan:
+        """What `generate` would perform, as a plan with all gestures listed, to be edited and played: ``plan=``.
+
+        Args:
+            speech: the speech; its words become a part of the plan.
+            options: as of `generate`.
+
+        Raises:
+            InputError: an option is out of range, or cannot be written down.
+        """
+        asked = GenerationOptions(**options)
+        session = self.session(asked if asked.plan is not None else replace(asked, plan=Plan.of(asked)))
+        for _ in stream_motion(session, [speech]):
+            pass
+        return session.plan
 
     def stream(self, chunks: Iterable[Speech], **options: Any) -> Iterator[Motion]:
         """The same motion in pieces, at most `LATENCY` seconds behind the speech, which may come in pieces of any size.

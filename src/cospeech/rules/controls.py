@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..audio.emotions import Moods, emotion_track
-from ..audio.event_detection import TICK
 from ..errors import InputError
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .manner import MannerCourse, make_manner
+from .foresight import Foresight
+from .manner import Manner, MannerCourse, make_manner
 from .mood import Mood
 from .options import INTENSITY_RANGE, check_range
 from .plan import Planner
 from .styles import Style, find_style
+
+if TYPE_CHECKING:
+    from .plan_record import PlanRecord
 
 __all__ = ["SessionControls"]
 
@@ -21,16 +26,20 @@ class SessionControls:
 
     seed: int
     gains: Array | None
+    foresight: Foresight
     mood: Mood
     planner: Planner
     manners: MannerCourse
     modifier: EmotionModifier
     _ticks: int
+    _played: PlanRecord | None
+    _feels: object = None
+    """The emotion that the plan has set last; None before it has set any."""
 
     @property
     def planned_until(self) -> float:
         """Seconds up to which movement is planned."""
-        return self._ticks * TICK
+        return self._ticks * self.foresight.tick
 
     def restyle(self, style: object) -> None:
         """Another style, for all frames that are not made yet; it is faded in over half a second.
@@ -64,7 +73,21 @@ class SessionControls:
         """
         self.mood.change(emotion_track(emotion), self.planned_until)
 
-    def _perform(self, style: Style, intensity: float) -> None:
-        now = self.planned_until
-        self.planner.restyle(now, style, intensity, self.modifier)
-        self.manners.change(make_manner(style, intensity, seed=self.seed, gains=self.gains), now)
+    def _perform(self, style: Style, intensity: float, seed: int | None = None) -> None:
+        now, last = self.planned_until, self.manners.last
+        if (style, intensity) != (last.style, last.intensity):
+            self.planner.restyle(now, style, intensity, self.modifier)
+        self.manners.change(self._make_manner(style, intensity, last.seed if seed is None else seed), now)
+
+    def _make_manner(self, style: Style, intensity: float, seed: int) -> Manner:
+        return make_manner(style, intensity, seed=seed, gains=self.gains, delays=self.foresight.face)
+
+    def _follow_plan(self) -> None:
+        """Take over what the plan sets from now on."""
+        for new in [] if self._played is None else self._played.settings_until(self.planned_until):
+            style, last = find_style(new.style), self.manners.last
+            if (style, new.intensity, new.seed) != (last.style, last.intensity, last.seed):
+                self._perform(style, new.intensity, new.seed)
+            if new.feels != self._feels:
+                self.set_emotion(new.moods)
+            self._feels = new.feels

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..face.composition import Face
+from ..face.delays import FaceDelays
 from ..motion.curves import smoothstep
 from ..motion.rotations import Array
 from .styles import Style
@@ -30,21 +31,26 @@ class Manner:
     style: Style
     intensity: float
     face: Face
+    seed: int
+    """Of what is never still."""
 
 
-def make_manner(style: Style, intensity: float, *, seed: int, gains: Array | None) -> Manner:
+def make_manner(
+    style: Style, intensity: float, *, seed: int, gains: Array | None, delays: FaceDelays | None = None
+) -> Manner:  # fmt: skip
     """A manner and its face.
 
     Args:
         style, intensity: as of `Manner`.
         seed: of the take.
         gains: (52,) factors of the face's channels; all 1 where None.
+        delays: see `Face`.
     """
     face = Face(
         seed=seed, intensity=min(intensity, _MOST_FACE), expressiveness=style.expressiveness, emphasis=style.emphasis,
-        blink_rate=style.blinks / 60, gains=gains,
+        blink_rate=style.blinks / 60, gains=gains, delays=delays,
     )  # fmt: skip
-    return Manner(style, intensity, face)
+    return Manner(style, intensity, face, seed)
 
 
 class MannerCourse:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
 from os import PathLike
 from typing import Any
@@ -63,8 +63,13 @@ class GenerationOptions:
     """A face that moves body and hands, or a file of one; for chains."""
     continue_from: MotionLike = None
     """Motion at whose last poses it begins, or a file of one; for chains."""
+    plan: Any = None
+    """A `cospeech.Plan`, or a file of one. It has style, emotion, seed, intensity and temperature; an option that says
+    something else is refused."""
 
     def __post_init__(self) -> None:
+        if self.plan is not None:
+            self._take_plan()
         emotion_track(self.emotion)  # it checks, and so does the next
         face_gains(self.face_gain)
         parts = tuple(dict.fromkeys(self.parts.split(",") if isinstance(self.parts, str) else self.parts))
@@ -92,6 +97,21 @@ class GenerationOptions:
         if options is None:
             return cls(**keywords)
         return replace(options, **keywords) if keywords else options
+
+    def _take_plan(self) -> None:
+        """Options that the plan has."""
+        from .plan_edits import Plan
+
+        plan = self.plan if isinstance(self.plan, Plan) else Plan.load(self.plan)
+        object.__setattr__(self, "plan", plan)
+        if self.takes != 1:
+            raise InputError(f"{self.takes} takes of one plan", "a plan is of one take; generate(seed=…) gives others")
+        usual = {field.name: field.default for field in fields(self)}
+        for name, value in plan.options().items():
+            own = getattr(self, name)
+            if own != usual[name] and own != value and not (name == "emotion" and isinstance(value, Moods)):
+                raise InputError(f"{name} {str(own)[:40]!r} beside a plan with {str(value)[:40]!r}", f"edit the plan's {name}")
+            object.__setattr__(self, name, value)
 
     @property
     def track(self) -> Moods | None:

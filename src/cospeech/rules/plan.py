@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 from random import Random
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,9 @@ from ..audio.speech import Word
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .gesture import CHAINED, LEFT, RIGHT, Gesture, GestureOverride
 from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
+from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
@@ -31,45 +32,17 @@ from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Gesture", "Planner"]
 
-LEFT, RIGHT = 0, 1
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
-_RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
-_SLACK = 0.02  # seconds between the tick and the earliest onset of a move
+RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
+SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
 _CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
+_HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
-
-
-class Gesture(NamedTuple):
-    """A planned stroke, for annotations and pictures: times in seconds."""
-
-    start: float
-    stroke: float
-    end: float
-    form: str
-    hands: str
-    word: str
-    score: float
-
-
-@dataclass
-class _HandState:
-    track: MinimumJerkTrack
-    home: Array
-    """Where it rests."""
-    busy: float = -9.0
-    """No new preparation before this time."""
-    up_until: float = 0.0
-    """When the hand goes back to rest if nothing else is asked of it."""
-    place: str = "idle"
-    """"idle", "rest" or "up"."""
-    form: str = ""
-    last_stroke: float = -9.0
-    pose: Array | None = None
 
 
 class Planner:
@@ -84,15 +57,17 @@ class Planner:
 
     def __init__(self, style: Style, *, seed: int, intensity: float = 1.0, temperature: float = 1.0) -> None:
         self.style, self.intensity, self.temperature = style, intensity, temperature
+        self.horizon, self.late = HORIZON, 0.0  # as of `cospeech.rules.foresight.Foresight`
         self._random = Random(f"{seed}/plan")
         self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
-        self.hands = [_HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
+        self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self._planned: list[Gesture] = []
+        self.placed = (0.0, 0.0, 0.0, 0.0)
+        """Of the last gesture: seconds of its hold, and where its first stroke ends: out, up and forward, arm lengths."""
         self._heard: list[Accent] = []
-        self._last_accent = -1.0
-        self._last_word = -1.0
+        self._last_accent = self._last_word = -1.0
         self._recent: deque[str] = deque(maxlen=3)
         self._forms = weigh_forms(style.repertoire)
 
@@ -124,15 +99,19 @@ class Planner:
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
         for accent in accents:
-            if self._last_accent < accent.time <= now + HORIZON:
+            if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time
+                accent = accent._replace(time=accent.time + self.late) if self.late else accent
                 if accent.time > now + 0.1 or now == 0:
                     self._on_accent(now, accent, words, modifier)
-                self.posture.on_accent(now, accent, modifier)
+                self._nod(now, accent, modifier)
         self._silent_words(now, words, modifier)
         self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []
         return planned
+
+    def _nod(self, now: float, accent: Accent, modifier: EmotionModifier) -> None:
+        self.posture.on_accent(now, accent, modifier)
 
     # ------------------------------------------------------------------------------------------------ strokes
 
@@ -154,7 +133,7 @@ class Planner:
         held = [
             s
             for s in self.hands
-            if s.place == "up" and s.form in FORMS and FORMS[s.form].beats and _effort(s.track.target) < 0.7
+            if s.place == "up" and s.form in FORMS and FORMS[s.form].beats and effort_of(s.track.target) < 0.7
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
@@ -179,7 +158,7 @@ class Planner:
         """Words with a strong gesture of their own get it even without an accent."""
         for word in words:
             middle = word.start + 0.4 * (word.end - word.start)
-            if not (self._last_word < word.start and now + 0.45 < middle <= now + HORIZON - 0.1) or self.intensity <= 0:
+            if not (self._last_word < word.start and now + 0.45 < middle <= now + self.horizon - 0.1) or self.intensity <= 0:
                 continue
             found = form_for(word.text)
             if found is None or LEXICAL_FORMS[found[0]].score < 0.8 or found[1] < 0.5 or middle <= self._last_accent + 0.1:
@@ -204,36 +183,48 @@ class Planner:
         both = form.hands == "both" or (form.hands == "any" and self._random.random() >= alone)
         return ([leader, 1 - leader], "both") if both else ([leader], "right" if leader == RIGHT else "left")
 
-    def _perform(self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None) -> bool:
+    def _perform(
+        self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None,
+        asked: GestureOverride | None = None,
+    ) -> bool:  # fmt: skip
         """Plan preparation and stroke(s) of a form whose first stroke peaks at the accent; False where there is no time."""
         form = FORMS.get(name) or LEXICAL_FORMS[name]
         hands, label = self._which_hands(form, now)
+        hands, label = asked.choose_hands(hands, label) if asked else (hands, label)
         leader = self.hands[hands[0]]
         tempo = self.style.tempo * modifier.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * modifier.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
-        poses = self._gesture_space.of(form, effort, modifier)
+        poses = self._gesture_space.of(form, effort * asked.size if asked else effort, modifier)
         if leader.place == "up" and name in FORMS:
             poses[0][:3] += _CHAINED * (leader.track.target[:3] - poses[0][:3])
-        stroke = stroke_time(poses[0], poses[1], tempo, modifier)
+        if asked:
+            asked.shift(poses)
+        earliest = now + SLACK if now > 0 else -RUN_UP
+        usual = stroke_time(poses[0], poses[1], tempo, modifier)
+        if asked:  # it hurries where there is little time
+            usual = min(usual, max(2 * (asked.stroke - earliest - 0.2), _HURRIED * usual))
+        stroke = _stroke_times(usual, poses, tempo, modifier, asked)[0]
         skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
-        onset = at - LEAD + _MERGED - stroke * peak_share(skew)
-        earliest = now + _SLACK if now > 0 else -_RUN_UP
+        onset = asked.stroke - stroke / 2 if asked else at - LEAD + _MERGED - stroke * peak_share(skew)
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if available < max(0.2, 0.25 * min(wanted, 0.9)):
+        if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else 0.25 * min(wanted, 0.9)):
             return False
-        prepare, wind_up = self._preparation(at, onset, wanted, available)
+        prepare, wind_up = self._preparation(at, onset, wanted, max(available, 0.2))
+        prepare = max(onset - max(asked.start, earliest), 0.2) if asked else prepare
         start = onset - prepare
         end = onset
         for hand in hands:
             own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength)
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
             end = self._schedule(
-                self.hands[hand], own, start + late, prepare, onset + late, stroke, tempo, modifier, (wind_up, skew)
+                self.hands[hand], own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked
             )
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
+            if asked and asked.hold is not None:
+                self.hands[hand].up_until, self.hands[hand].keeps = end + asked.hold, True
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
             if other.place == "up" and onset > other.busy and self._random.random() < 0.8:
@@ -243,6 +234,7 @@ class Planner:
         self.posture.on_stroke(start, onset, stroke, poses, hands, modifier)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
+        self.placed = (leader.up_until - end, *poses[1][:3].tolist())
         return True
 
     def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
@@ -258,15 +250,16 @@ class Planner:
 
     def _schedule(
         self,
-        state: _HandState,
+        state: HandState,
         poses: list[Array],
         start: float,
         prepare: float,
         onset: float,
-        stroke: float,
+        usual: float,
         tempo: float,
         modifier: EmotionModifier,
         skews: tuple[float, float],
+        asked: GestureOverride | None,
     ) -> float:
         """Moves of one hand through all poses; returns the end of the last stroke.
 
@@ -277,32 +270,32 @@ class Planner:
         wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -bulge)
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
-        for k in range(1, len(poses)):
-            length = stroke if k == 1 else stroke_time(poses[k - 1], poses[k], tempo, modifier)
+        lengths = _stroke_times(usual, poses, tempo, modifier, asked)
+        for k, length in enumerate(lengths, start=1):
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
             over[:7] = way[:7] * (0.05 + 0.07 * (self.style.tension + modifier.tension)) * draw.uniform(0.5, 1.5)
             arc = draw_arc(draw, way, poses[k], draw.uniform(0.08, 0.30))
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else draw_skew(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
-            end += length * (0.82 if k + 1 < len(poses) else 1.0)
+            end += length * (CHAINED if k < len(lengths) else 1.0)
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
-        sink = max(sink, 0.75 * _effort(hold) * self._random.uniform(0.8, 1.2))
-        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * _effort(hold), 0.55, 0.4]) * sink
+        sink = max(sink, 0.75 * effort_of(hold) * self._random.uniform(0.8, 1.2))
+        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
         state.track.move(end + self._random.uniform(0.2, 0.6), self._random.uniform(1.0, 1.8) / tempo, hold)
         state.pose = poses[-1]
         return end
 
-    def _mark(self, state: _HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
-        state.busy, state.place, state.form, state.last_stroke = end - 0.08, "up", name, peak
+    def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
+        state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
         state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
-        state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * _effort(state.track.target))
+        state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * effort_of(state.track.target))
 
-    def _beat(self, now: float, accent: Accent, held: list[_HandState], modifier: EmotionModifier, scale: float) -> None:
-        """A short stroke in place, down and a little forward, with a rebound."""
+    def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
+        """A short stroke in place, down and a little forward, with a rebound; False where there is no time."""
         if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
             held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * modifier.tempo
@@ -310,9 +303,9 @@ class Planner:
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
         skew = draw_skew(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
-        lift = min(0.52 / tempo, onset - max(now + _SLACK, max(s.busy for s in held) - 0.1))
+        lift = min(0.52 / tempo, onset - max(now + SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
-            return
+            return False
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
@@ -329,11 +322,12 @@ class Planner:
                 state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
         self._planned.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
+        return True
 
     def _sympathy(
         self,
-        state: _HandState,
-        leader: _HandState,
+        state: HandState,
+        leader: HandState,
         start: float,
         prepare: float,
         onset: float,
@@ -359,17 +353,17 @@ class Planner:
 
     def _let_go(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
         """Retract hands that have nothing to hold; drop them for good in long pauses."""
-        quiet = not any(p.end > now - 0.05 and p.start < now + HORIZON for p in phrases)
+        quiet = not any(p.end > now - 0.05 and p.start < now + self.horizon for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
-            tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold)
+            tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
                 place = "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest"
                 self._retract(now, hand, state, place, modifier)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier)
 
-    def _retract(self, now: float, hand: int, state: _HandState, place: str, modifier: EmotionModifier) -> None:
+    def _retract(self, now: float, hand: int, state: HandState, place: str, modifier: EmotionModifier) -> None:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
@@ -381,7 +375,7 @@ class Planner:
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
         swing = draw_arc(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
         skew = draw_skew(self._random, 0.2, 0.2)
-        start = self._on_the_beat(now + _SLACK, 1.15 * length * peak_share(skew))
+        start = self._on_the_beat(now + SLACK, 1.15 * length * peak_share(skew))
         state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
         state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""
 
@@ -394,6 +388,9 @@ class Planner:
         return earliest + self._random.uniform(0, 0.12)
 
 
-def _effort(pose: Array) -> float:
-    """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
-    return float(min(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 1.0))
+def _stroke_times(
+    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
+) -> list[float]:
+    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
+    lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
+    return asked.slow_down(lengths) if asked else lengths

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from random import Random
+from typing import Any
 
 import numpy as np
 
 from ..audio.prosodic_events import Accent, Phrase
-from ..face.gaze import GazePlanner
+from ..face.gaze import Gaze, GazePlanner
 from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
@@ -32,11 +33,25 @@ class Posture:
         self.stance = Stance(self.track, random, amounts)
         self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3, "seat": 0.0 if style.seated else np.inf}
         self._seat = np.zeros(3)  # pitch, roll and yaw that a seated torso adds to its usual place
-        self.gaze = GazePlanner(random.getrandbits(32), style.averted)
+        self.gaze: Gaze = GazePlanner(random.getrandbits(32), style.averted)
         self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None
+
+    def schedule(self) -> dict[str, Any]:
+        """What is to be done when, apart from where the body is."""
+        return {"_next": dict(self._next), "_seat": self._seat, "_phrase": self._phrase, "stance": self.stance.schedule()}
+
+    def follow(self, schedule: Mapping[str, Any]) -> None:
+        """Go on as another posture would from there."""
+        self._next, self._seat, self._phrase = dict(schedule["_next"]), schedule["_seat"], schedule["_phrase"]
+        self.stance.follow(schedule["stance"])
+
+    @property
+    def random(self) -> Random:
+        """What it draws from."""
+        return self._random
 
     def restyle(self, style: Style, intensity: float) -> None:
         """Another style and size for what is planned from now on; somebody who stands goes on standing."""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from math import ceil
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, Moods
-from ..audio.event_detection import LEVEL_DELAY, PEAK_DELAY, TICK, EventDetector
-from ..audio.features.at_16_khz import At16kHz
+from ..audio.event_detection import EventDetector
+from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
-from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
 from ..errors import InputError
@@ -28,39 +26,23 @@ from ..motion.skeleton import humanoid
 from .arousal import LOOKS, arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
-from .manner import Manner, MannerCourse, make_manner, mix_frames
+from .foresight import AROUSAL_DELAY, LATENCY, LOOK_AHEAD, MOUTH_WAITS, USUAL, Foresight
+from .gesture import Gesture
+from .manner import Manner, MannerCourse, mix_frames
 from .mood import SPAN, Mood
-from .plan import HORIZON, Gesture, Planner
+from .plan import Planner
+from .plan_edits import Plan
+from .plan_record import PlanRecord
 from .realise import Pieces, gaze_only, realise
+from .streaming import MOST_AT_ONCE, check_speech
 from .styles import Style
 
 __all__ = [
-    "AROUSAL_DELAY",
-    "KEPT",
-    "LATENCY",
-    "LOOK_AHEAD",
-    "MOUTH_WAITS",
-    "Session",
-    "check_speech",
-    "in_short",
-    "stream_motion",
-]
+    "AROUSAL_DELAY", "KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session",
+]  # fmt: skip
 
-LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
-"""Seconds of speech beyond a frame that the frame depends on, at most (1.48 s): gestures begin before the word that they go
-with, so somebody has to wait."""
-LATENCY = ceil((LOOK_AHEAD - LEVEL_DELAY) / TICK) * TICK + LEVEL_DELAY + DELAY
-"""Seconds of sound at 16 kHz after a frame's time until the frame is given, at most (1.595 s): what it depends on, in whole
-ticks, and what the features of a hundredth wait for."""
-AROUSAL_DELAY = LATENCY + LOOKS + 0.15
-"""Seconds by which others play the arousal late (2.25 s): then it is known whenever they need it, however the speech is
-cut. It changes over some seconds (`cospeech.rules.arousal`), and 0.15 s are for resampling."""
-MOUTH_WAITS = LOOK_AHEAD - TICK
-"""Seconds of speech beyond a frame that have been heard, at least, when its face is made: what a mouth may wait for."""
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
-_LOOK = round(LOOKS / TICK)  # ticks
-_MOST_AT_ONCE = 4.0  # seconds of motion realised in one go when there is plenty to do
 
 
 class Session(SessionControls):
@@ -78,6 +60,8 @@ class Session(SessionControls):
         gains: (52,) factors of the face's channels; all 1 where not given.
         aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
             because another system turns the head. Such a session of the face alone plans no gestures.
+        foresight: how much of the speech to come it hears.
+        plan: what is performed; the seed is its own then.
     """
 
     def __init__(
@@ -93,17 +77,25 @@ class Session(SessionControls):
         mouth: Mouth | None = None,
         gains: Array | None = None,
         aimed: bool = True,
+        foresight: Foresight = USUAL,
+        plan: Plan | None = None,
     ) -> None:
-        self.seed, self.fps, self.parts, self.gains = seed, fps, parts, gains
-        self.manners = MannerCourse(make_manner(style, intensity, seed=seed, gains=gains))
-        self.detector = EventDetector()
+        self.seed, self.fps, self.parts, self.gains, self.foresight = seed, fps, parts, gains, foresight
+        self.manners = MannerCourse(self._make_manner(style, intensity, seed))
+        self.detector = EventDetector(
+            tick=foresight.tick, level_delay=foresight.level_delay, peak_delay=foresight.peak_delay
+        )  # fmt: skip
+        self._look = round(LOOKS / foresight.tick)  # ticks
         self.mood = Mood(emotion)
-        self.planner = Planner(style, seed=seed, intensity=intensity, temperature=temperature)
+        size: Any = {"intensity": intensity, "temperature": temperature}
+        self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
+        self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
+        self.planner.horizon, self.planner.late = foresight.horizon, foresight.late
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
-        self._sound = At16kHz()
+        self._sound, self._held = At16kHz(), HeldSamples()
         self._origin: float | None = None
         self._words: list[Word] = []
         self._ticks = 0
@@ -154,12 +146,23 @@ class Session(SessionControls):
     @property
     def latency(self) -> float:
         """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given."""
-        return LATENCY
+        return self.foresight.latency
 
     @property
     def look_ahead(self) -> float:
         """Seconds of sound after a frame's time on which the frame depends, at most."""
-        return LOOK_AHEAD
+        return self.foresight.look_ahead
+
+    @property
+    def plan(self) -> Plan:
+        """What was performed, with all gestures so far; of a session that was opened with a plan.
+
+        Raises:
+            InputError: it was opened without one.
+        """
+        if self._played is None:
+            raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
+        return self._played.plan(float(self._sound.duration))
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
@@ -174,16 +177,36 @@ class Session(SessionControls):
         check_speech(chunk)
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
-        self._words.extend(shift_times(chunk, self._origin).words or ())
+        words = shift_times(chunk, self._origin).words or ()
+        self._words.extend(words)
+        if self._played is not None:
+            self._played.words.extend(words)
+        if self._held.is_short(samples, self.detector.needs):
+            return self._next_frames()
+        samples = self._held.take(samples)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             self._hear(samples[first : first + SAMPLE_RATE])
-            heard = self.detector.certain_until + LEVEL_DELAY
-            while self.planned_until + LOOK_AHEAD <= heard:
-                self._decide()
-            if self.planned_until - self._frame / self.fps >= _MOST_AT_ONCE:
+            if not self.foresight.is_usual:
+                self._follow()
+                continue
+            while self.detector.step():
+                pass
+            self._decide_what_is_certain()
+            if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)
         self._make(self.planned_until)
         return self._next_frames()
+
+    def _follow(self) -> None:
+        """With little foresight, what is known at a tick decides over its frames: they are made before more becomes known."""
+        while self.detector.step():
+            self._decide_what_is_certain()
+            self._make(self.planned_until)
+
+    def _decide_what_is_certain(self) -> None:
+        heard = self.detector.certain_until + self.foresight.level_delay
+        while self.planned_until + self.foresight.look_ahead <= heard + 1e-9 * (not self.foresight.is_usual):
+            self._decide()
 
     def finish(self) -> Iterator[Motion]:
         """The speech is over, from now on.
@@ -199,12 +222,12 @@ class Session(SessionControls):
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._sound.finished:
             return self._next_frames()
-        self._hear(self._sound.finish())
+        self._hear(self._held.take(self._sound.finish()))
         self.detector.finish()
         if self.mouth is not None:
             self.mouth.finish()
         while self._frame < total:
-            end = min((self._ticks + 20) * TICK, (total + 0.5) / self.fps)
+            end = min((self._ticks + 20) * self.foresight.tick, (total + 0.5) / self.fps)
             while self.planned_until < end:
                 self._decide()
             self._make(end, total)
@@ -223,28 +246,35 @@ class Session(SessionControls):
         while self._ready:
             yield self._ready.popleft()
 
+    def hear_rest(self) -> None:
+        """Hear what waits for more, before who shares the prosody ends it."""
+        self._hear(self._held.take(np.zeros(0, np.float32)))
+
     def _hear(self, samples: Array) -> None:
         """Samples at 16 kHz, for all that listens."""
-        self.detector.push(samples)
+        self.detector.hear(samples)
         if self.mouth is not None:
             self.mouth.push(samples)
 
     def _decide(self) -> None:
+        self._follow_plan()
         now = self.planned_until
-        visible = now + LOOK_AHEAD
+        horizon, visible = now + self.foresight.horizon, now + self.foresight.look_ahead
         detector = self.detector
-        accents = [a for a in detector.accents if now - 1.5 < a.time <= now + HORIZON]
-        phrases = [p for p in detector.phrases if p.start <= now + HORIZON]
-        words = [w for w in self._words if w.start <= visible - TICK and w.end > now - 2]
+        accents = [a for a in detector.accents if now - 1.5 < a.time <= horizon]
+        phrases = [p for p in detector.phrases if p.start <= horizon]
+        words = [w for w in self._words if w.start <= visible - self.foresight.tick and w.end > now - 2]
         if self.mood.track is not None:
             self.mood.keep(now)
-        if self.mood.listens and self._ticks % _LOOK == 0:
-            recent = [a for a in detector.accents if a.time <= now + HORIZON]
+        if self.mood.listens and self._ticks % self._look == 0:
+            recent = [a for a in detector.accents if a.time <= horizon]
             listen = self.mood.follow if self.mood.track is None else self.mood.listen
-            listen(detector.window(now + HORIZON - SPAN, now + HORIZON), recent)
-        if self.mood.track is not None or self._ticks % _LOOK == 0:
+            listen(detector.window(horizon - SPAN, horizon), recent)
+        if self.mood.track is not None or self._ticks % self._look == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
+        if self._played is not None:
+            self._played.note(self.planned_until, self.modifier, self.mood, detector)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self._eyes_only:
             self.planner.posture.look(now, phrases, self.modifier)
@@ -298,13 +328,13 @@ class Session(SessionControls):
             return gaze_only(times, self.planner.body)
         tracks = None if self.parts == ("face",) else [s.track for s in self.planner.hands]
         fear = mood[:, EMOTIONS.index("fear")]
-        return realise(times, self.planner.body, tracks, manner.style, seed=self.seed, size=manner.intensity, tremor=fear)
+        return realise(times, self.planner.body, tracks, manner.style, seed=manner.seed, size=manner.intensity, tremor=fear)
 
     def _faces(self, times: Array, mood: Array, faces: list[Face]) -> list[Array]:
         """(n, 52) weights of each of these faces."""
         heard = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
         accents = [a for a in self.detector.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
-        words = [w for w in self._words if w.start < times[-1] + 1.0]
+        words = [w for w in self._words if w.start < min(times[-1] + 1.0, self.planned_until + self.foresight.mouth_waits)]
         shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
         spoken = None if self.mouth is None else self.mouth.at(times)
         return [
@@ -330,7 +360,7 @@ class Session(SessionControls):
             return self.mood.track.at(times)
         at = np.array([t for t, _ in self._moods])
         values = np.array([p for _, p in self._moods])
-        return np.stack([np.interp(times - TICK, at, values[:, k]) for k in range(values.shape[1])], -1)
+        return np.stack([np.interp(times - self.foresight.tick, at, values[:, k]) for k in range(values.shape[1])], -1)
 
 
 @cache
@@ -341,41 +371,3 @@ def _resting(parts: tuple[str, ...]) -> list[int]:
     eyes = [s.index["leftEye"], s.index["rightEye"]] if "face" in parts else []
     body = [k for k in range(len(s)) if k not in fingers and k not in eyes]
     return (fingers if "hands" not in parts else []) + (body if "body" not in parts else [])
-
-
-def check_speech(speech: object) -> None:
-    """Say what is wrong where something else than speech is given.
-
-    Raises:
-        InputError: it is not a `Speech`.
-    """
-    if not isinstance(speech, Speech):
-        raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")
-
-
-def in_short(chunk: Speech) -> Iterable[Speech]:
-    """A piece of speech as it is; a long one in pieces of four seconds."""
-    return chunk.chunks(_MOST_AT_ONCE) if len(chunk) > _MOST_AT_ONCE * chunk.rate else [chunk]
-
-
-class _Pushed(Protocol):
-    """What `stream_motion` asks of a session."""
-
-    def push(self, chunk: Speech) -> Iterator[Motion]: ...
-
-    def finish(self) -> Iterator[Motion]: ...
-
-
-def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, four seconds are worked off at once.
-
-    Raises:
-        InputError: one `Speech` in place of several, or something else than speech.
-    """
-    if isinstance(chunks, Speech):
-        raise InputError("stream takes a list of pieces of speech, not one Speech", "stream([speech]), or generate(speech)")
-    for chunk in chunks:
-        check_speech(chunk)
-        for piece in in_short(chunk):
-            yield from session.push(piece)
-    yield from session.finish()

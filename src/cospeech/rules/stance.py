@@ -7,8 +7,10 @@ by eye and by the statistics of `cospeech.metrics.body`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +47,9 @@ class StanceAmounts:
     sway: float = 1.0
     steps: float = 7.0
     seated: bool = False
+
+
+_SCHEDULE = ("_left", "_heading", "_breathed", "_follow", "_down", "_settled")
 
 
 def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
@@ -117,6 +122,16 @@ class Stance:
             self._step(now)
         if now >= self._next["legs"]:
             self._move_legs(now)
+
+    def schedule(self) -> dict[str, Any]:
+        """What is to be done when, apart from where the body is."""
+        own = {name: getattr(self, name) for name in _SCHEDULE}
+        return own | {"_next": dict(self._next)}
+
+    def follow(self, schedule: Mapping[str, Any]) -> None:
+        """Go on as another stance would from there."""
+        for name, value in schedule.items():
+            setattr(self, name, dict(value) if name == "_next" else value)
 
     def begin_phrase(self, now: float, start: float) -> None:
         """Somebody is about to speak, at ``start`` seconds: first comes a quick breath, and often the weight goes elsewhere."""

@@ -75,15 +75,18 @@ class StanceLayer:
         amount: factor on sway, steps and the following trunk, 0 … 2; 0 leaves the motion alone but for its planted feet.
         steps: per minute at an amount of 1.
         fingers: whether they are moved; False where no hands are wanted.
+        waits: seconds of motion after a frame that it waits for; with less than `REACH` the trunk follows the hands later.
     """
 
-    def __init__(self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0, fingers: bool = True) -> None:
+    def __init__(
+        self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0, fingers: bool = True, waits: float = REACH
+    ) -> None:
         self._seed, self._fps, self._amount, self._steps, self._fingers = seed, fps, amount, steps, fingers
         self._stance: Stance | None = None
         self._frame, self._ticks = 0, 0
-        self._ahead = int(REACH * fps)
-        taps = np.arange(-self._ahead, self._ahead + 1) / fps
-        kernel = np.maximum(np.cos(np.pi / 2 * np.clip((taps - _LEAD) / (REACH - _LEAD), -1.0, 1.0)), 0.0) ** 2 + 1e-9
+        self._ahead, self._behind = int(min(waits, REACH) * fps), int(REACH * fps)
+        taps, lead = np.arange(-self._behind, self._ahead + 1) / fps, min(_LEAD, waits - (REACH - _LEAD))
+        kernel = np.maximum(np.cos(np.pi / 2 * np.clip((taps - lead) / (REACH - _LEAD), -1.0, 1.0)), 0.0) ** 2 + 1e-9
         self._kernel = kernel / kernel.sum()
         s = humanoid()
         self._q, self._place, self._wrists = np.zeros((0, len(s), 4)), np.zeros((0, 3)), np.zeros((0, 2, 3))
@@ -112,7 +115,7 @@ class StanceLayer:
         wrists = _wrists_in_chest(q)
         if self._stance is None:
             self._begin(seated=float(root[0, 1]) < _SEATED)
-            self._wrists = np.repeat(wrists[:1], self._ahead, 0)
+            self._wrists = np.repeat(wrists[:1], self._behind, 0)
         self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
         self._wrists = np.concatenate([self._wrists, wrists])
         self._gains = np.concatenate([self._gains, self._follow_head(q)])
@@ -170,13 +173,12 @@ class StanceLayer:
 
     def _move_arms(self, q: Array, breath: Array, times: Array) -> None:
         """Clavicles and fingers of the next frames."""
-        near = self._wrists[: len(q) + 2 * self._ahead]
-        raise_clavicles(q, near[self._ahead : self._ahead + len(q)], breath, times, self._seed, self._amount)
+        behind, near = self._behind, self._wrists[: len(q) + self._behind + self._ahead]
+        raise_clavicles(q, near[behind : behind + len(q)], breath, times, self._seed, self._amount)
         if self._fingers:
-            wide = self._ahead // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
-            way = (
-                near[self._ahead + wide : self._ahead + wide + len(q)] - near[self._ahead - wide : self._ahead - wide + len(q)]
-            )
+            wide = behind // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
+            last = behind + min(wide, self._ahead)
+            way = near[last : last + len(q)] - near[last - 2 * wide : last - 2 * wide + len(q)]
             speeds = np.sqrt(np.einsum("nsi,nsi->ns", way, way)) * (self._fps / max(2 * wide, 1))
             move_fingers(q, speeds, times, self._seed, self._amount)
 

@@ -71,6 +71,8 @@ class AutoregressiveDecoder:
         blend: the style to begin with.
         silence: (1, A) row of silence, which is before the speech.
         intensity: how far poses stray from the mean one.
+        ahead: frames of speech after a frame that are waited for, of those that the flow hears; all of them where not given.
+            The others are held at the last that was heard.
     """
 
     moods = None
@@ -87,11 +89,14 @@ class AutoregressiveDecoder:
         silence: Array,
         *,
         intensity: float = 1.0,
+        ahead: int | None = None,
     ) -> None:
         self._system, self._flow, self._make_sources, self._intensity = system, flow, make_sources, np.float32(intensity)
         sources = make_sources(blend)
         self._sources = Crossfade(sources, system.fps)
         self._takes = flow.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
+        usual = flow.sizes.speech_frames - 1 - flow.sizes.history
+        self._held = 0 if ahead is None else max(usual - ahead, 0)
         self._rows = np.repeat(silence, flow.sizes.history, 0)
         self._made = 0
         self.takes, self.width = len(sources), flow.sizes.pose
@@ -100,13 +105,13 @@ class AutoregressiveDecoder:
     def latency(self) -> float:
         """See `Decoder`."""
         sizes = self._flow.sizes
-        return (sizes.speech_frames - sizes.history) / self._system.fps
+        return (sizes.speech_frames - sizes.history - self._held) / self._system.fps
 
     def push(self, rows: Array) -> Array:
         """See `Decoder`."""
         self._sources.forget(self._made - MOST_LAG)
         self._rows = np.concatenate([self._rows, rows])
-        windows = self._flow.windows(self._rows)
+        windows = self._windows()
         self._rows = self._rows[len(windows) :].copy()
         if not len(windows):
             return np.zeros((self.takes, 0, self.width), np.float32)
@@ -121,7 +126,16 @@ class AutoregressiveDecoder:
     def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
         sizes = self._flow.sizes
-        return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history, 0))
+        return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history - self._held, 0))
+
+    def _windows(self) -> Array:
+        """(F, heard, A) of the frames that can be made; what is not waited for is held."""
+        if not self._held:
+            return self._flow.windows(self._rows)
+        heard = self._flow.sizes.speech_frames - self._held
+        count = max(len(self._rows) - heard + 1, 0)
+        index = np.arange(count)[:, None] + np.minimum(np.arange(self._flow.sizes.speech_frames), heard - 1)
+        return np.asarray(self._rows, np.float32)[index]
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`."""

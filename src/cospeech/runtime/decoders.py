@@ -10,7 +10,7 @@ windows of another kind                        `SlidingWindowDecoder`
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
+from math import ceil, inf, isinf
 from typing import Any
 
 from ..errors import InputError
@@ -87,7 +87,7 @@ def start_decoder(
     common = system, network, style, options.seeds, silence
     scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
     if live:
-        return CausalStreamDecoder(*common, **scales)
+        return CausalStreamDecoder(*common, ahead=_frames(options.look_ahead, system), **scales)
     if system.draws:
         return SampledWindowDecoder(*common, **scales)
     if network.signature.hop is None:
@@ -111,11 +111,16 @@ def _flow(
     if given.anything:
         what = "a face" if given.face is not None else "motion to continue from"
         raise InputError(f"this model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md")
-    if options.look_ahead is not None:
-        raise InputError("the look-ahead of a flow cannot be chosen", "training has fixed it; leave look_ahead out")
+    check_look_ahead(options.look_ahead)
     transfer = transfer or best_transfer(system)
 
     def sources(mixture: StyleMixture) -> list[Source]:
         return [transfer(system, mixture, seed=seed, temperature=options.temperature) for seed in options.seeds]
 
-    return AutoregressiveDecoder(system, flow, sources, mixture, silence, intensity=options.intensity)
+    ahead = _frames(options.look_ahead, system)
+    return AutoregressiveDecoder(system, flow, sources, mixture, silence, intensity=options.intensity, ahead=ahead)
+
+
+def _frames(seconds: float | None, system: System) -> int | None:
+    """A look-ahead in whole frames of the network; None: all that it hears."""
+    return None if seconds is None or isinf(seconds) else ceil(seconds * system.fps - 1e-9)

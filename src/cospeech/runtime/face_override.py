@@ -74,6 +74,10 @@ class FaceOverride:
         """See `cospeech.rules.Session`."""
         return self._session.push(chunk)
 
+    def hear_rest(self) -> None:
+        """See `cospeech.rules.Session`."""
+        self._session.hear_rest()
+
     def finish(self) -> Iterator[Motion]:
         """See `cospeech.rules.Session`."""
         return self._session.finish()

@@ -24,7 +24,8 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_continuous
 from ..rules.options import GenerationOptions
-from ..rules.session import Session, check_speech, in_short
+from ..rules.session import Session
+from ..rules.streaming import check_speech, in_short
 from ..rules.styles import STYLES
 from .idle import IdleSource
 from .part_fades import PartFades

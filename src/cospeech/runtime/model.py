@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, shift_times
 from ..errors import InputError
@@ -20,17 +21,19 @@ from ..motion.poses import find_pose
 from ..motion.poses.controls import QUANTILES, control_row, read_controls
 from ..motion.rotations import Array
 from ..rules import MouthMaker, RuleBasedModel
+from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
-from ..rules.session import check_speech, stream_motion
-from ..rules.stance_layer import StanceLayer
+from ..rules.stance_layer import REACH, StanceLayer
+from ..rules.streaming import check_speech, stream_motion
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoders import needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
-from .session import PIECE, Decoder, ResolvedStyle, TrainedSession
+from .session import PIECE, Decoder, ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
+from .stretched_session import StretchedSession
 from .styles.space import style_space
 from .styles.style import Styles
 from .system import System, open_bundle
@@ -89,6 +92,8 @@ class TrainedModel:
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> TrainedSession:
         """A session to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
+        if options.plan is not None:
+            return StretchedSession(self.session, options)  # type: ignore[return-value]  # it does all that this one does
         if options.takes > _MOST_TAKES:
             raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
         resolved_style, conditioning = (
@@ -100,6 +105,10 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
+        stances = self._stances(options)
+        if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
+            body = latency_of_body(self.system, frontend, decoder, stances)
+            of_face["look_ahead"] = max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
@@ -107,7 +116,7 @@ class TrainedModel:
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
-            direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=self._stances(options),
+            direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=stances,
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
@@ -115,7 +124,8 @@ class TrainedModel:
         if not options.stance or "body" not in options.parts or not needs_stance(self.system):
             return []
         amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
-        return [StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers) for seed in options.seeds]
+        waits = REACH if options.look_ahead is None or options.look_ahead >= _UNHURRIED else 0.0
+        return [StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits) for seed in options.seeds]
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
@@ -158,8 +168,11 @@ class TrainedModel:
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
             face_gain: see `cospeech.rules.RuleBasedModel.generate`.
-            look_ahead: seconds of speech after a frame that a network of windows hears, for those that have one; more than
-                the usual half a second comes nearer to what the whole speech would give, ``float("inf")`` all the way.
+            look_ahead: seconds of speech after a frame that the network hears. With less than is usual, what it does not hear
+                is held at what it heard last, and the face looks no further ahead than the body (docs/runtime.md). A network of
+                windows can hear more: that comes nearer to what the whole speech would give, ``float("inf")`` all the way.
+            plan: a `cospeech.Plan`, or the file of one, whose stretches have a style, an emotion, an intensity or a seed of
+                their own. It lists no gestures: those are for the rules.
             face: a `Motion` with a face, or a file of one (``.json``, ``.csv``, ``.glb`` …), from which a chain derives body
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
@@ -230,6 +243,7 @@ class TrainedModel:
 
 
 _MOST_TAKES = 64  # ours, of one pass
+_UNHURRIED = 0.4  # seconds of look-ahead below which a stance does not wait for the hands (ours)
 
 
 def _parse_style(style: object, system: System) -> tuple[object, Array]:

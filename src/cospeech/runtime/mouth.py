@@ -8,10 +8,12 @@ bits of the whole.
 from __future__ import annotations
 
 from functools import lru_cache
+from math import floor
 from pathlib import Path
 
 import numpy as np
 
+from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError
@@ -35,11 +37,25 @@ POSE = "face"
 SHIPPED_FACE = Path(__file__).parents[1] / "assets" / "bundles" / "speech-to-face.cospeech"
 """The face that comes with the package."""
 _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the face waits for anyway, and windows overlap little
+_SHORT_HOP = 2  # frames made at once where little may be waited for (ours)
+_HELD = 8  # frames ahead of a network that normalises over its window (ours)
+_LONGER = "a longer look_ahead"
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
 
-def choose_layout(signature: Signature, fps: float) -> WindowLayout:
-    """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion."""
+def choose_layout(signature: Signature, fps: float, waits: float | None = None) -> WindowLayout:
+    """How windows lie: as much ahead as matters to the network, half a second at most; fewer windows than for motion.
+
+    Args:
+        signature: of the network.
+        fps: its frames per second.
+        waits: seconds of speech, from a frame's own time on, that it may wait for; as long as is good where not given.
+
+    Raises:
+        InputError: the network cannot do with so little.
+    """
+    if waits is not None:
+        return _choose_short_layout(signature, floor(waits * fps + 1e-6))
     hop = max(signature.multiple, round(_HOP * fps) // signature.multiple * signature.multiple)
     far = round(_HOP * fps)
     if signature.reach is not None and signature.reach <= far:  # exact: what one pass over the whole speech would make
@@ -47,6 +63,18 @@ def choose_layout(signature: Signature, fps: float) -> WindowLayout:
         return WindowLayout(2 * around + hop, hop, around, 0)
     window = -(-max(signature.window or 0, hop + far) // signature.multiple) * signature.multiple
     return WindowLayout(window, hop, far, min(round(_FADE * fps), far, hop))
+
+
+def _choose_short_layout(signature: Signature, frames: int) -> WindowLayout:
+    """Windows of which a frame waits for so many frames; what is not heard yet is held at what was heard last."""
+    step, far = signature.multiple, signature.reach if signature.reach is not None else _HELD
+    hop = -(-_SHORT_HOP // step) * step
+    if frames < hop:
+        raise InputError(f"the mouth's network needs {hop} frames of speech ahead, and {max(frames, 0)} are heard", _LONGER)
+    far = -(-far // step) * step
+    ahead = min(frames - hop, far)
+    past = far if signature.reach is not None else max((signature.window or 0) - hop - far, 0)
+    return WindowLayout(-(-(past + hop + far) // step) * step, hop, ahead, 0, far - ahead)
 
 
 class BundleMouth:
@@ -73,15 +101,31 @@ class BundleMouth:
             hint = "take one that has the network 'make' and no emotions, such as speech-to-face"
             raise InputError("this bundle cannot make the mouth", hint)
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
-        setting = choose_layout(network.signature, system.fps)
-        self._decoder = SlidingWindowDecoder(system, network, track, [0], self._frontend.silence, setting, temperature=0.0)
-        self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
-        self.latency = self._decoder.latency + self._frontend.delay + (system.smooth + 2) / system.fps
-        """Seconds of speech after a time that have been heard, at most, when it is known."""
+        self._system, self._network, self._track = system, network, track
+        self._open(choose_layout(network.signature, system.fps))
         if not self.latency <= MOUTH_WAITS:
             raise InputError(f"the mouth's network needs {self.latency:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
         self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
         self._finished = False
+
+    def _open(self, layout: WindowLayout) -> None:
+        system = self._system
+        self._decoder = SlidingWindowDecoder(
+            system, self._network, self._track, [0], self._frontend.silence, layout, temperature=0.0
+        )  # fmt: skip
+        self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
+        self.latency = self._decoder.latency + self._waits
+        """Seconds of speech after a time that have been heard, at most, when it is known."""
+
+    @property
+    def _waits(self) -> float:
+        """Seconds of the latency that are not the network's."""
+        return self._frontend.delay + (self._system.smooth + 2) / self._system.fps
+
+    def limit_wait(self, seconds: float) -> None:
+        """See `cospeech.face.mouth.WaitLimited`."""
+        if self.latency > seconds + DELAY:
+            self._open(choose_layout(self._network.signature, self._system.fps, seconds + DELAY - self._waits))
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.face.mouth.Sharing`."""

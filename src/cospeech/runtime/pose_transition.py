@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from math import ceil
 
 import numpy as np
 
@@ -82,6 +83,10 @@ class PoseTransition:
             face = np.clip(face + left * self._face, 0, 1).astype(face.dtype)
         rotations = turned.astype(motion.rotations.dtype)
         return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
+
+    def remaining_frames(self, fps: float) -> int:
+        """How many frames it still changes, at most."""
+        return max(ceil(_LENGTH * fps) - self._frame, 0)
 
     def is_over(self, fps: float) -> bool:
         """Whether nothing is left of it."""

@@ -25,8 +25,8 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.arousal import amplitude
 from ..rules.options import INTENSITY_RANGE, check_range
-from ..rules.session import check_speech, in_short
 from ..rules.stance_layer import StanceLayer
+from ..rules.streaming import check_speech, in_short
 from .conditioning import Seam
 from .crossfade import Crossfade
 from .face_override import FaceOverride
@@ -37,7 +37,7 @@ from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
 
-__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession"]
+__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
 
@@ -112,6 +112,14 @@ class ResolvedStyle:
     """Of which speakers the network plays a mixture, where it plays one."""
 
 
+def latency_of_body(
+    system: System, frontend: SpeechFrontend | SpeechTextFrontend, decoder: Decoder, stances: Sequence[StanceLayer]
+) -> float:
+    """Seconds that body and hands wait: for the network, the features, smoothing, the cubic, and a stance."""
+    behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)
+    return decoder.latency + behind + frontend.delay
+
+
 class TrainedSession:
     """One take, or several of one speech: pushed into like `cospeech.rules.Session`.
 
@@ -151,8 +159,7 @@ class TrainedSession:
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
         self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
-        behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)  # and of the cubic
-        self._latency = self._look_ahead = decoder.latency + behind + frontend.delay
+        self._latency = self._look_ahead = latency_of_body(system, frontend, decoder, stances)
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
@@ -192,14 +199,13 @@ class TrainedSession:
     def latency(self) -> float:
         """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given.
 
-        What the network, the features, smoothing and the cubic wait for; with a face, at least `cospeech.rules.LATENCY`.
+        What the network, the features, smoothing and the cubic wait for; with a face, at least what that waits for.
         """
         return self._latency
 
     @property
     def look_ahead(self) -> float:
-        """Seconds of sound after a frame's time on which the frame depends, at most; where there is a face, at least
-        `cospeech.rules.LOOK_AHEAD`."""
+        """Seconds of sound after a frame's time on which the frame depends, at most."""
         return self._look_ahead
 
     @property
@@ -223,7 +229,7 @@ class TrainedSession:
         self._frontend.control(resolved_style.controls)
         self._resolved_style = resolved_style
 
-    def set_intensity(self, intensity: float) -> None:
+    def set_intensity(self, intensity: float, *, faces: bool = True) -> None:
         """Another size of all movement, 0 … 2, faded in over half a second from where the speech has come to.
 
         The sway of a stance stays as it is.
@@ -235,10 +241,18 @@ class TrainedSession:
         if not self._intensity:
             raise InputError("a session of intensity 0 cannot be enlarged", "open it with a larger one")
         self._sizes.change(np.full((1, 1, 1), intensity / self._intensity), self._frontend.frames)
-        for face in self._faces:
-            face.set_intensity(intensity)
+        if faces:
+            self.change_faces(intensity=intensity)
 
-    def set_emotion(self, emotion: str | Moods) -> None:
+    def change_faces(self, *, emotion: str | Moods | None = None, intensity: float | None = None) -> None:
+        """Another emotion or size of the faces alone, from the first frame on that is not made yet."""
+        for face in self._faces:
+            if emotion is not None:
+                face.set_emotion(emotion)
+            if intensity is not None:
+                face.set_intensity(intensity)
+
+    def set_emotion(self, emotion: str | Moods, *, faces: bool = True) -> None:
         """Another emotion, or "auto", of the face, and of the body where a network knows emotions; see
         `cospeech.rules.Session.set_emotion`.
 
@@ -246,8 +260,8 @@ class TrainedSession:
             InputError: there is no such emotion.
         """
         self._decoder.set_emotion(emotion_track(emotion), self._frontend.frames / self._rate_of_poses)
-        for face in self._faces:
-            face.set_emotion(emotion)
+        if faces:
+            self.change_faces(emotion=emotion)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once; gives the motion of the first take that has become certain, as `cospeech.rules.Session.push`.
@@ -288,6 +302,8 @@ class TrainedSession:
         if self._over:
             return self._next_frames()
         self._over = True
+        for face in self._faces:
+            face.hear_rest()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):

@@ -66,7 +66,10 @@ def looking(signature: Signature, fps: float, seconds: float | None = None) -> W
     usual, most = live(signature), whole(signature)
     if seconds * fps >= (most.ahead if signature.reach is None else signature.reach):
         return most
-    ahead = ceil(seconds * fps - 1e-9)
+    ahead = ceil(seconds * fps - 1e-9)  # of windows that wait less than usual, what is not heard is held
+    if ahead < usual.ahead:
+        hop = max(min(usual.hop, ahead // 2), 1)
+        return WindowLayout(usual.window, hop, ahead, min(usual.fade, hop, ahead), usual.waits - hop - ahead)
     longer = signature.reach is not None and ahead > usual.ahead
     window = _up(usual.window + ahead - usual.ahead, signature.multiple) if longer else usual.window
     return WindowLayout(window, usual.hop, ahead, min(usual.fade, ahead))

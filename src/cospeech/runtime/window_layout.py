@@ -33,15 +33,22 @@ class WindowLayout:
     """Heard after the new ones."""
     fade: int
     """Of the new ones, blended with what the window before made of them."""
+    held: int = 0
+    """In the place of speech that is not waited for, after what is heard ahead: the last row heard, again and again."""
 
     def __post_init__(self) -> None:
-        if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.hop + self.ahead <= self.window):
-            raise InputError(f"{self} is not possible", "0 < hop, fade ≤ ahead, fade ≤ hop, hop + ahead ≤ window")
+        if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.past >= 0 <= self.held):
+            raise InputError(f"{self} is not possible", "0 < hop, fade ≤ ahead, fade ≤ hop, hop + ahead + held ≤ window")
 
     @property
     def past(self) -> int:
         """Frames heard before the new ones."""
-        return self.window - self.hop - self.ahead
+        return self.window - self.hop - self.ahead - self.held
+
+    @property
+    def speech_frames(self) -> int:
+        """Frames of speech in a window."""
+        return self.window - self.held
 
     @property
     def waits(self) -> int:
@@ -91,14 +98,14 @@ class Sliding:
         """The windows of the rest, of which as many frames as were heard; ``silence`` (1, A) is after the speech."""
         missing = self._heard - self.frames
         windows = -(-missing // self.setting.hop)
-        until = self.setting.window + (windows - 1) * self.setting.hop if windows else 0
+        until = self.setting.speech_frames + (windows - 1) * self.setting.hop if windows else 0
         made = self._slid(np.repeat(silence, max(0, until - len(self._rows)), 0))
         return [np.concatenate(made, 1)[:, :missing]] if made else []
 
     def _slid(self, rows: Array) -> list[Array]:
         self._rows = np.concatenate([self._rows, rows])
         made = []
-        while len(self._rows) >= self.setting.window:
+        while len(self._rows) >= self.setting.speech_frames:
             made.append(self._next())
             self._rows = self._rows[self.setting.hop :]
         self._rows = self._rows.copy()
@@ -108,7 +115,10 @@ class Sliding:
         """(N, hop, D) of the next window."""
         window, hop, fade, past = self.setting.window, self.setting.hop, self.setting.fade, self.setting.past
         self._mode_noise = np.concatenate([self._mode_noise, self._draw(window - self._mode_noise.shape[1])], 1)
-        poses = self._make(self._rows[:window], self.frames, self._mode_noise)
+        rows = self._rows[: self.setting.speech_frames]
+        if self.setting.held:
+            rows = np.concatenate([rows, np.repeat(rows[-1:], self.setting.held, 0)])
+        poses = self._make(rows, self.frames, self._mode_noise)
         fresh = poses[:, past : past + hop]
         if self._before is not None and fade:
             share = (np.arange(1, fade + 1, dtype=np.float32) / np.float32(fade + 1))[:, None]

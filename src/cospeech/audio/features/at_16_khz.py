@@ -13,7 +13,7 @@ from .mel import RATE, Floats
 if TYPE_CHECKING:
     from ..speech import Speech
 
-__all__ = ["At16kHz"]
+__all__ = ["At16kHz", "HeldSamples"]
 
 
 class At16kHz:
@@ -59,3 +59,34 @@ class At16kHz:
             return nothing
         self.finished = True
         return self._resampler.resample_chunk(nothing, last=True)  # type: ignore[no-any-return]
+
+
+class HeldSamples:
+    """Samples that wait until there are enough to be worth a look: many small pieces cost more than a few large ones.
+
+    >>> held = HeldSamples()
+    >>> held.is_short(np.zeros(320, np.float32), 1000), held.is_short(np.zeros(700, np.float32), 1000)
+    (True, False)
+    >>> len(held.take(np.zeros(700, np.float32)))
+    1020
+    """
+
+    def __init__(self) -> None:
+        self._pieces: list[Floats] = []
+        self._count, self._taken = 0, 0
+
+    def is_short(self, samples: Floats, needed: int) -> bool:
+        """Whether with these there are still fewer than ``needed`` from the beginning on; then they are held."""
+        if self._taken + self._count + len(samples) >= needed:
+            return False
+        self._pieces.append(samples)
+        self._count += len(samples)
+        return True
+
+    def take(self, samples: Floats) -> Floats:
+        """All that is held, and these."""
+        self._taken += self._count + len(samples)
+        if not self._pieces:
+            return samples
+        pieces, self._pieces, self._count = [*self._pieces, samples], [], 0
+        return np.concatenate(pieces)

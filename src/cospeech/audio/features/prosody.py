@@ -42,6 +42,13 @@ RANGE = 40.0  # dB below the recent peak level at which voice ends; ours
 RELEASE = 3.0  # dB per second by which the recent peak level falls; ours
 MEDIAN = 5  # frames; an octave jump of one or two frames is mended
 DELAY = PITCH_WINDOW / 2 / RATE + (MEDIAN // 2) / FPS  # seconds
+
+
+def samples_for(frames: int) -> int:
+    """How many samples must have been heard until so many frames of `ProsodyStream` are handed out."""
+    return (frames + MEDIAN // 2 - 1) * HOP + PITCH_WINDOW // 2
+
+
 ONSET_FLOOR = 1e-8  # mel power; ours: flux in near silence (-80 dB) is not an onset
 
 

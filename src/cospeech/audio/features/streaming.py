@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from fractions import Fraction
+from math import floor
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from .at_16_khz import At16kHz
-from .mel import Floats
+from .at_16_khz import At16kHz, HeldSamples
+from .mel import RATE, Floats
 
 if TYPE_CHECKING:
     from ..speech import Speech
@@ -38,7 +39,7 @@ class StreamingFeatures(ABC):
         if not 0 < fps < np.inf:
             raise InputError(f"{fps} frames per second", "a positive number, such as 20")
         self.fps = fps
-        self._speech = At16kHz()
+        self._speech, self._held = At16kHz(), HeldSamples()
         self._first, self._heard = 0, nothing  # what is kept, and the index of its first
         self._given = 0  # rows handed out
         self._none: Floats | None = None  # no rows, of their width; asked for at every other piece of a stream
@@ -57,7 +58,10 @@ class StreamingFeatures(ABC):
         Raises:
             InputError: the piece has another rate than those before, or the speech is over.
         """
-        self._keep(self._convert(self._speech.push(chunk)))
+        samples = self._speech.push(chunk)
+        if self._none is not None and self._held.is_short(samples, self._needs()):
+            return self._none
+        self._keep(self._convert(self._held.take(samples)))
         until = self._given
         while self._certain(until):
             until += 1
@@ -74,9 +78,13 @@ class StreamingFeatures(ABC):
 
         total = count_frames(self.duration, self.fps) if frames is None else frames
         if not self._speech.finished:
-            self._keep(self._convert(self._speech.finish()))
+            self._keep(self._convert(self._held.take(self._speech.finish())))
             self._keep(self._rest())
         return self._give(max(total, self._given))
+
+    def _needs(self) -> int:
+        """Samples after which the next row is certain; more of the sound is not looked at before."""
+        return floor((self._given / self.fps + self.delay) * RATE)
 
     @property
     def _end(self) -> int:

@@ -34,7 +34,7 @@ from ..store_files import FORMAT
 from ..store_writer import write_store
 from .derive_speakers import Change, plan_derivations
 from .filters import FILTERS
-from .pieces import Plan, audio_names, make_part, read_part, select_extra, split_of, wav2vec_names
+from .pieces import PreparationPlan, audio_names, make_part, read_part, select_extra, split_of, wav2vec_names
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -152,7 +152,7 @@ def prepare(
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
-    plan = Plan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
+    plan = PreparationPlan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
     dropped: list[dict[str, Any]] = []
     with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
@@ -260,8 +260,8 @@ def _apply_changes(clip: Clip, changes: list[Change], failed: str, dropped: list
 
 def _make_parts(
     tasks: Iterator[_Task],
-    plan: Plan,
-    run: Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]],
+    plan: PreparationPlan,
+    run: Callable[[list[tuple[Clip, PreparationPlan, Path]]], list[dict[str, Any]]],
     together: int,
     progress: Callable[[float, float | None], None] | None,
 ) -> list[tuple[Path, dict[str, Any], str]]:
@@ -284,7 +284,7 @@ def _make_parts(
 @contextmanager
 def _workers(
     jobs: int, backend: str, scheduler: str | None
-) -> Iterator[tuple[Callable[[list[tuple[Clip, Plan, Path]]], list[dict[str, Any]]], int]]:
+) -> Iterator[tuple[Callable[[list[tuple[Clip, PreparationPlan, Path]]], list[dict[str, Any]]], int]]:
     """Yield a function that makes parts in parallel, and how many clips it is best given at once."""
     if jobs == 1 and backend == "loky":
         yield lambda tasks: [make_part(*task) for task in tasks], 1
@@ -328,7 +328,7 @@ def _connect(backend: str, scheduler: str | None) -> Any:
 
 
 def _assemble(
-    target: Path, made: list[tuple[Path, dict[str, Any], str]], plan: Plan, dropped: list[dict[str, Any]]
+    target: Path, made: list[tuple[Path, dict[str, Any], str]], plan: PreparationPlan, dropped: list[dict[str, Any]]
 ) -> PrepareReport:
     """Put the parts together and write the report."""
     pieces = []

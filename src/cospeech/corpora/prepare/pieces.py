@@ -28,7 +28,7 @@ from ..store_writer import Piece
 from .filters import FILTERS, keep
 
 __all__ = [
-    "Plan",
+    "PreparationPlan",
     "audio_names",
     "encode",
     "make_part",
@@ -45,7 +45,7 @@ _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
 
 
 @dataclass(frozen=True)
-class Plan:
+class PreparationPlan:
     """What is done to every clip.
 
     Args:
@@ -103,7 +103,7 @@ def split_of(clip: Clip) -> str:
     return "train" if share < 0.8 else "validation" if share < 0.9 else "test"
 
 
-def encode(clip: Clip, plan: Plan) -> dict[str, Array]:
+def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
     """Name → (T, …) of every array of the store that the clip has something for.
 
     Raises:
@@ -145,7 +145,7 @@ def _words(clip: Clip) -> tuple[Word, ...] | None:
     return tuple(words) if isinstance(words, (list, tuple)) else None
 
 
-def _audio(clip: Clip, frames: int, plan: Plan) -> Array | None:
+def _audio(clip: Clip, frames: int, plan: PreparationPlan) -> Array | None:
     """Features of the sound, or the spectra that come with the corpus: at 100 a second where they are as many as that gives,
     else every so many of them as there are per frame."""
     if plan.corpus not in _READY:
@@ -229,7 +229,7 @@ def fingerprint(clip: Clip) -> str:
     return digest.hexdigest()
 
 
-def make_part(clip: Clip, plan: Plan, path: Path) -> dict[str, Any]:
+def make_part(clip: Clip, plan: PreparationPlan, path: Path) -> dict[str, Any]:
     """Encode a clip and keep it at ``path`` (an uncompressed npz) unless it is there already.
 
     Returns:

@@ -33,7 +33,7 @@ def check_oracle(store: Store, other: Store) -> None:
     if ours != theirs or store.pose != other.pose or store.fps != other.fps:
         raise InputError(
             f"{str(other.folder)!r} has other clips than {str(store.folder)!r}",
-            "an oracle is the same corpus with other gestures: cospeech synthesise … --gestures 1, prepared alike",
+            "an oracle has the same speech (synthesise … --gestures 1); prepare both stores with --no-filters",
         )
 
 

@@ -22,7 +22,7 @@ from ...metrics import FeatureNet
 from ...motion.rotations import Array
 from ...training.recipe import SHIPPED, Recipe, list_changes, load_recipe, read_recipe
 
-__all__ = ["FEATURES", "OMEGA", "SMALL", "PlayableRun", "Runs", "make_folder", "of_speakers"]
+__all__ = ["FEATURES", "OMEGA", "PlayableRun", "Runs", "make_folder", "of_speakers", "small_scale"]
 
 OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
 """Recipes, before ``_CORPUS``: the network of the perceptual loss, that of FGD, and that of the inception score."""
@@ -31,85 +31,11 @@ _UNPLAYED = dict.fromkeys(
     ("stylised-flow", "stylised-flow-extended", "moglow"), ("style",)
 )  # `PlayableRun` knows neither these nor a clip's own moments
 
-_SHORT = {"steps": 400, "batch": 48, "warmup": 100, "validate_every": 0, "save_every": 100}
-_NARROW = {"steps": 4, "hidden": 64, "frames": 30, "residual": True, "pose_noise": 0.005}
-# residual, pose_noise: ours; without them so few steps leave noise, in every row
-_MIX = {"channels": 16, "patch_channels": 16}
-_BRIEF = {"steps": 400, "batch": 16, "lr": 2e-3, "validate_every": 0, "save_every": 400}
-# one rate for all systems of windows: at 1e-4, Speech2Gesture's and MUNIT's, so few steps teach nothing
-_CHAIN = {"hidden": 64, "layers": 2, "word_width": 32}
-_LSTM = {"steps": 600, "batch": 32, "lr": 1e-3, "validate_every": 0, "save_every": 600}
-SMALL: dict[str, dict[str, dict[str, Any]]] = {
-    "stylised-flow": {
-        "model": {
-            "name": "stylised-flow-extended",
-            **_NARROW,
-            "encoder_channels": 16,
-            "encoder_blocks": 2,
-            "reconstruct_every": 5,
-        },
-        "train": _SHORT,
-    },
-    "moglow": {"model": _NARROW, "train": _SHORT},
-    "gesture-autoencoder": {"model": {"width": 64, "frames": 30}, "train": {**_SHORT, "batch": 64}},
-    "fgd-autoencoder": {"model": {}, "train": {**_SHORT, "steps": 2000, "batch": 64}},
-    **{name: {"model": _MIX, "train": _BRIEF} for name in ("mix-stage", "stage", "cmix-gan")},
-    "mix_stage_pats_authors": {"model": {"curriculum": 7}, "train": {}},  # 1000 of 60,000 steps, as many of 400
-    "speech2gesture": {"model": {"channels": 16, "discriminator_channels": 16}, "train": _BRIEF},
-    "chain-of-generation": {
-        "model": {**_CHAIN, "latent": 64, "classifier_steps": 150, "classifier_channels": 64},
-        "train": _LSTM,
-    },
-    "camn": {"model": {**_CHAIN, "audio": 64, "text": 64}, "train": _LSTM},
-    "multi-context": {"model": {**_CHAIN, "audio": 64, "text": 64, "adversarial_from": 60}, "train": _LSTM},
-    "talkshow": {
-        "model": {
-            "frames": 36,
-            "codes": 128,
-            "code": 16,
-            "hidden": 96,
-            "heard": 64,
-            "width": 32,
-            "layers": 5,
-            "latent": 64,
-            "prior_from": 300,
-        },
-        "train": _LSTM,
-    },
-    "gesturediffuclip": {
-        "model": {
-            "hidden": 96,
-            "latent": 16,
-            "heard": 64,
-            "text": 32,
-            "text_channels": 32,
-            "word_width": 32,
-            "style": 16,
-            "width": 64,
-            "layers": 3,
-            "align_from": 200,
-            "diffusion_from": 250,
-        },
-        "train": _LSTM,
-    },
-    "trimodal": {"model": {**_CHAIN, "adversarial_from": 60}, "train": _LSTM},
-    "joint-embedding": {"model": {**_CHAIN, "speech_hidden": 64}, "train": _LSTM},
-    "speech2affective-gestures": {"model": _CHAIN, "train": _LSTM},
-    "seq2seq": {"model": {"hidden": 64, "word_width": 32}, "train": _LSTM},
-    "gesticulator": {
-        "model": {"hidden": 64, "context": 128, "speech": 32, "word_width": 32, "epoch": 20},
-        "train": {**_LSTM, "batch": 48},
-    },
-    "audio2gestures": {"model": {"channels": 64, "code": 8}, "train": _BRIEF},
-    "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}, "train": {}},  # 32: test clips have some hundred windows
-    "munit": {"model": {"channels": 8, "mlp": 64, "blocks": 2}, "train": _BRIEF},
-    "speaker-classifier": {
-        "model": {"channels": 16, "plain": True},
-        "train": {"steps": 1200, "validate_every": 150, "save_every": 1200},
-    },
+_SMALL_OF_RECIPE: Mapping[str, dict[str, dict[str, Any]]] = {
+    "mix_stage_pats_authors": {"model": {"curriculum": 7}},  # 1000 of 60,000 steps, as many of 400
+    "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}},  # 32: test clips have some hundred windows
 }
-"""Model, or recipe, → what ``--small`` changes: a row and seed train in two or three minutes on one core, a network of windows
-in half of one. Ours, to show that the way works and which order comes out; no figure of it is the paper's system."""
+"""Recipe → what ``--small`` changes beside that of its model; sections as in the file. [ours]"""
 
 Tell = Callable[[str], None]
 
@@ -199,6 +125,18 @@ def of_speakers(speakers: Sequence[str]) -> tuple[str, ...]:
     return (f"data.speakers={json.dumps([*speakers])}",) if speakers else ()
 
 
+def small_scale(model: str) -> dict[str, Mapping[str, Any]]:
+    """What ``--small`` changes in the recipes of a network: section → key → value.
+
+    Args:
+        model: name of the network, as in a recipe.
+    """
+    from ...training.checkpoint import network
+
+    config = network(model).Config
+    return {"model": config.SMALL, "train": config.SMALL_TRAIN}
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder where it is missing.
 
@@ -219,7 +157,7 @@ class Runs:
         folder: of the store.
         runs: where run folders lie, or are made.
         recipes: folder of the recipes; those that ship, where not given.
-        small: whether `SMALL` holds.
+        small: whether rows are trained at small scale, see `small_scale`.
         overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
         oracle: folder of the store of the same speech with other gestures; None: no such row.
@@ -281,7 +219,7 @@ class Runs:
         plain = load_recipe(path)
         texts: list[str] = []
         if self.small:
-            both = [*SMALL.get(plain.model, {}).items(), *SMALL.get(name, {}).items()]
+            both = [*small_scale(plain.model).items(), *_SMALL_OF_RECIPE.get(name, {}).items()]
             for section, values in both:
                 texts += [f"{section}.{key}={json.dumps(value)}" for key, value in values.items()]
         texts += [*more, *(self.overrides if not name.startswith(SHARED) else ()), f"train.seed={seed}"]

@@ -21,11 +21,12 @@ import numpy as np
 from ...metrics import METRICS, load_metric
 from ...metrics._scipy import scipy
 from ...metrics.controls import CONTROLS
+from ...metrics.holm import correct
 from .paper_tables import COSTS, Cells, Claim
 
 __all__ = [
     "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
-    "below_controls", "compare", "correct", "headroom", "judge",
+    "below_controls", "compare", "headroom", "judge",
 ]  # fmt: skip
 
 HOLDS, CONTRADICTED, UNDECIDED, NOT_ASSAYED = WORDS = ("holds", "contradicted", "undecided", "not assayed")
@@ -89,16 +90,6 @@ def compare(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> D
     total = seeds + clips
     freedom = total**2 / (seeds**2 / (len(gaps) - 1)) if seeds > 0 else np.inf
     return Difference(float(gaps.mean()), sqrt(total), float(freedom), len(gaps))
-
-
-def correct(chances: Sequence[float]) -> list[float]:
-    """p values of one family of tests, corrected (Holm 1979)."""
-    order = np.argsort(chances, kind="stable")
-    corrected, largest = [1.0] * len(chances), 0.0
-    for rank, k in enumerate(order):
-        largest = max(largest, min(1.0, (len(chances) - rank) * chances[k]))
-        corrected[k] = largest
-    return corrected
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from .outlets import Outlet
 
 __all__ = ["FramePacer", "Pace"]
 
-MARGIN = 0.06  # seconds between the last moment at which a frame can be ready and its time to leave: two frames (ours)
+MARGIN, SHORT_MARGIN = 0.06, 0.03
+"""Seconds between the last moment at which a frame can be ready and its time to leave: four frames of 60 a second, and two for
+who wants to be quick (ours)."""
 
 
 @dataclass
@@ -33,7 +35,7 @@ class FramePacer:
 
     Args:
         outlets: the receivers.
-        delay: seconds that a frame leaves after its sound: the session's latency, the length of a piece, and `MARGIN`.
+        delay: seconds that a frame leaves after its sound: the session's latency, the length of a piece, and a margin.
         paced: False: frames leave when they are made.
         clock: seconds that only grow.
     """

@@ -78,8 +78,8 @@ class Tables:
     """All parts in one row of vertices, ready for posing."""
 
     bounds: list[slice]
-    weights: Array  # (V, J)
-    vertices: Array  # (V, 4), last column 1
+    weights: Array  # (J, V)
+    vertices: Array  # (V, 3)
     normals: Array  # (V, 3)
     moving: Array  # (R,) vertices that some morph moves
     morphs: Array  # (S, R * 3), by shape
@@ -108,8 +108,8 @@ class Tables:
         local = local.reshape(-1, 3)
         return cls(
             bounds=bounds,
-            weights=weights,
-            vertices=np.concatenate([vertices, np.ones((total, 1), np.float32)], 1),
+            weights=np.ascontiguousarray(weights.T),
+            vertices=vertices,
             normals=np.concatenate([p.normals for p in parts]),
             moving=moving,
             morphs=dense[:, moving].reshape(len(dense), 3 * len(moving)),
@@ -148,15 +148,17 @@ def skin_with_normals(
         used = np.flatnonzero(np.abs(weights) > _REST)
         vertices, normals = vertices.copy(), normals.copy()
         delta = np.asarray(weights, np.float32)[used] @ tables.morphs[used]
-        vertices[tables.moving, :3] += delta.reshape(-1, 3)
-        bent = _face_normals(vertices[tables.touched, :3], tables.triangles) - tables.neutral
+        vertices[tables.moving] += delta.reshape(-1, 3)
+        bent = _face_normals(vertices[tables.touched], tables.triangles) - tables.neutral
         normals[tables.touched] += bent
     turn = quat_to_matrix(np.asarray(rotations, np.float32))
     shift = np.asarray(positions - np.einsum("jab,jb->ja", turn, character.skeleton.tpose), np.float32)
-    blend = tables.weights @ np.concatenate([turn, shift[:, :, None]], 2).reshape(len(turn), 12)
-    blend = blend.reshape(-1, 3, 4)
-    posed = np.einsum("vij,vj->vi", blend, vertices)
-    turned = np.einsum("vij,vj->vi", blend[:, :, :3], normals)
+    rows = np.concatenate([turn, shift[:, :, None]], 2).reshape(len(turn), 12)
+    blend = (rows.T @ tables.weights).reshape(3, 4, -1)
+    posed, turned = np.empty_like(vertices), np.empty_like(normals)
+    for axis, (x, y, z, by) in enumerate(blend):
+        posed[:, axis] = x * vertices[:, 0] + y * vertices[:, 1] + z * vertices[:, 2] + by
+        turned[:, axis] = x * normals[:, 0] + y * normals[:, 1] + z * normals[:, 2]
     turned /= np.maximum(np.sqrt(np.einsum("vi,vi->v", turned, turned)), 1e-9)[:, None]
     return [posed[b] for b in tables.bounds], [turned[b] for b in tables.bounds]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KEY", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade"]
+__all__ = ["KEY", "REACH", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade"]
 
 Floats = NDArray[np.float32]
 
@@ -30,6 +30,8 @@ _KEY_COLOUR = _colour(1.20, 1.12, 1.03)
 _RIM_COLOUR = _colour(0.75, 0.90, 1.15)
 _SKY, _GROUND = _colour(0.40, 0.44, 0.51), _colour(0.22, 0.20, 0.195)
 _WRAP = _colour(0.32, 0.20, 0.16)  # how far the key reaches round an edge; red farthest, as in skin
+REACH = -float(_WRAP.max())
+"""Cosine between a normal and the key, at and below which the key does nothing."""
 _STRAY = np.float32(0.25)  # of the key, bounced into its own shadows
 _SHOULDER = 0.72  # linear light above which highlights are compressed
 _STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the most of it, that `develop` tells apart

@@ -113,7 +113,7 @@ class Raster:
             turn = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
             inside &= turn < 0 if side > 0 else turn > 0
         kept = np.flatnonzero(inside)
-        self._number = kept.take(_sort(w[0].take(kept)))  # of each triangle; the farthest comes first
+        self._number: Indices = kept.take(_sort(w[0].take(kept)))  # of each triangle; the farthest comes first
         self._box = [end.take(self._number) for end in (left, right, top, bottom)]
         order = ((y[1] < y[0]) + 2 * (y[2] < y[1]) + 4 * (y[2] < y[0])).take(self._number)
         order = _ORDERS.take(order, axis=1)  # a the top corner, c the bottom one

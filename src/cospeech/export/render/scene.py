@@ -136,8 +136,9 @@ class Scene:
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
         shown, asked = np.zeros(len(self._part), bool), np.zeros(len(vertices), bool)
         shown[triangle] = True
-        asked[self._corners[:, shown]] = True
+        asked[self._corners.take(np.flatnonzero(shown), axis=1)] = True
         key = (light.KEY @ axes).astype(np.float32)
+        asked &= normals @ key > light.REACH
         lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
         sight = (axes @ (camera.position - vertices).T).astype(np.float32)
         sight /= np.sqrt(_dot(sight, sight))
@@ -279,7 +280,10 @@ def _slant(values: raster.Floats, screen: raster.Floats, corner: raster.Indices,
     """
     shown = np.zeros(corner.shape[1], bool)
     shown[points.triangle] = True
-    corner, triangle = corner[:, shown], (shown.cumsum() - 1).take(points.triangle)
+    which = np.flatnonzero(shown)
+    number = np.zeros(len(shown), np.intp)
+    number[which] = np.arange(len(which))
+    corner, triangle = corner.take(which, axis=1), number.take(points.triangle)
     (x0, x1, x2), (y0, y1, y2) = np.ascontiguousarray(screen[:, :2].T).take(corner, axis=1)
     x1, x2, y1, y2 = x1 - x0, x2 - x0, y1 - y0, y2 - y0
     area = x1 * y2 - x2 * y1

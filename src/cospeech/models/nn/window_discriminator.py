@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -11,9 +11,10 @@ from torch.nn import functional as F
 from .norm import BatchNorm1d
 from .objective import Batch, Objective
 from .recurrent import BothWaysGru
+from .speaker_latent import kl_divergence
 from .trainable import Trainable
 
-__all__ = ["AdversarialWindows", "GruDiscriminator", "WindowDiscriminator"]
+__all__ = ["AdversarialWindows", "GruDiscriminator", "SampledWindows", "WindowDiscriminator"]
 
 _CHANNELS = (16, 8, 8)  # of the convolutions; authors' code
 _HIDDEN, _LAYERS, _DROPOUT = 64, 4, 0.3  # of the GRU; authors' code
@@ -49,8 +50,23 @@ class WindowDiscriminator(GruDiscriminator):
         return super().forward(self.convolutions(poses.mT))
 
 
+class SampledWindows(NamedTuple):
+    """Poses of windows, and the z that they were generated from."""
+
+    pose: Tensor
+    """(B, T, D)."""
+    z: Tensor
+    mean: Tensor
+    variance: Tensor
+    """log σ²; (B, width, T) each."""
+
+
 class AdversarialWindows(Trainable):
-    """A network whose windows a discriminator may judge; its settings say from which step on (``adversarial_from``)."""
+    """A network of windows of Yoon et al. 2020's losses: Huber, adversarial, diversity and divergence of a speaker's latent.
+
+    Its settings have the weights (``reconstruction``, ``adversarial``, ``diversity``, ``divergence``), ``beta`` of the
+    Huber loss, ``speaker``, the width of z, and ``adversarial_from``, the step from which on the discriminator judges.
+    """
 
     discriminator: nn.Module | None
     """(B, T, D) → (B,) logits that a window was recorded; None: there is none."""
@@ -59,13 +75,31 @@ class AdversarialWindows(Trainable):
         """A batch as inputs of the network."""
         raise NotImplementedError
 
-    def _generate_in_training(self, batch: Batch, given: Any) -> Any:
-        """What it makes, with ``pose`` (B, T, D)."""
+    def _generate(self, given: Any, noise: Tensor) -> SampledWindows:
+        """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
         raise NotImplementedError
+
+    def _diversity(self, batch: Batch, given: Any, made: SampledWindows) -> Tensor:
+        """How differently another speaker, drawn of all, would move, for so much difference of z."""
+        raise NotImplementedError
+
+    def _generate_in_training(self, batch: Batch, given: Any) -> SampledWindows:
+        """With ε drawn, one for a window."""
+        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of G, weighted; moves all but the discriminator."""
-        raise NotImplementedError
+        c = self.config
+        given = self.collect_training_inputs(batch, c.seed_dropout)
+        made = self._generate_in_training(batch, given)
+        terms = {"huber": c.reconstruction * F.smooth_l1_loss(made.pose, batch["pose"], beta=c.beta)}
+        if self.discriminator is not None and step >= c.adversarial_from:
+            terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
+        if c.diversity:
+            terms["diversity"] = -c.diversity * self._diversity(batch, given, made)
+        if c.divergence:
+            terms["divergence"] = c.divergence * kl_divergence(made.mean, made.variance)
+        return terms
 
     def objectives(self) -> dict[str, Objective]:
         """Discriminator, from the step on at which it begins, and generator; or the generator alone."""

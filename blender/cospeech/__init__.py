@@ -1,0 +1,193 @@
+"""Blender add-on: a sound strip becomes an action of the selected armature, made by cospeech."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from .bvh import read_bvh, rig_to_bvh
+from .rig import Rig, key_shapes
+
+bl_info = {"name": "cospeech", "blender": (4, 4, 0), "category": "Animation", "version": (0, 1, 0)}
+
+EMOTIONS = ("auto", "neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
+LONGEST = 3600  # seconds of work after which something must be wrong
+
+
+class CospeechError(Exception):
+    """What the user is told."""
+
+
+class CospeechPreferences(bpy.types.AddonPreferences):
+    """Where cospeech is."""
+
+    bl_idname = __package__
+    command: StringProperty(  # type: ignore[valid-type]
+        name="Command", description="How to start cospeech; empty: it is looked for", default=""
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.prop(self, "command")
+
+
+def find_command(given: str) -> list[str]:
+    """How to start cospeech: as given; or with Blender's own Python, if the wheel is installed there; or as on the PATH."""
+    if given:
+        return shlex.split(given)
+    if importlib.util.find_spec("cospeech") is not None:
+        return [sys.executable, "-m", "cospeech"]
+    found = shutil.which("cospeech")
+    if found is None:
+        raise CospeechError("cospeech is not found: name its command in the preferences of the add-on")
+    return [found]
+
+
+def run(command: list[str], *arguments: object) -> None:
+    """Run a command of cospeech."""
+    try:
+        done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=LONGEST)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise CospeechError(f"{command[0]} cannot be run: {error}") from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+        raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {done.stderr[-300:]}")
+
+
+def sound_strips(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
+    """The sound strips of the scene's sequencer, in time."""
+    editor = scene.sequence_editor
+    strips = [] if editor is None else [strip for strip in editor.strips_all if strip.type == "SOUND"]
+    return sorted(strips, key=lambda strip: (strip.frame_start, strip.name))
+
+
+_ITEMS: list[tuple[str, str, str]] = []  # Blender keeps no copy of the texts of a menu
+
+
+def _strip_items(self: object, context: bpy.types.Context) -> list[tuple[str, str, str]]:
+    _ITEMS[:] = [(strip.name, strip.name, "") for strip in sound_strips(context.scene)] or [("", "(no sound strip)", "")]
+    return _ITEMS
+
+
+class CospeechSettings(bpy.types.PropertyGroup):
+    """What the panel shows."""
+
+    strip: EnumProperty(name="Sound", items=_strip_items)  # type: ignore[valid-type]
+    model: StringProperty(name="Model", default="rules")  # type: ignore[valid-type]
+    style: StringProperty(name="Style", description="Empty: that of the model", default="")  # type: ignore[valid-type]
+    emotion: EnumProperty(name="Emotion", items=[(name, name, "") for name in EMOTIONS])  # type: ignore[valid-type]
+    seed: IntProperty(name="Seed", min=0, default=0)  # type: ignore[valid-type]
+    intensity: FloatProperty(name="Intensity", min=0, max=2, default=1)  # type: ignore[valid-type]
+    plan: StringProperty(  # type: ignore[valid-type]
+        name="Plan", description="Plan of gestures (.json) to play; empty: none", subtype="FILE_PATH", default=""
+    )
+
+
+class CospeechGenerate(bpy.types.Operator):
+    """Make an action for the selected armature from a sound strip"""  # Blender shows it as the tip of the button
+
+    bl_idname = "cospeech.generate"
+    bl_label = "Generate"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012  # as Blender reads it
+    command: StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.object is not None and context.object.type == "ARMATURE" and bool(sound_strips(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            told = make_action(context, context.object, self.command)
+        except CospeechError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, told)
+        return {"FINISHED"}
+
+
+def make_action(context: bpy.types.Context, armature: bpy.types.Object, command: str) -> str:
+    """Generate, and key; what was done.
+
+    Args:
+        context: with the scene and its settings.
+        armature: gets the action.
+        command: how to start cospeech; that of the preferences, if empty.
+    """
+    scene, settings = context.scene, context.scene.cospeech
+    strips = {strip.name: strip for strip in sound_strips(scene)}
+    strip = strips.get(settings.strip) or next(iter(strips.values()))
+    addon = context.preferences.addons.get(__package__)
+    start = find_command(command or (addon.preferences.command if addon else ""))
+    fps = scene.render.fps / scene.render.fps_base
+    with tempfile.TemporaryDirectory(prefix="cospeech-") as folder:
+        place = Path(folder)
+        sound = _sound_file(strip, place)
+        rig = Rig(armature)
+        text = rig_to_bvh(rig.names, rig.parents, rig.points("head"), rig.points("tail"))
+        (place / "rig.bvh").write_text(text, "utf-8")
+        run(start, "convert", place / "rig.bvh", place / "rest.bvh", "--quiet")
+        options = ["--model", settings.model, "--fps", f"{fps:.6g}", "--skeleton", place / "rig.bvh", "--quiet"]
+        if settings.plan:
+            options += ["--plan", bpy.path.abspath(settings.plan)]
+        else:
+            options += ["--emotion", settings.emotion, "--seed", settings.seed, "--intensity", f"{settings.intensity:.6g}"]
+            options += ["--style", settings.style] if settings.style else []
+        run(start, "generate", sound, "-o", place / "motion.bvh", "-o", place / "face.json", *options)
+        motion, rest = (read_bvh((place / name).read_text("utf-8")) for name in ("motion.bvh", "rest.bvh"))
+        face = json.loads((place / "face.json").read_text("utf-8"))
+    action = bpy.data.actions.new(f"{Path(sound).stem} {settings.style or settings.model}")
+    rig.key(motion, rest, action, strip.frame_start)
+    weights = np.array([frame["weights"] for frame in face["frames"]])
+    count = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
+    return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}"
+
+
+def _sound_file(strip: bpy.types.Strip, place: Path) -> Path:
+    """The file of a strip's sound; a packed one is written out."""
+    sound = strip.sound
+    if sound.packed_file is not None:
+        path = place / f"sound{Path(sound.filepath).suffix or '.wav'}"
+        path.write_bytes(sound.packed_file.data)
+        return path
+    path = Path(bpy.path.abspath(sound.filepath, library=sound.library))
+    if not path.is_file():
+        raise CospeechError(f"the file of the strip {strip.name!r} is not there: {path}")
+    return path
+
+
+class CospeechPanel(bpy.types.Panel):
+    """In the sidebar of the 3D view."""
+
+    bl_label = "cospeech"
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "cospeech"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for name in ("strip", "model", "style", "emotion", "seed", "intensity", "plan"):
+            self.layout.prop(context.scene.cospeech, name)
+        self.layout.operator(CospeechGenerate.bl_idname)
+
+
+CLASSES = (CospeechPreferences, CospeechSettings, CospeechGenerate, CospeechPanel)
+
+
+def register() -> None:
+    """Called by Blender when the add-on is switched on."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    bpy.types.Scene.cospeech = bpy.props.PointerProperty(type=CospeechSettings)
+
+
+def unregister() -> None:
+    """Called by Blender when it is switched off."""
+    del bpy.types.Scene.cospeech
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

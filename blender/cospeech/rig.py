@@ -1,0 +1,144 @@
+"""An armature's rest pose, and an action made of world rotations."""
+
+from __future__ import annotations
+
+import re
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .bvh import Frames
+
+__all__ = ["Rig", "key_shapes"]
+
+TO_BVH = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""From Blender's axes, Z up and facing −Y, to Y up and facing +Z."""
+
+
+class Rig:
+    """The bones of an armature: the largest tree, parents first.
+
+    Args:
+        armature: an object of the type ARMATURE.
+    """
+
+    def __init__(self, armature: bpy.types.Object) -> None:
+        self.armature = armature
+        roots = [bone for bone in armature.data.bones if bone.parent is None]
+        if not roots:
+            raise ValueError(f"{armature.name!r} has no bones")
+        root = max(roots, key=lambda bone: len(bone.children_recursive))
+        self.bones = [root, *root.children_recursive]
+        place = {bone.name: k for k, bone in enumerate(self.bones)}
+        self.bones.sort(key=lambda bone: (_depth(bone), place[bone.name]))
+        index = {bone.name: k for k, bone in enumerate(self.bones)}
+        self.parents = [index[bone.parent.name] if bone.parent else -1 for bone in self.bones]
+        own = armature.matrix_world
+        self.world = Matrix.Rotation(-own.to_euler().z, 4, "Z") @ Matrix.Translation(-own.translation) @ own
+        """From the armature to metres, Z up, facing −Y, at the origin: the object's place and heading stay its own."""
+        self.names = _plain_names([bone.name for bone in self.bones])
+
+    def points(self, which: str) -> np.ndarray:
+        """(J, 3) heads or tails in the world, metres, Y up."""
+        found = [self.world @ getattr(bone, f"{which}_local") for bone in self.bones]
+        return np.array(found) @ TO_BVH.T
+
+    def key(self, motion: Frames, rest: Frames, action: bpy.types.Action, first: float) -> None:
+        """Write keys for all bones.
+
+        Args:
+            motion: rotations from a T-pose.
+            rest: one frame: those of the rest pose from the same T-pose.
+            action: gets the keys.
+            first: frame of the first key.
+        """
+        turn = np.array(self.world.to_3x3().normalized())
+        into = turn.T @ TO_BVH.T  # from the axes of the BVH to those of the armature
+        at = {name: k for k, name in enumerate(motion.names)}
+        columns = [at[name] for name in self.names]
+        away = motion.rotations[:, columns] @ np.swapaxes(rest.rotations[:, columns], -1, -2)
+        away = into @ away @ into.T
+        rests = np.array([np.array(bone.matrix_local.to_3x3()) for bone in self.bones])
+        posed = away @ rests
+        bag = _bag(action, self.armature)
+        for k, bone in enumerate(self.bones):
+            parent = self.parents[k]
+            above = posed[:, parent] if parent >= 0 else rests[:1]
+            between = (rests[parent].T if parent >= 0 else rests[0].T) @ (rests[k] if parent >= 0 else rests[0])
+            local = between.T @ np.swapaxes(above, -1, -2) @ posed[:, k]
+            quaternions = np.array([Matrix(turned).to_quaternion() for turned in local])
+            flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1))
+            quaternions[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
+            self.armature.pose.bones[bone.name].rotation_mode = "QUATERNION"
+            path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"]'
+            _write(bag, f"{path}.rotation_quaternion", quaternions, first)
+        scale = self.world.median_scale
+        moved = (motion.root - rest.root * (0, 1, 0)) @ into.T / scale @ rests[0]
+        path = f'pose.bones["{bpy.utils.escape_identifier(self.bones[0].name)}"].location'
+        _write(bag, path, moved, first)
+
+
+def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray, name: str, first: float) -> int:
+    """Write keys for the shape keys of the armature's meshes that have these names, in upper or lower case.
+
+    Args:
+        armature: whose meshes.
+        names: C channels.
+        weights: (T, C).
+        name: of the actions.
+        first: frame of the first key.
+
+    Returns:
+        How many shape keys there were.
+    """
+    count = 0
+    for mesh in bpy.data.objects:
+        worn = any(each.type == "ARMATURE" and each.object == armature for each in mesh.modifiers)
+        if mesh.type != "MESH" or mesh.data.shape_keys is None or not (worn or mesh.parent == armature):
+            continue
+        keys = mesh.data.shape_keys
+        known = {each.name.lower(): each.name for each in keys.key_blocks}
+        found = [(k, known[channel.lower()]) for k, channel in enumerate(names) if channel.lower() in known]
+        if not found:
+            continue
+        action = bpy.data.actions.new(f"{name} face")
+        bag = _bag(action, keys)
+        for k, key in found:
+            _write(bag, f'key_blocks["{bpy.utils.escape_identifier(key)}"].value', weights[:, k : k + 1], first)
+        count += len(found)
+    return count
+
+
+def _bag(action: bpy.types.Action, owner: bpy.types.ID) -> bpy.types.ActionChannelbag:
+    """Where the curves of an action go that the owner plays (Blender 4.4 and later)."""
+    slot = action.slots.new(id_type=owner.id_type, name=owner.name)
+    strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
+    data = owner.animation_data or owner.animation_data_create()
+    data.action, data.action_slot = action, slot
+    return strip.channelbag(slot, ensure=True)
+
+
+def _write(bag: bpy.types.ActionChannelbag, path: str, values: np.ndarray, first: float) -> None:
+    """A curve for each column of ``values (T, n)``, with a key on each frame."""
+    frames = first + np.arange(len(values))
+    for column in range(values.shape[1]):
+        curve = bag.fcurves.new(path, index=column)
+        curve.keyframe_points.add(len(values))
+        curve.keyframe_points.foreach_set("co", np.stack([frames, values[:, column]], -1).ravel())
+        curve.update()
+
+
+def _depth(bone: bpy.types.Bone) -> int:
+    return len(bone.parent_recursive)
+
+
+def _plain_names(names: list[str]) -> list[str]:
+    """Names as BVH files take them: without blanks, each once."""
+    plain: list[str] = []
+    for name in names:
+        word = re.sub(r"\s+", "_", name)
+        while word in plain:
+            word += "_"
+        plain.append(word)
+    return plain

@@ -1,0 +1,35 @@
+"""Where a hand is in the plan: at rest, or up with a gesture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..motion.rotations import Array
+from .minimum_jerk import MinimumJerkTrack
+
+__all__ = ["HandState", "effort_of"]
+
+
+@dataclass
+class HandState:
+    """One hand of a planner."""
+
+    track: MinimumJerkTrack
+    home: Array
+    """Where it rests."""
+    busy: float = -9.0
+    """No new preparation before this time."""
+    up_until: float = 0.0
+    """When the hand goes back to rest if nothing else is asked of it."""
+    place: str = "idle"
+    """"idle", "rest" or "up"."""
+    form: str = ""
+    last_stroke: float = -9.0
+    pose: Array | None = None
+    keeps: bool = False
+    """Whether it stays up until then, even if the speaker falls silent."""
+
+
+def effort_of(pose: Array) -> float:
+    """How tiring a place is for a hand, 0 (in front of the belly) … 1 (wide out or above the shoulder); ours."""
+    return float(min(max(pose[0] - 0.18, 0.0) / 0.25 + max(pose[1] + 0.40, 0.0) / 0.55, 1.0))

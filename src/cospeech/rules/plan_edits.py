@@ -1,0 +1,370 @@
+"""Plans and their edits. Each edit gives another plan and leaves the old one as it was."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..audio.emotions import EMOTIONS, EmotionTrack
+from ..audio.speech import Word
+from ..errors import InputError, nearest
+from ..files import atomic, parse_json, read_regular
+from ..limits import PLAN_BYTES, PLAN_VALUES
+from .options import SEEDS, GenerationOptions
+from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
+from .repertoire import FORMS, LEXICAL_FORMS
+
+__all__ = ["Plan", "Setting"]
+
+_CROWDED = 0.6
+"""Seconds between two strokes of a hand below which an added gesture takes the place of the other.
+
+[ours]: a gesture with its preparation takes about so long."""
+
+
+class Setting(NamedTuple):
+    """What holds from a time on."""
+
+    time: float
+    style: str | None
+    feels: str | tuple[EmotionMoment, ...]
+    intensity: float
+    seed: int
+
+    @property
+    def moods(self) -> str | EmotionTrack:
+        """The emotion, as an option of a model."""
+        return _moods(self.feels)
+
+
+class Plan(PlanData):
+    """What is gestured when: phrases, accents, gestures, gaze, emotions, seeds.
+
+    A new plan is open: nothing is listed, and all is planned from the seed when it is played. `RuleBasedModel.plan` gives the
+    plan of a speech with all gestures listed; each has an ``id`` that no edit changes.
+
+    >>> plan = Plan(seed=3).add("huge", at=2.4).add("point_left", at=5.0, size=1.3)
+    >>> [(gesture.id, gesture.form, gesture.stroke, gesture.hands) for gesture in plan.gestures]
+    [('a1', 'big', 2.4, None), ('a2', 'point', 5.0, 'left')]
+    >>> [gesture.form for gesture in plan.remove("a1").gestures]
+    ['point']
+    """
+
+    # ------------------------------------------------------------------------------------------------ files
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Plan:
+        """Read a plan from a JSON file.
+
+        Raises:
+            InputError: it cannot be read; or an entry is wrong, which the message names.
+        """
+        shown = repr(os.fsdecode(path)[-80:])
+        text = read_regular(path, "a plan", PLAN_BYTES)
+        try:
+            return parse_plan(cls, parse_json(text, shown, PLAN_VALUES), shown)
+        except RecursionError:
+            raise InputError(f"{shown} is nested too deeply", "is it a plan?") from None
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the plan as JSON: a line for each entry, so that it can be edited in any editor.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        with atomic(path) as temporary:
+            temporary.write_text(self.to_json(), "utf-8")
+
+    def to_json(self) -> str:
+        """The plan as JSON; what is not given is left out."""
+        import json
+
+        data = self.model_dump(by_alias=True, exclude_none=True)
+        lines = []
+        for key, value in data.items():
+            if isinstance(value, tuple | list) and value:
+                rows = ",\n".join(f"    {json.dumps(row, ensure_ascii=False)}" for row in value)
+                lines.append(f"  {json.dumps(key)}: [\n{rows}\n  ]")
+            else:
+                lines.append(f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}")
+        return "{\n" + ",\n".join(lines) + "\n}\n"
+
+    @classmethod
+    def of(cls, options: GenerationOptions) -> Plan:
+        """An open plan with the style, emotion, seed, intensity and temperature of these options.
+
+        Raises:
+            InputError: a style or an emotion that cannot be written down, such as an example.
+        """
+        if options.style is not None and not isinstance(options.style, str):
+            raise InputError("a style that is no text cannot be a part of a plan", "give it by name: calm:0.7,lively:0.3")
+        return cls.model_validate({
+            "style": options.style, "emotion": _emotion_data(options.emotion), "seed": options.seed,
+            "intensity": options.intensity, "temperature": options.temperature,
+        })  # fmt: skip
+
+    def options(self) -> dict[str, Any]:
+        """The options of `GenerationOptions` that the plan has."""
+        own = {"style": self.style, "emotion": self.moods, "seed": self.seed}
+        return own | {"intensity": self.intensity, "temperature": self.temperature}
+
+    @property
+    def moods(self) -> str | EmotionTrack:
+        """The emotion, as an option of a model."""
+        return _moods(self.emotion)
+
+    def settings(self) -> list[Setting]:
+        """What holds when: style, emotion, intensity and seed at each border of a stretch."""
+        usual = Setting(0.0, self.style, self.emotion, self.intensity, self.seed)
+        found = list[Setting]()
+        ordered = sorted(self.stretches, key=lambda each: each.start)
+        for k, each in enumerate(ordered):
+            own: dict[str, Any] = {"style": each.style, "feels": each.emotion, "intensity": each.intensity, "seed": each.seed}
+            found.append(usual._replace(time=each.start, **{n: value for n, value in own.items() if value is not None}))
+            if k + 1 == len(ordered) or ordered[k + 1].start > each.end:
+                found.append(usual._replace(time=each.end))
+        return found
+
+    # ------------------------------------------------------------------------------------------------ gestures
+
+    def find(self, gesture: str) -> PlannedGesture:
+        """A gesture by its id, or the one whose stroke is the nearest: ``"@2.4"``.
+
+        Raises:
+            InputError: there is none.
+        """
+        if gesture.startswith("@") and self.gestures:
+            time = _number(gesture[1:], "a time in seconds")
+            return min(self.gestures, key=lambda each: abs(each.stroke - time))
+        for each in self.gestures:
+            if each.id == gesture:
+                return each
+        known = [each.id for each in self.gestures]
+        hint = nearest(gesture[:40], known) if known else "no gesture is listed: save the plan of a speech first"
+        raise InputError(f"no gesture of the plan is called {gesture[:40]!r}", hint)
+
+    def add(
+        self, form: str, *, at: float | None = None, word: str | None = None, hands: str | None = None, **fields: Any
+    ) -> Plan:
+        """Another gesture. It takes the place of those of its hands that would be less than 0.6 s away.
+
+        Args:
+            form: of `find_form`: a form, with ``_left``, ``_right`` or ``_both`` where you like; or a word of the lexicon.
+            at: seconds of its stroke.
+            word: or a word of the transcript on which it strokes: ``"there"``; the second one is ``"there:2"``.
+            hands: left, right or both; where not given, by the form or the planner.
+            fields: others of `PlannedGesture`.
+
+        Raises:
+            InputError: no such form or word, a value out of range, or a locked time.
+        """
+        name, side = find_form(form)
+        if (at is None) == (word is None):
+            raise InputError("a gesture needs a time or a word", "at=2.4, or word='there'")
+        spoken = "" if word is None else self._word(word)[0]
+        stroke = at if at is not None else self._word(word or "")[1]
+        ids, number = {each.id for each in self.gestures}, 1
+        while f"a{number}" in ids:
+            number += 1
+        known = FORMS.get(name) or LEXICAL_FORMS.get(name)
+        score = known.score if known else 0.1
+        entry = {"id": f"a{number}", "form": name, "stroke": stroke, "hands": hands or side, "word": spoken, "score": score}
+        added = self._with_fields(gestures=[entry | fields]).gestures[0]
+        self._check_free(added.stroke)
+        near = {
+            each.id for each in self.gestures
+            if abs(each.stroke - added.stroke) < _CROWDED and each.shares_hand(added) and not self._is_locked(each.stroke)
+        } if name != SUPERIMPOSED else set()  # fmt: skip
+        return self._with([*(each for each in self.gestures if each.id not in near), added])
+
+    def remove(self, gesture: str) -> Plan:
+        """Without a gesture; for names see `find`. Beats that were superimposed on it go, too, unless they are locked.
+
+        Raises:
+            InputError: there is no such gesture, or it is locked.
+        """
+        gone = self.find(gesture)
+        self._check_free(gone.stroke)
+        rest = sorted((each for each in self.gestures if each.id != gone.id), key=lambda each: each.stroke)
+        kept, on_it = list[PlannedGesture](), gone.form != SUPERIMPOSED
+        for each in rest:
+            if each.stroke > gone.stroke and each.form != SUPERIMPOSED and each.shares_hand(gone):
+                on_it = False
+            superimposed = each.form == SUPERIMPOSED and each.stroke > gone.stroke and each.shares_hand(gone)
+            if not (on_it and superimposed and not self._is_locked(each.stroke)):
+                kept.append(each)
+        return self._with(kept)
+
+    def move(self, gesture: str, to: float) -> Plan:
+        """A gesture whose stroke is at another time in seconds; it keeps its length.
+
+        Raises:
+            InputError: there is no such gesture, it would meet another of its hands, or one of the times is locked.
+        """
+        old = self.find(gesture)
+        by = to - old.stroke
+        times = {"start": old.start, "end": old.end}
+        moved = {name: round(max(value + by, -0.45), 4) for name, value in times.items() if value is not None}
+        return self.change(old.id, stroke=to, **moved)
+
+    def change(self, gesture: str, **fields: Any) -> Plan:
+        """A gesture with other fields of `PlannedGesture`; with another form, its place is that of the form.
+
+        Raises:
+            InputError: there is no such gesture or field, a value is out of range, or a time is locked.
+        """
+        old = self.find(gesture)
+        self._check_free(old.stroke)
+        if "form" in fields:
+            form, side = find_form(str(fields["form"]))
+            usual = {"start": None, "place": None, "end": None, "hold": None} if form != old.form else {}
+            fields = {**usual, **fields, "form": form} | ({"hands": side} if side else {})
+        data = [each.model_dump() | (fields if each.id == old.id else {}) for each in self.gestures]
+        changed = self._with_fields(gestures=data)
+        self._check_free(next(each for each in changed.gestures if each.id == fields.get("id", old.id)).stroke)
+        return self._with(changed.gestures)
+
+    # ------------------------------------------------------------------------------------------------ stretches
+
+    def reseed(self, start: float, end: float, seed: int | None = None) -> Plan:
+        """Another performance from ``start`` to ``end`` seconds: gestures and gaze are planned anew there, locked ones stay.
+
+        Args:
+            start, end: seconds.
+            seed: that of the plan, and those of other stretches, count up by one where it is not given.
+
+        Raises:
+            InputError: no stretch of time, or all of it is locked.
+        """
+        if seed is None:
+            seed = (max([self.seed, *(each.seed for each in self.stretches if each.seed is not None)]) + 1) % SEEDS
+        return self.set(start, end, seed=seed, open=True)
+
+    def set(self, start: float, end: float, **values: Any) -> Plan:
+        """Values of their own for a stretch, except where it is locked: seed, style, emotion, intensity.
+
+        Raises:
+            InputError: no stretch of time, all of it is locked, or a value is out of range.
+        """
+        asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
+        free = _without([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
+        if not free:
+            raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
+        stretches = list(self.stretches)
+        for low, high in free:
+            stretches = _lay(stretches, low, high, values)
+
+        def is_planned_anew(time: float) -> bool:
+            return "seed" in values and any(low <= time < high for low, high in free)
+
+        return self._with_fields(
+            stretches=[each.model_dump() for each in stretches],
+            gestures=[each.model_dump() for each in self.gestures if not is_planned_anew(each.stroke)],
+            gaze=[each.model_dump() for each in self.gaze if not is_planned_anew(each.time)],
+        )
+
+    def lock(self, start: float, end: float) -> Plan:
+        """Edits of the gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.
+
+        Raises:
+            InputError: no stretch of time.
+        """
+        return self._with_fields(locked=[*(each.model_dump() for each in self.locked), {"from": start, "to": end}])
+
+    def unlock(self) -> Plan:
+        """Nothing is locked."""
+        return self._with_fields(locked=())
+
+    def with_words(self, words: Iterable[Word]) -> Plan:
+        """The plan with the words of a transcript."""
+        return self.model_copy(update={"words": words_of(words)})
+
+    # ------------------------------------------------------------------------------------------------ parts of them
+
+    def _with_fields(self, **fields: Any) -> Plan:
+        return parse_plan(type(self), self.model_dump() | fields, "")
+
+    def _with(self, gestures: Iterable[PlannedGesture]) -> Plan:
+        return self._with_fields(gestures=[each.model_dump() for each in sorted(gestures, key=lambda each: each.stroke)])
+
+    def _is_locked(self, time: float) -> bool:
+        return any(each.holds(time) for each in self.locked)
+
+    def _check_free(self, time: float) -> None:
+        if self._is_locked(time):
+            raise InputError(f"{time:g} s is in a stretch that is locked", "plan.unlock(), or edit another gesture")
+
+    def _word(self, asked: str) -> tuple[str, float]:
+        """A word and the time of a stroke on it."""
+        text, _, number = asked.partition(":")
+        wanted = text.strip().lower().strip(".,;:!?\"'")
+        found = [each for each in self.words if each.text.lower().strip(".,;:!?\"'") == wanted]
+        count = 1 if not number else int(_number(number, "which of them"))
+        if not self.words:
+            raise InputError(f"no words are known, so none is {text[:40]!r}", "give a transcript with times")
+        if not 1 <= count <= len(found):
+            times = f"is there {len(found)} times" if found else "is not there"
+            raise InputError(
+                f"the word {asked[:40]!r} {times}", nearest(wanted[:40], dict.fromkeys(w.text for w in self.words))
+            )
+        word = found[count - 1]
+        return word.text, round(word.start + 0.4 * (word.end - word.start), 4)  # as `Planner` strokes on words
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{text[:40]!r} is not {what}", "such as 2") from None
+
+
+def _moods(emotion: str | tuple[EmotionMoment, ...]) -> str | EmotionTrack:
+    if isinstance(emotion, str):
+        return emotion
+    weights = np.array([[mood.weights.get(name, 0.0) for name in EMOTIONS] for mood in emotion])
+    weights[:, 0] += np.maximum(1.0 - weights.sum(1), 0.0)  # neutral
+    weights /= weights.sum(1, keepdims=True)
+    return EmotionTrack(np.array([mood.time for mood in emotion]), weights)
+
+
+def _emotion_data(emotion: object) -> object:
+    """An emotion as a plan has it."""
+    if not isinstance(emotion, EmotionTrack):
+        if not isinstance(emotion, str):
+            raise InputError("an emotion that is heard cannot be a part of a plan", "auto, a name or an EmotionTrack")
+        return emotion
+    rows = zip(emotion.times.tolist(), emotion.weights.tolist(), strict=True)
+    return tuple(
+        {"time": max(time, 0.0), "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
+        for time, row in rows
+    )
+
+
+def _without(parts: list[tuple[float, float]], taken: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Stretches without those that are taken."""
+    for low, high in taken:
+        parts = [
+            piece
+            for a, b in parts
+            for piece in ((a, min(b, low)), (max(a, high), b))
+            if piece[0] < piece[1]
+        ]  # fmt: skip
+    return parts
+
+
+def _lay(stretches: list[Stretch], low: float, high: float, values: dict[str, Any]) -> list[Stretch]:
+    """Values over a stretch, on top of what there is."""
+    laid = list[Stretch]()
+    for each in stretches:
+        for a, b in _without([(each.start, each.end)], [(low, high)]):
+            laid.append(each.model_copy(update={"start": a, "end": b}))
+        a, b = max(each.start, low), min(each.end, high)
+        if a < b:
+            laid.append(each.model_copy(update={"start": a, "end": b, **values}))
+    gaps = _without([(low, high)], ((each.start, each.end) for each in stretches))
+    laid += [Stretch.model_validate({"from": a, "to": b, **values}) for a, b in gaps]
+    return sorted(laid, key=lambda each: each.start)

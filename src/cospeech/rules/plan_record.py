@@ -1,0 +1,89 @@
+"""A plan while it is played: who performs it, and what is noted for the plan that is written."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import islice
+from typing import Any
+
+from ..audio.emotions import Moods
+from ..audio.event_detection import EventDetector
+from ..audio.speech import Word
+from ..errors import InputError
+from .arousal import arouse
+from .emotion_modifiers import EmotionModifier, blend_modifiers
+from .mood import Mood
+from .plan_edits import Plan, Setting
+from .plan_model import HeardAccent, HeardPhrase, words_of
+from .plan_player import PlanPlayer
+from .styles import Style, find_style
+
+__all__ = ["PlanRecord"]
+
+_DIGITS = 4
+
+
+class PlanRecord:
+    """A plan under way.
+
+    Args:
+        plan: what is played.
+        style: of the beginning.
+        emotion: of the plan, outside of its stretches.
+        intensity, temperature: as of `Planner`.
+
+    Raises:
+        InputError: a stretch with a style that there is not, or one that sits where the other stands.
+    """
+
+    def __init__(self, plan: Plan, style: Style, emotion: Moods | None, *, intensity: float, temperature: float) -> None:
+        for k, stretch in enumerate(plan.stretches):
+            if stretch.style is not None and find_style(stretch.style).seated != style.seated:
+                raise InputError(
+                    f"stretches[{k}].style: {stretch.style!r} sits where the plan stands, or stands", "another style"
+                )
+        self.player = PlanPlayer(style, plan, intensity=intensity, temperature=temperature)
+        self.words: list[Word] = []
+        self._settings = deque(plan.settings())
+        self._usual = Mood(emotion) if any(each.emotion is not None for each in plan.stretches) else None
+        self._accents: dict[float, HeardAccent] = {}
+        self._phrases: dict[float, float] = {}
+
+    def settings_until(self, now: float) -> list[Setting]:
+        """What begins to hold up to this time in seconds, and was not told yet."""
+        found = []
+        while self._settings and self._settings[0].time <= now + 1e-9:
+            found.append(self._settings.popleft())
+        return found
+
+    def note(self, now: float, modifier: EmotionModifier, mood: Mood, detector: EventDetector) -> None:
+        """One tick, before it is planned."""
+        self.player.base_modifier = modifier
+        if self._usual is not None:  # what a source decides must not depend on the emotion of a stretch
+            if self._usual.track is not None:
+                self._usual.keep(now)
+            level = mood.arousal.level if self._usual.track is None else 0.0
+            self.player.base_modifier = arouse(blend_modifiers(self._usual.probabilities), level)
+        for accent in _latest(detector.accents):
+            strength = min(round(accent.strength, _DIGITS), 2.0)
+            self._accents.setdefault(accent.time, HeardAccent(time=round(accent.time, _DIGITS), strength=strength))
+        for phrase in _latest(detector.phrases):
+            self._phrases[phrase.start] = phrase.end
+
+    def plan(self, seconds: float) -> Plan:
+        """The plan as it was played so far.
+
+        Args:
+            seconds: length of the speech.
+        """
+        phrases = [
+            HeardPhrase(start=round(max(start, 0.0), _DIGITS), end=round(end, _DIGITS)) for start, end in self._phrases.items()
+        ]
+        return self.player.plan().model_copy(update={
+            "seconds": round(seconds, _DIGITS), "words": words_of(self.words), "phrases": tuple(phrases),
+            "accents": tuple(self._accents.values()),
+        })  # fmt: skip
+
+
+def _latest(events: Any) -> list[Any]:
+    return list(islice(reversed(events), 32))[::-1]

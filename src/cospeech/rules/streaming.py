@@ -1,0 +1,53 @@
+"""Speech that comes in pieces: what is checked of a piece, and the motion of a session to all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from ..audio.speech import Speech
+from ..errors import InputError
+from ..motion.motion import Motion
+
+__all__ = ["MOST_AT_ONCE", "check_speech", "in_short", "stream_motion"]
+
+MOST_AT_ONCE = 4.0
+"""Seconds of motion that are made in one go when there is plenty to do. [ours] More take memory and save little time."""
+
+
+def check_speech(speech: object) -> None:
+    """Say what is wrong where something else than speech is given.
+
+    Raises:
+        InputError: it is not a `Speech`.
+    """
+    if not isinstance(speech, Speech):
+        raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")
+
+
+def in_short(chunk: Speech) -> Iterable[Speech]:
+    """A piece of speech as it is; a long one in pieces of four seconds."""
+    return chunk.chunks(MOST_AT_ONCE) if len(chunk) > MOST_AT_ONCE * chunk.rate else [chunk]
+
+
+class _Pushed(Protocol):
+    """What `stream_motion` asks of a session."""
+
+    def push(self, chunk: Speech) -> Iterator[Motion]: ...
+
+    def finish(self) -> Iterator[Motion]: ...
+
+
+def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
+    """The motion of a session to speech that comes in pieces of any size; of long ones, four seconds are worked off at once.
+
+    Raises:
+        InputError: one `Speech` in place of several, or something else than speech.
+    """
+    if isinstance(chunks, Speech):
+        raise InputError("stream takes a list of pieces of speech, not one Speech", "stream([speech]), or generate(speech)")
+    for chunk in chunks:
+        check_speech(chunk)
+        for piece in in_short(chunk):
+            yield from session.push(piece)
+    yield from session.finish()

@@ -1,0 +1,284 @@
+"""The local web server: who may ask, how much may be sent, and what a page may load.
+
+Every page of ours is served through `Guard`. It refuses foreign hosts and origins, holds back large and slow requests, asks
+for a token where the server is open to a network, and adds the headers that keep a page from loading anything from elsewhere.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import secrets
+import socket
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from importlib import import_module
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from ..errors import InputError, InternalError
+
+__all__ = ["Guard", "is_loopback", "load_web", "make_token", "open_socket", "run_server", "server_of"]
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+MESSAGE_BYTES = 1 << 20
+"""Of a request or a message of a WebSocket; ours: an answer has some hundred bytes."""
+REQUEST_SECONDS = 10.0
+"""Until a request is complete; ours: some hundred bytes take no time on the slowest line."""
+CONNECTIONS = 400
+"""At once; ours: below the 1024 open files that systems usually allow. Others are answered 503."""
+COOKIE = "cospeech-token"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Content-Security-Policy: everything comes from this server, and nothing is written into the page as code."""
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "cache-control": "no-store",
+}
+
+
+def load_web(module: str) -> Any:
+    """A module of the extra ``studio`` by name, ``"starlette.routing"`` or ``"uvicorn"``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError:
+        raise InputError(f"local pages need {module.partition('.')[0]}", "pip install 'cospeech[studio]'") from None
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach an address to listen at."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def make_token() -> str:
+    """A secret that cannot be guessed: 128 random bits."""
+    return secrets.token_urlsafe(16)
+
+
+def _host_name(host: str) -> str:
+    """The name in a ``Host`` header, without its port."""
+    return (urlsplit(f"//{host}").hostname or "") if host else ""
+
+
+class Guard:
+    """Lets through what a page of this server sends, and answers everything else itself.
+
+    Args:
+        app: the application behind it.
+        token: what every client must bring, as ``?token=``, as a cookie or as ``Authorization: Bearer``; None: any client may
+            come, but only one that calls this machine by a name of its own (against DNS rebinding).
+        limit: bytes of a request.
+        seconds: until a request is complete.
+    """
+
+    def __init__(
+        self, app: App, *, token: str | None = None, limit: int = MESSAGE_BYTES, seconds: float = REQUEST_SECONDS
+    ) -> None:
+        self._app, self._token, self._limit, self._seconds = app, token, limit, seconds
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        refused = self._refuse(scope, headers)
+        if scope["type"] == "websocket":
+            if refused or "origin" not in headers:
+                await receive()
+                await send({"type": "websocket.close", "code": 4403})
+            else:
+                await self._app(scope, receive, send)
+            return
+        if refused is None and self._brings_token(scope):
+            cookie = f"{COOKIE}={self._token}; Path=/; HttpOnly; SameSite=Strict"
+            await _answer(send, 303, "", {"location": _without_token(scope), "set-cookie": cookie})
+            return
+        body: bytes | tuple[int, str] = refused or await self._body(headers, receive)
+        if isinstance(body, tuple):
+            await _answer(send, *body)
+            return
+        await self._app(scope, _replay(body, receive), _with_headers(send))
+
+    def _refuse(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+        """Why a request is refused, by status and words; None: it is not."""
+        host = headers.get("host", "")
+        try:
+            name, origin = _host_name(host), headers.get("origin")
+            own = origin is None or (urlsplit(origin).scheme in ("http", "https") and urlsplit(origin).netloc == host)
+        except ValueError:
+            return 400, "the address cannot be read"
+        if self._token is None and not is_loopback(name):
+            return 421, "this server answers to localhost only"
+        if not own:
+            return 403, "this page may not ask this server"
+        if scope.get("method") not in (None, "GET", "HEAD") and headers.get("sec-fetch-site", "none") == "cross-site":
+            return 403, "this page may not ask this server"
+        if self._token is not None and not any(secrets.compare_digest(t, self._token) for t in _tokens(scope, headers)):
+            return 401, "the address lacks the token that the server has printed"
+        return None
+
+    def _brings_token(self, scope: Scope) -> bool:
+        """Whether the token stands in the address, from where a cookie takes it over."""
+        return self._token is not None and scope.get("method") == "GET" and "token" in _query(scope)
+
+    async def _body(self, headers: dict[str, str], receive: Receive) -> bytes | tuple[int, str]:
+        """The whole of a request, or the answer to one that is too large or too slow."""
+        length = headers.get("content-length", "0")
+        if not (length.isascii() and length.isdigit()):
+            return 400, "the length cannot be read"
+        if int(length) > self._limit:
+            return 413, f"at most {self._limit} bytes"
+        held, more = bytearray(), True
+        try:
+            async with asyncio.timeout(self._seconds):
+                while more:
+                    message = await receive()
+                    if message["type"] == "http.disconnect":
+                        return 400, "the request is not complete"
+                    held += message.get("body", b"")
+                    more = message.get("more_body", False)
+                    if len(held) > self._limit:
+                        return 413, f"at most {self._limit} bytes"
+        except TimeoutError:
+            return 408, "the request is too slow"
+        return bytes(held)
+
+
+def _query(scope: Scope) -> dict[str, list[str]]:
+    try:
+        return parse_qs(scope.get("query_string", b"").decode("ascii"), max_num_fields=20)
+    except ValueError:
+        return {}
+
+
+def _without_token(scope: Scope) -> str:
+    """Where a browser goes on when its cookie has the token: the same page of this server."""
+    participant = _query(scope).get("participant", [""])[0]
+    kept = f"?participant={participant}" if participant.isascii() and participant.isalnum() else ""
+    return f"./{kept}"
+
+
+def _tokens(scope: Scope, headers: dict[str, str]) -> list[str]:
+    """All that a client offers as the token."""
+    found = _query(scope).get("token", [])[:1]
+    try:
+        cookie = SimpleCookie(headers.get("cookie", ""))
+        found += [cookie[COOKIE].value] if COOKIE in cookie else []
+    except CookieError:
+        pass
+    scheme, _, value = headers.get("authorization", "").partition(" ")
+    found += [value] if scheme.lower() == "bearer" else []
+    return [token for token in found if token.isascii()]
+
+
+def _replay(body: bytes, receive: Receive) -> Receive:
+    """Messages of a request that was read before; then those that come."""
+    told = False
+
+    async def again() -> Message:
+        nonlocal told
+        if told:
+            return await receive()
+        told = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return again
+
+
+def _with_headers(send: Send) -> Send:
+    async def more(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            raw = [(name, value) for name, value in message.get("headers", []) if name.decode("latin-1").lower() not in HEADERS]
+            raw += [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message = {**message, "headers": raw}
+        await send(message)
+
+    return more
+
+
+async def _answer(send: Send, status: int, text: str, headers: dict[str, str] | None = None) -> None:
+    """A short answer of the guard; the connection ends, because the rest of the request may still come."""
+    own = {"content-type": "text/plain; charset=utf-8", "content-length": str(len(text.encode())), "connection": "close"}
+    raw = [(name.encode(), value.encode("latin-1")) for name, value in (own | (headers or {})).items()]
+    send = _with_headers(send)
+    await send({"type": "http.response.start", "status": status, "headers": raw})
+    await send({"type": "http.response.body", "body": text.encode()})
+
+
+# serving --------------------------------------------------------------------------------------------------------------
+
+
+def open_socket(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 takes any free one.
+
+    Raises:
+        InputError: the port is taken, or the address is none of this machine.
+    """
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        made = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # asyncio sends at once only if TCP is said
+    except OSError as error:
+        raise InternalError(f"no socket: {error.strerror}") from None
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((host, port))
+        made.listen(256)
+    except (OSError, OverflowError) as error:
+        made.close()
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot listen at {host} port {port}: {why}", "choose another --port, or 0 for any") from None
+    return made
+
+
+def server_of(app: App) -> Any:
+    """The server of an application, which runs with ``run(sockets=[…])`` and ends when ``should_exit`` is set."""
+    uvicorn = load_web("uvicorn")
+    base = import_module("uvicorn.protocols.http.h11_impl").H11Protocol
+
+    class Protocol(base):  # type: ignore[misc,valid-type]
+        """HTTP whose connections end if no request is complete in `REQUEST_SECONDS`."""
+
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            self.loop.call_later(REQUEST_SECONDS, self.look, None)
+
+        def look(self, before: Any) -> None:
+            """Close the connection if nothing was completed since the last look; ``before``: the request of that time."""
+            if self.transport is None or self.transport.is_closing():
+                return
+            if before is self.cycle and (self.cycle is None or self.cycle.response_complete):
+                self.transport.close()
+            else:
+                self.loop.call_later(REQUEST_SECONDS, self.look, self.cycle)
+
+    config = uvicorn.Config(
+        app, http=Protocol, ws="none", loop="asyncio", lifespan="off", interface="asgi3", log_config=None, access_log=False,
+        server_header=False, date_header=False, proxy_headers=False, limit_concurrency=CONNECTIONS, timeout_keep_alive=30,
+        timeout_graceful_shutdown=2, h11_max_incomplete_event_size=1 << 15,
+    )  # fmt: skip
+    return uvicorn.Server(config)
+
+
+def run_server(app: App, listening: socket.socket) -> None:
+    """Serve an application until the program is interrupted."""
+    with listening:
+        server_of(app).run(sockets=[listening])

@@ -1,0 +1,118 @@
+"""What one rater sees, in which order: counterbalanced over raters, the same for the same seed and number.
+
+Speeches are dealt out in turn, so that each is seen equally often. A session has a round for every comparison: in a round each
+speech comes once. Which comparison of a speech comes in which round follows a cyclic Latin square, and so does the order of
+clips on the page; each pair is seen as often with one clip on the left as with the other.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from random import Random
+from typing import Any, NamedTuple
+
+from .plan import StudyPlan
+
+__all__ = ["Trial", "answer_keys", "describe_trial", "make_session"]
+
+
+class Trial(NamedTuple):
+    """One page of a session.
+
+    Args:
+        stimulus: the speech.
+        systems: whose clips are shown, from left to right.
+        check: ``first`` or ``last``: the rater is told to choose this answer everywhere; ``same``: the same clip stands there
+            twice, and the answer must be that the styles are the same; None: no check.
+    """
+
+    stimulus: str
+    systems: tuple[str, ...]
+    check: str | None = None
+
+
+def comparisons(plan: StudyPlan) -> list[tuple[str, ...]]:
+    """Which systems are shown together."""
+    if plan.shows == "single":
+        return [(system,) for system in plan.systems]
+    if plan.shows == "group":
+        return [tuple(plan.systems)]
+    if plan.reference is not None:
+        return [(plan.reference, system) for system in plan.systems if system != plan.reference]
+    return list(combinations(plan.systems, 2))
+
+
+def make_session(plan: StudyPlan, number: int) -> list[Trial]:
+    """The trials of a rater.
+
+    Args:
+        number: of the rater, from 0.
+    """
+    stimuli = Random(f"{plan.seed}/stimuli").sample(plan.stimuli, len(plan.stimuli))
+    units, draw = comparisons(plan), Random(f"{plan.seed}/{number}")
+    each = min(plan.stimuli_each, len(stimuli))
+    dealt = [divmod(number * each + k, len(stimuli)) for k in range(each)]  # how often it was seen before, and which
+    trials: list[Trial] = []
+    for turn in range(len(units)):
+        batch = []
+        for visit, which in dealt:
+            unit = (which + visit + turn) % len(units)
+            shift = (visit // len(units) + visit + which + unit) % len(units[unit])
+            batch.append(Trial(stimuli[which], units[unit][shift:] + units[unit][:shift]))
+        draw.shuffle(batch)
+        if trials and len(batch) > 1 and trials[-1].stimulus == batch[0].stimulus:
+            batch.append(batch.pop(0))
+        trials += batch
+    return _with_checks(plan, trials, draw)
+
+
+def _with_checks(plan: StudyPlan, trials: list[Trial], draw: Random) -> list[Trial]:
+    """Attention checks among the trials, evenly spread."""
+    found, length = list(trials), len(trials)
+    alike = plan.reference is not None and any(question.kind == "same" for question in plan.questions)
+    for k in reversed(range(plan.checks)):
+        like = draw.choice(trials)
+        check = Trial(like.stimulus, like.systems, draw.choice(("first", "last")))
+        if alike and k % 2 == 0 and plan.reference is not None:
+            check = Trial(like.stimulus, (plan.reference,) * len(like.systems), "same")
+        found.insert(1 + (k + 1) * length // (plan.checks + 1), check)
+    return found
+
+
+def answer_keys(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], list[int]]:
+    """(question, place of the clip, or −1 where it is about all clips) → the values that may be answered."""
+    keys = {}
+    for question in plan.questions:
+        values = [value for value, _ in question.options(len(trial.systems))]
+        for place in range(len(trial.systems)) if question.kind == "scale" else (-1,):
+            keys[question.name, place] = values
+    return keys
+
+
+def passes(plan: StudyPlan, trial: Trial, answers: dict[tuple[str, int], int]) -> bool:
+    """Whether the answers to an attention check are those that were asked for."""
+    if trial.check == "same":
+        alike = {question.name for question in plan.questions if question.kind == "same"}
+        return all(value == 1 for (name, _), value in answers.items() if name in alike)
+    end = 0 if trial.check == "first" else -1
+    return all(answers.get(key) == values[end] for key, values in answer_keys(plan, trial).items())
+
+
+def describe_trial(plan: StudyPlan, trial: Trial) -> dict[str, Any]:
+    """What the page is told of a trial: ids of clips, and the text of a check; never a name."""
+    ids = {(clip.system, clip.stimulus): clip.file for clip in plan.clips}
+    notice = ""
+    if trial.check in ("first", "last"):
+        notice = f"Attention check: choose the {trial.check} answer to every question on this page."
+    return {"clips": [ids[system, trial.stimulus] for system in trial.systems], "notice": notice}
+
+
+def describe_study(plan: StudyPlan) -> dict[str, Any]:
+    """What the page is told of the study; nothing about its systems."""
+    shown = len(comparisons(plan)[0])
+    questions = [
+        {"name": q.name, "text": q.text, "each": q.kind == "scale", "options": [[v, w] for v, w in q.options(shown)]}
+        for q in plan.questions
+    ]
+    words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "shows")}
+    return {**words, "muted": plan.variant == "mute", "questions": questions, "study": plan.digest}

@@ -1,0 +1,106 @@
+"""A study without a server: a folder for any web space, and the answers that raters send back as files."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError
+from ...files import parse_json, read_regular, workplace
+from .answers import Answers, Rater, check_answers
+from .app import MOST_CODE, PAGE_FILES, page_file
+from .plan import CLIPS, StudyPlan, load_plan
+from .session import describe_study, describe_trial, make_session
+
+__all__ = ["export_page", "import_answers"]
+
+ANSWER_BYTES = 1 << 22
+"""Of a rater's file; one of 100 trials has 20 kB."""
+ANSWER_VALUES = 200_000
+"""Commas, lists and objects in it."""
+SESSIONS = (1, 5000)
+"""In an exported page; each takes some kB."""
+
+
+def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
+    """Write a study as a folder of files for any web space; the page offers the answers as a download.
+
+    Args:
+        study: the folder of the study.
+        page: the folder to make.
+        sessions: how many orders the page holds; a rater gets one by chance, or that of ``?session=7``.
+
+    Raises:
+        InputError: the folder exists, or the study is not whole.
+    """
+    if not SESSIONS[0] <= sessions <= SESSIONS[1]:
+        raise InputError(f"{sessions} sessions", f"{SESSIONS[0]} … {SESSIONS[1]}")
+    if page.exists():
+        raise InputError(f"{str(page)!r} exists already", "name a new folder")
+    plan = load_plan(study)
+    orders = [[describe_trial(plan, trial) for trial in make_session(plan, k)] for k in range(sessions)]
+    page.parent.mkdir(parents=True, exist_ok=True)
+    with workplace(page.parent) as place:
+        made = place / "page"
+        (made / CLIPS).mkdir(parents=True)
+        for name in PAGE_FILES:
+            (made / name).write_bytes(page_file(name).replace(b'data-mode="server"', b'data-mode="static"'))
+        held = {"study": describe_study(plan), "sessions": orders}
+        (made / "study.json").write_text(json.dumps(held, ensure_ascii=False), "utf-8")
+        for clip in plan.clips:
+            source = study / CLIPS / clip.file
+            if not source.is_file():
+                raise InputError(f"the clip {str(source)!r} is missing", "make the study again")
+            shutil.copyfile(source, made / CLIPS / clip.file)
+        made.rename(page)
+    return plan
+
+
+def import_answers(study: Path, files: Sequence[Path]) -> tuple[int, int]:
+    """Take in files that raters of an exported page have sent; all are checked before one is taken.
+
+    Returns:
+        How many sessions were added, and how many were known already.
+
+    Raises:
+        InputError: a file is none of this study's, or an answer in it is not valid; the file is named.
+    """
+    plan = load_plan(study)
+    read = [_read_session(plan, path) for path in files]
+    with Answers(study, plan) as answers:
+        added = sum(answers.add_session(rater, trials) for rater, trials in read)
+    return added, len(read) - added
+
+
+def _read_session(plan: StudyPlan, path: Path) -> tuple[Rater, dict[int, tuple[dict[tuple[str, int], int], float]]]:
+    """A rater and the answers from a file."""
+    given = parse_json(read_regular(path, "the answers of a rater", ANSWER_BYTES), str(path), ANSWER_VALUES)
+    hint = "is it the file that the page of this study has saved?"
+    if not isinstance(given, dict) or given.get("study") != plan.digest:
+        raise InputError(f"{str(path)!r} holds no answers to this study", hint)
+    name, number, code, rows = (given.get(key) for key in ("rater", "session", "participant", "answers"))
+    if not isinstance(name, str) or not re.fullmatch("[0-9a-f]{32}", name) or not isinstance(rows, list):
+        raise InputError(f"{str(path)!r} has no rater or no answers", hint)
+    if type(number) is not int or not 0 <= number < SESSIONS[1]:
+        raise InputError(f"{str(path)!r}: there is no session {number!r}", hint)
+    if not isinstance(code, str) or len(code) > MOST_CODE:
+        raise InputError(f"{str(path)!r}: the code of the invitation is not valid", hint)
+    trials, found = make_session(plan, number), {}
+    for row in rows:
+        k, seconds = (row.get("trial"), row.get("seconds")) if isinstance(row, dict) else (None, None)
+        if type(k) is not int or not 0 <= k < len(trials) or type(seconds) not in (int, float):
+            raise InputError(f"{str(path)!r}: there is no such trial: {k!r}", hint)
+        try:
+            found[k] = check_answers(plan, trials[k], row.get("answers")), _number(seconds)
+        except InputError as error:
+            raise InputError(f"{str(path)!r}: trial {k}: {error.problem}", error.hint) from None
+    return Rater(name, number, code), found
+
+
+def _number(value: Any) -> float:
+    """A number of any size as a float."""
+    return float(min(max(value, 0), 1e9))

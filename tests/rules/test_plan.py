@@ -1,0 +1,337 @@
+"""Plans of gestures: written, read back, edited, and played."""
+
+from __future__ import annotations
+
+import json
+import random
+import warnings
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cospeech
+from cospeech import InputError, Motion, Plan, Speech
+from cospeech.errors import CospeechWarning
+from cospeech.rules import GenerationOptions, RuleBasedModel
+from cospeech.rules.plan_commands import PlanCommands
+
+EXAMPLE = Path(cospeech.__file__).parent / "assets" / "example"
+FPS, SECONDS = 30, 12.0
+MUTANTS = 500
+PLAYED = 20  # of the mutants that are plans: each is generated
+
+
+@cache
+def speech() -> Speech:
+    return Speech.load(EXAMPLE / "example.ogg", transcript=EXAMPLE / "example.TextGrid").window(0, SECONDS)
+
+
+@cache
+def plan() -> Plan:
+    return RuleBasedModel().plan(speech())
+
+
+@cache
+def usual() -> Motion:
+    return RuleBasedModel().generate(speech())
+
+
+def play(edited: Plan) -> Motion:
+    return RuleBasedModel().generate(speech(), plan=edited)
+
+
+def same(a: Motion, b: Motion) -> bool:
+    return all(np.array_equal(x, y) for x, y in ((a.rotations, b.rotations), (a.root, b.root), (a.face, b.face)))
+
+
+def wrists(motion: Motion) -> np.ndarray:
+    """(T, 2, 3) metres."""
+    at = motion.skeleton.index
+    return motion.positions()[:, [at["leftHand"], at["rightHand"]]]
+
+
+def moved(edited: Motion) -> np.ndarray:
+    """(T,) metres between the wrists of an edited motion and of the usual one."""
+    return np.linalg.norm(wrists(edited) - wrists(usual()), axis=-1).max(1)
+
+
+def at(time: float) -> int:
+    return round(time * FPS)
+
+
+def a_gesture() -> str:
+    """Id of one in the middle of the speech that makes way on the picture, too."""
+    return next(each.id for each in plan().gestures if each.stroke > 5 and each.form != "superimposed-beat")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{}, {"style": "lively", "seed": 3}, {"emotion": "anger", "style": "seated"}])
+def test_a_plan_that_is_written_and_read_back_gives_the_same_bytes(tmp_path, options):
+    model = RuleBasedModel()
+    made = model.plan(speech(), **options)
+    made.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json") == made
+    assert same(model.generate(speech(), plan=tmp_path / "plan.json"), model.generate(speech(), **options))
+
+
+def test_an_open_plan_is_what_is_generated_without_one():
+    assert same(play(Plan()), usual())
+
+
+def test_a_plan_says_what_the_session_says():
+    session = RuleBasedModel().session(GenerationOptions(plan=Plan()))
+    list(session.push(speech()))
+    list(session.finish())
+    strokes = [(round(each.stroke, 4), each.hands) for each in sorted(session.gestures, key=lambda each: each.stroke)]
+    assert [(each.stroke, each.hands) for each in session.plan.gestures] == strokes
+    assert session.plan.seconds == pytest.approx(SECONDS, abs=0.01)
+    assert {word.text for word in session.plan.words} >= {"Yesterday", "tiny"}
+    assert len(session.plan.phrases) >= 3
+    assert len(session.plan.accents) > 10
+    assert len(session.plan.gaze) > 3
+
+
+def test_a_live_session_plays_no_plan():
+    with pytest.raises(InputError, match="live session plays no plan"):
+        cospeech.open_live_session("rules", plan=Plan())
+
+
+def test_without_a_plan_there_is_none():
+    with pytest.raises(InputError, match="without a plan"):
+        _ = RuleBasedModel().session().plan
+
+
+# ---------------------------------------------------------------------------------------------------- edits
+
+
+def test_a_removed_gesture_is_gone_and_the_rest_stays():
+    gone = plan().find(a_gesture())
+    changed = moved(play(plan().remove(gone.id)))
+    near = np.abs(np.arange(len(changed)) / FPS - gone.stroke) < 2.5
+    assert changed[at(gone.stroke) : at(gone.end)].max() > 0.1
+    assert changed[~near].max() < 0.01
+
+
+def test_a_moved_gesture_strokes_at_the_new_time():
+    old = plan().find(a_gesture())
+    edited = plan().move(old.id, old.stroke + 0.4)
+    new = edited.find(old.id)
+    assert (new.stroke - old.stroke, new.end - old.end) == pytest.approx((0.4, 0.4))
+    changed = moved(play(edited))
+    assert changed[at(old.stroke) - 10 : at(old.stroke) + 10].max() > 0.05
+    assert changed[np.arange(len(changed)) / FPS < old.start - 0.1].max() == 0
+
+
+def test_an_added_gesture_is_seen_at_its_time():
+    edited = plan().add("big", at=9.0, hands="both")
+    pair = wrists(play(edited))
+    width = np.abs(pair[:, 0, 0] - pair[:, 1, 0])
+    assert width[at(9.0) : at(9.5)].max() > width[at(8.7)] + 0.5
+    assert moved(play(edited))[: at(7.9)].max() < 1e-9
+
+
+def test_a_gesture_is_added_at_a_word():
+    word = next(each for each in plan().words if each.text == "Yesterday")
+    added = plan().add("point_left", word="yesterday").find("a1")
+    assert word.start < added.stroke < word.end
+    assert (added.form, added.hands, added.word) == ("point", "left", "Yesterday")
+
+
+def test_an_added_gesture_takes_the_place_of_its_neighbours():
+    old = plan().find(a_gesture())
+    ids = {each.id for each in plan().add("big_both", at=old.stroke + 0.2).gestures}
+    assert old.id not in ids
+    assert "a1" in ids
+
+
+@pytest.mark.parametrize("fields", [{"size": 1.6}, {"hold": 2.5}, {"hands": "left"}, {"form": "stop"}, {"seed": 5}])
+def test_a_changed_gesture_is_another_there_alone(fields):
+    old = plan().find(a_gesture())
+    changed = moved(play(plan().change(old.id, **fields)))
+    time = np.arange(len(changed)) / FPS
+    assert changed[np.abs(time - old.stroke) < 3].max() > 0.01
+    assert changed[(time < old.start - 0.2) | (time > old.stroke + 5)].max() < 0.05
+
+
+@pytest.mark.slow
+def test_a_place_is_where_the_hand_comes():
+    old = plan().find(a_gesture())
+    low, high = (play(plan().change(old.id, place=(0.3, up, 0.5), hands="right", hold=0.5)) for up in (-0.6, 0.1))
+    k = at(old.end) + 3
+    assert wrists(high)[k, 1, 1] - wrists(low)[k, 1, 1] > 0.25
+
+
+def test_another_seed_for_a_stretch_has_smooth_borders_and_leaves_the_rest():
+    edited = play(plan().reseed(5, 7.5, seed=9))
+    changed, time = moved(edited), np.arange(len(usual())) / FPS
+    assert changed[(time > 5) & (time < 8)].max() > 0.1
+    assert changed[time < 3.9].max() < 1e-6
+    assert changed[time > 11].max() < 0.05
+    speed = [np.linalg.norm(np.diff(wrists(motion), axis=0), axis=-1).max() * FPS for motion in (edited, usual())]
+    assert speed[0] < 1.5 * speed[1]
+
+
+@pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 0.2}, {"emotion": "anger"}])
+def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
+    edited = play(plan().set(4, 8, **values))
+    time = np.arange(len(usual())) / FPS
+    face = np.abs(edited.face - usual().face).max(1)
+    change = np.maximum(moved(edited), face)
+    assert change[(time > 4) & (time < 8.5)].max() > 0.02
+    assert change[time < 3.5].max() < 1e-6
+
+
+def test_locked_stretches_stay():
+    locked = plan().lock(4, 6)
+    inside = next(each for each in plan().gestures if 4 <= each.stroke < 6)
+    for edit in (lambda: locked.remove(inside.id), lambda: locked.move(inside.id, 8.0), lambda: locked.add("big", at=5.0)):
+        with pytest.raises(InputError, match="locked"):
+            edit()
+    again = locked.reseed(0, 12)
+    assert [each for each in again.gestures if 4 <= each.stroke < 6] == [
+        each for each in plan().gestures if 4 <= each.stroke < 6
+    ]
+    assert [(each.start, each.end) for each in again.stretches] == [(0, 4), (6, 12)]
+    with pytest.raises(InputError, match="locked"):
+        locked.reseed(4.5, 5)
+    assert locked.unlock().remove(inside.id)
+
+
+@pytest.mark.slow
+def test_what_is_played_becomes_a_plan_that_plays_the_same():
+    for edited in (Plan().add("big", at=4.0), plan().reseed(5, 8), plan().remove(a_gesture()).add("stop_right", at=9.0)):
+        listed = RuleBasedModel().plan(speech(), plan=edited)
+        assert not listed.open
+        assert same(play(listed), play(edited))
+
+
+def test_a_gesture_without_room_is_told_of():
+    with pytest.warns(CospeechWarning, match="'a1' at 5.05 s is left out"):
+        play(Plan().add("big", at=5.05, start=5.0))
+
+
+def test_edits_leave_the_plan_as_it_was():
+    before = plan().to_json()
+    plan().remove(a_gesture()).add("big", at=2.0).reseed(3, 4).lock(1, 2)
+    assert plan().to_json() == before
+
+
+def test_commands_are_edits():
+    edits = PlanCommands(
+        lock=["0:1"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
+        reseed=["9:10:4"], gesture=["huge@6", "point_left@word:tiny"],
+    )  # fmt: skip
+    edited = edits.apply(plan())
+    assert a_gesture() not in {each.id for each in edited.gestures}
+    assert [(each.style, each.seed) for each in edited.stretches] == [("calm:0.5,lively:0.5", None), (None, 4)]
+    assert {each.form for each in edited.gestures if each.id.startswith("a")} == {"big", "point"}
+
+
+@pytest.mark.parametrize(
+    "commands",
+    [
+        {"gesture": ["huge"]}, {"gesture": ["@2"]}, {"gesture": ["qqq@2"]}, {"gesture": ["huge@x"]},
+        {"gesture": ["huge@word:qqq"]},
+        {"gesture": ["huge@nan"]}, {"move": ["g0"]}, {"remove": ["g99"]}, {"reseed": ["3"]}, {"reseed": ["5:3"]},
+        {"reseed": ["3:5:x"]}, {"stretch": ["3:5:colour=red"]}, {"stretch": ["3:5:emotion=glee"]}, {"lock": [":"]},
+    ],
+)  # fmt: skip
+def test_commands_that_cannot_be_understood_are_told(commands):
+    with pytest.raises(InputError):
+        PlanCommands(**commands).apply(plan())
+
+
+@pytest.mark.parametrize("option", [{"seed": 4}, {"style": "lively"}, {"intensity": 0.5}, {"takes": 2}])
+def test_options_beside_a_plan_that_say_something_else_are_refused(option):
+    with pytest.raises(InputError, match="plan"):
+        GenerationOptions(plan=plan(), **option)
+
+
+# ---------------------------------------------------------------------------------------------------- files
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "message"),
+    [
+        (("gestures", 3, "stroke"), "soon", r"gestures\[3\]\.stroke: 'soon'"),
+        (("gestures", 2, "stroke"), -1, r"gestures\[2\]\.stroke: -1 is too small"),
+        (("gestures", 1, "form"), "hugee", r"gestures\[1\]\.form: no form of gesture is called 'hugee'"),
+        (("gestures", 1, "start"), 99.0, r"gestures\[1\]\.stroke: .* is not after the start at 99"),
+        (("gestures", 1, "id"), "g0", r"gestures\[1\]\.id: 'g0' is that of gestures\[0\]"),
+        (("gestures", 1, "place"), [0, 9, 0], r"gestures\[1\]\.place: up 9 is out of reach"),
+        (("gestures", 0, "colour"), "red", r"gestures\[0\]\.colour: is no field"),
+        (("gaze", 2, "yaw"), True, r"gaze\[2\]\.yaw: True"),
+        (("stretches",), [{"from": 3, "to": 2}], r"stretches\[0\]: to 2 is not after from 3"),
+        (
+            ("stretches",),
+            [{"from": 1, "to": 3}, {"from": 2, "to": 4}],
+            r"stretches\[1\]\.from: it begins inside stretches\[0\]",
+        ),
+        (("emotion",), "glee", "emotion: no emotion is called 'glee'"),
+        (("emotion",), [{"time": 1, "weights": {"glee": 1}}], r"emotion\[0\]\.weights: no emotion is called 'glee'"),
+        (("seed",), 1.5, "seed: 1.5"),
+        (("cospeech_plan",), 2, "cospeech_plan is 2"),
+    ],
+)
+def test_errors_name_the_entry(tmp_path, entry, value, message):
+    data = json.loads(plan().to_json())
+    *way, last = entry
+    place = data
+    for key in way:
+        place = place[key]
+    place[last] = value
+    (tmp_path / "plan.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match=r"'.*plan\.json': " + message):
+        Plan.load(tmp_path / "plan.json")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"cospeech_plan": NaN}', "[" * 5000, "\xff", '{"gestures": []}'])
+def test_what_is_no_plan_is_told(tmp_path, text):
+    (tmp_path / "plan.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match="plan"):
+        Plan.load(tmp_path / "plan.json")
+
+
+WILD = [None, True, -1, 0, 0.5, 3, 1e9, -1e308, 1e308, "", "x", "auto", "left", "g1", [], [1, 2, 3], {}, {"time": 1}, "\u0000"]
+
+
+def mutate(data: object, draw: random.Random) -> None:
+    """Change one value, remove one, or add one, anywhere."""
+    place, key = None, None
+    while isinstance(data, dict | list) and data and (place is None or draw.random() < 0.75):
+        place, key = data, draw.choice(list(data)) if isinstance(data, dict) else draw.randrange(len(data))
+        data = data[key]
+    kind = draw.random()
+    if kind < 0.15:
+        del place[key]
+    elif kind < 0.25 and isinstance(place, list):
+        place.insert(key, draw.choice([*WILD, place[key]]))
+    elif isinstance(data, float) and kind < 0.7:
+        place[key] = draw.choice([data + draw.gauss(0, 1), data * draw.choice([0, -1, 10]), round(data)])
+    else:
+        place[key] = draw.choice(WILD)
+
+
+@pytest.mark.slow
+def test_a_mutated_plan_is_an_error_that_names_the_entry_or_a_result(tmp_path):
+    draw, path, played, refused = random.Random(0), tmp_path / "plan.json", 0, list[str]()
+    part = speech().window(0, 4)
+    keys = set(json.loads(plan().to_json())) | {"gestures", "gaze", "stretches", "locked", "no style"}
+    for _ in range(MUTANTS):
+        data = json.loads(plan().reseed(5, 6).lock(1, 2).to_json())
+        for _ in range(draw.randint(1, 3)):
+            mutate(data, draw)
+        path.write_text(json.dumps(data))
+        try:
+            found = Plan.load(path)
+            played += 1
+            if played <= PLAYED:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", CospeechWarning)
+                    RuleBasedModel().generate(part, plan=found)
+        except InputError as error:
+            refused.append(str(error))
+    assert [text for text in refused if not any(key in text for key in keys)] == []
+    assert min(played, len(refused)) > MUTANTS // 20

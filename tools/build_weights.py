@@ -3,7 +3,7 @@
     python tools/build_weights.py stylised-flow --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000]
     python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER
     python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 2.5
-    python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER
+    python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER [--without SPEAKER --out BUNDLE]
 
 Four steps, each skipped where its result is there already: a synthetic corpus in BEAT's layout (the rule-based model
 performs the speech, and TTS where espeak-ng or flite are installed), a store of our humanoid's poses, training by the recipe
@@ -26,6 +26,7 @@ from measure_face import measure_faces
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.prepare import prepare
+from cospeech.corpora.store import Store
 from cospeech.corpora.synthetic import synthesise
 from cospeech.evaluation import evaluate_store
 from cospeech.metrics.table import Table
@@ -242,16 +243,23 @@ def markdown(table: Table) -> str:
 
 def build_face(chosen: argparse.Namespace, out: Path) -> None:
     """The face, of real recordings."""
-    store, run = chosen.work / "store-faces", chosen.work / "run-face"
+    store, left = chosen.work / "store-faces", chosen.without
+    run = chosen.work / (f"run-face-without-{left}" if left else "run-face")
     if not (store / "index.json").exists():
         print(prepare("faces", chosen.faces, store, pose="face", fps=60).summary())
-    recipe = load_recipe("speech_to_face", [*chosen.set, f"train.threads={chosen.threads}"])
+    own = [f"train.threads={chosen.threads}"]
+    if left:
+        own.append(f"data.speakers={json.dumps([name for name in Store(store).speakers if name != left])}")
+    recipe = load_recipe("speech_to_face", [*chosen.set, *own])
     report = train(recipe, store, run, resume=True)
-    if report.resumed < report.step:  # once: what is stretched already stays
-        print(*calibrate(run, store), sep=", ")
+    sized = run.with_name(f"{run.name}-sized")
+    print(*calibrate(run, store, sized), sep=", ")
     shape = {"which": "last", "smooth": 0, "style": FACE_STYLE}  # velocity was learnt: nothing is left to smooth
-    bundle_run(run, out, **shape)
-    facts = read_facts(run)
+    bundle_run(sized, out, **shape)
+    if left:
+        print(measure_faces(chosen.faces, out))
+        return
+    facts = read_facts(sized)
     kept = facts["store"]
     config = build(SpeechToFaceConfig, facts["config"], "model")
     card = FACE.format(
@@ -260,7 +268,7 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
         machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
         table=measure_faces(chosen.faces, out),
     )  # fmt: skip
-    bundle_run(run, out, card=card, **shape)
+    bundle_run(sized, out, card=card, **shape)
     print(f"{card}\n{out}  {out.stat().st_size / 1e6:.2f} MB")
 
 
@@ -269,12 +277,15 @@ def main() -> None:
     parser.add_argument("name", choices=[*KINDS, "speech-to-face"])
     parser.add_argument("--speech", type=Path, help="folder of recordings; without it only TTS speaks")
     parser.add_argument("--faces", type=Path, help="folder of tracked faces, for speech-to-face")
+    parser.add_argument("--without", metavar="SPEAKER", help="of speech-to-face: leave a speaker out, and measure; needs --out")
     parser.add_argument("--work", type=Path, required=True, help="where corpus, store and run lie, or are made")
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the recipe")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, help="of the bundle; where it ships, else")
     chosen = parser.parse_args()
+    if chosen.without and not chosen.out:
+        parser.error("--without needs --out: its bundle does not ship")
     out = chosen.out or SHIPPED / f"{chosen.name}{BUNDLE}"
     if chosen.name not in KINDS:
         build_face(chosen, out)

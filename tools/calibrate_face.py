@@ -1,100 +1,136 @@
 """Brings the channels of a trained face to the size that they have in tracked faces; `tools/build_weights.py` does it.
 
-    python tools/calibrate_face.py RUN STORE
+    python tools/calibrate_face.py RUN STORE OUT
 
 A network that is told to move moves too often where it is unsure. Here each weight of each speaker is stretched, ``max(0, g · y
-− t)``: of all pairs whose standard deviation is one of `WANTED` of the tracked one, the pair with the least absolute error. The
-floor t takes off what the network makes of noise; a face at rest stays at rest. Deviations are those of the validation split,
-because a network moves more surely in what it was trained on; errors are those of training takes, too. RUN is changed.
+− t)``: of all pairs that bring its standard deviation to a share of the tracked one, the pair with the least absolute error.
+The floor t takes off what the network makes of noise; a face at rest stays at rest. The share is the middle of the range that
+`tools/measure_face.py` counts, or 1 for a channel whose deviation few clips make.
+
+The made deviation is that of the validation split, because a network moves more surely in what it was trained on. The tracked
+one is that of the training takes and the validation split together, because most channels move in few clips, and few clips
+tell a deviation badly. Where the validation split surely differs from the training takes (the 95 % intervals of both over clips
+do not overlap), its own counts: a take by itself has a manner of its own, and a new take is more like it. The test split takes
+no part. OUT is a copy of RUN with other last weights; RUN stays as it is.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from measure_face import LIVE, RATIO, deviation, moments
 
 from cospeech.audio.features.reduce import reduce_audio
 from cospeech.corpora.store import Store
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors
 
-STILL = 0.002  # [ours] standard deviation of a tracked channel that is left as it is
-WANTED = (0.8, 0.9, 1.0)  # [ours] standard deviations, made ÷ tracked, that are tried: well within .6 to 1.3
+MIDDLE = (RATIO[0] * RATIO[1]) ** 0.5  # [ours] of the tracked standard deviation is what a channel is brought to, .88
+RARE = 1.75  # [ours] ratio of the ends of the interval from which few clips make a deviation: such a channel gets all of it
 ALONE = ("jawOpen",)
 """Left as they are: the jaw is good."""
 MOST = 3.0  # [ours] no factor is larger: a lip that is sped up more jumps
-FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.985, 0.99])  # [ours] quantiles
-EVERY = 8  # [ours] of the training clips, every so many-th is played
+FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85])  # [ours] quantiles: of more, few moments are left
+EVERY = 8  # [ours] of the training clips, every so many-th is played, where there are more than ten times as many
+DRAWS, ENDS = 400, (0.025, 0.975)  # [ours] of the bootstrap over clips, and the ends of its interval
 FILE = "last.safetensors"
 
 
-Side = tuple[np.ndarray, np.ndarray]
-"""(frames,) of one channel: made, and tracked."""
+@dataclass(frozen=True, eq=False)
+class Takes:
+    """What was tracked in a split of one speaker, and what the network makes of it."""
+
+    tracked: np.ndarray
+    """(clips, 3, 52) `measure_face.moments` of all clips."""
+    made: np.ndarray
+    """(frames, 52) of the clips that were played."""
+    real: np.ndarray
+    """(frames, 52) tracked, of the same clips."""
 
 
-def play(run: Path, store: Store) -> dict[str, list[Side]]:
-    """Speaker → of training takes and of the validation split, where there are clips: made and tracked, (frames, 52) each."""
+def play(run: Path, store: Store) -> dict[str, dict[str, Takes]]:
+    """Speaker → "train" and "validation", where there are clips."""
     net, facts = load_run(run, "last")
-    names, found = list(facts["store"]["speakers"]), dict[str, list[Side]]()
+    names, found = list(facts["store"]["speakers"]), dict[str, dict[str, Takes]]()
     for name in names:
         for split, every in (("train", EVERY), ("validation", 1)):
-            entries = [e for e in store.clips if e.speaker == name and e.split == split]
-            clips = [
-                _play(net, store.clip(e), names.index(name)) for e in entries[:: every if len(entries) > 10 * every else 1]
-            ]
+            clips = [store.clip(e) for e in store.clips if e.speaker == name and e.split == split]
             if clips:
-                made, real = (np.concatenate(side) for side in zip(*clips, strict=True))
-                found.setdefault(name, []).append((made, real))
+                tracked = np.stack([moments(np.asarray(clip["pose"])[:, : len(ARKIT)]) for clip in clips])
+                played = clips[:: every if len(clips) > 10 * every else 1]
+                pairs = [_play(net, clip, names.index(name)) for clip in played]
+                made, real = (np.concatenate(side) for side in zip(*pairs, strict=True))
+                found.setdefault(name, {})[split] = Takes(tracked, made, real)
     return found
 
 
-def _play(net: Any, clip: Any, speaker: int) -> Side:
+def _play(net: Any, clip: Any, speaker: int) -> tuple[np.ndarray, np.ndarray]:
     rows = torch.from_numpy(np.array(reduce_audio(np.asarray(clip["audio"]), "mel40"), np.float32))
     style = torch.eye(net.styles)[speaker][None, None]
     poses = net.generate((rows - net.audio_mean)[None] / net.audio_std, style)[0] * net.pose_std + net.pose_mean
-    return np.clip(poses[:, : len(ARKIT)].numpy(), 0, 1), np.asarray(clip["pose"])[:, : len(ARKIT)]
+    return np.clip(poses[:, : len(ARKIT)].numpy(), 0, 1), np.asarray(clip["pose"])[: len(poses), : len(ARKIT)]
 
 
-def stretches(splits: list[Side]) -> np.ndarray:
+def interval(rows: np.ndarray) -> np.ndarray:
+    """(clips, 3, 52) moments → (2, 52) of the deviation: percentile bootstrap over clips."""
+    chance, clips = np.random.default_rng(0), len(rows)
+    draws = [deviation(rows[chance.integers(0, clips, clips)]) for _ in range(DRAWS)]
+    return np.asarray(np.quantile(draws, ENDS, axis=0))
+
+
+def aims(splits: dict[str, Takes]) -> np.ndarray:
+    """(52,) the deviation that a channel is brought to; 0 of those that stay as they are."""
+    tracked = np.concatenate([takes.tracked for takes in splits.values()])
+    wanted, (bottom, top) = deviation(tracked), interval(tracked)
+    share = np.where(top > RARE * bottom, 1.0, MIDDLE)
+    if len(splits) > 1:
+        own = deviation(splits["validation"].tracked)
+        (low, high), (least, most) = (interval(splits[name].tracked) for name in ("train", "validation"))
+        wanted = np.where(((least > high) | (most < low)) & (own > LIVE), own, wanted)
+    return np.where(wanted > LIVE, share * wanted, 0.0)
+
+
+def stretches(splits: dict[str, Takes]) -> np.ndarray:
     """(52, 2) g and t of every weight of one speaker; 1 and 0 where nothing is to be done."""
-    found = np.tile([1.0, 0.0], (len(ARKIT), 1))
+    found, wanted = np.tile([1.0, 0.0], (len(ARKIT), 1)), aims(splits)
     for name in {name.removesuffix("Left").removesuffix("Right") for name in ARKIT} - {*ALONE}:
         both = [ARKIT_INDEX[n] for n in (name, f"{name}Left", f"{name}Right") if n in ARKIT_INDEX]
-        sides = [[(made[:, k], real[:, k]) for k in both if real[:, k].std() > STILL] for made, real in splits]
-        live = [each for each in sides if each and all(a.std() > 0 for a, _ in each)]
+        live = [k for k in both if wanted[k] > 0]
         if live:
-            found[both] = stretch([side for each in live for side in each], live[-1])
+            found[both] = stretch([*splits.values()], live, wanted)
     return found
 
 
-def ratio(sides: list[Side], g: float, t: float) -> float:
-    """Standard deviation, made ÷ tracked: geometric mean over sides."""
-    return float(np.exp(np.mean([np.log(max(np.clip(g * a - t, 0, 1).std(), 1e-6) / b.std()) for a, b in sides])))
+def ratio(made: np.ndarray, wanted: np.ndarray, g: float, t: float) -> float:
+    """Standard deviation of (frames, sides), made ÷ wanted: geometric mean over sides."""
+    return float(np.exp(np.mean(np.log(np.maximum(np.clip(g * made - t, 0, 1).std(0), 1e-6) / wanted))))
 
 
-def stretch(sides: list[Side], held: list[Side]) -> tuple[float, float]:
-    """g and t of one channel, by errors of ``sides`` and deviations of ``held``; 1 and 0 where no pair reaches that size."""
-    best = (np.inf, 1.0, 0.0)
-    for floor in np.unique(np.quantile(np.concatenate([a for a, _ in sides]), FLOORS)):
-        for goal in WANTED:
-            few, many = 0.02, MOST
-            for _ in range(14):  # the deviation grows with g, as t is in units of g
-                middle = (few * many) ** 0.5
-                few, many = (middle, many) if ratio(held, middle, middle * floor) < goal else (few, middle)
-            if ratio(held, many, many * floor) < 0.98 * goal:  # more than `MOST` would be needed
-                continue
-            error = sum(float(np.abs(np.clip(many * (a - floor), 0, 1) - b).mean() / b.std()) for a, b in sides)
-            best = min(best, (error, many, many * floor))
+def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[float, float]:
+    """g and t of one channel with these sides, by errors of all takes and the size of the last; else 1 and 0."""
+    best, wanted, held = (np.inf, 1.0, 0.0), aim[sides], takes[-1].made[:, sides]
+    for floor in np.unique(np.quantile(np.concatenate([each.made[:, sides] for each in takes]), FLOORS)):
+        few, many = 0.02, MOST
+        for _ in range(14):  # the deviation grows with g, as t is in units of g
+            middle = (few * many) ** 0.5
+            few, many = (middle, many) if ratio(held, wanted, middle, middle * floor) < 1 else (few, middle)
+        if ratio(held, wanted, many, many * floor) < 0.98:  # more than `MOST` would be needed
+            continue
+        pairs = [(each.made[:, sides], each.real[:, sides]) for each in takes]
+        error = sum(float((np.abs(np.clip(many * (a - floor), 0, 1) - b).mean(0) / wanted).sum()) for a, b in pairs)
+        best = min(best, (error, many, many * floor))
     return best[1], best[2]
 
 
-def calibrate(run: Path, store: Path) -> Iterator[str]:
-    """Change the run's last weights; tells g and t of the channels that were stretched."""
+def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
+    """Write ``out``, a copy of a run with other last weights; tells g and t of the channels that were stretched."""
     (net, facts), told = load_run(run, "last"), list[str]()
     factor, floor = torch.ones(net.styles, net.pose), torch.zeros(net.styles, net.pose)
     for name, splits in play(run, Store(store)).items():
@@ -109,16 +145,17 @@ def calibrate(run: Path, store: Path) -> Iterator[str]:
             weight, bias = tensors[f"{prefix}out.weight"], tensors[f"{prefix}out.bias"]
             tensors[f"{prefix}out.weight"] = weight * factor.reshape(-1, 1, 1)
             tensors[f"{prefix}out.bias"] = factor.flatten() * bias + change.flatten()
-    write_tensors(run / FILE, tensors, state)
+    shutil.copytree(run, out, dirs_exist_ok=True)
+    write_tensors(out / FILE, tensors, state)
     return iter(told)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("store", type=Path)
+    for name in ("run", "store", "out"):
+        parser.add_argument(name, type=Path)
     given = parser.parse_args()
-    print(*calibrate(given.run, given.store), sep=", ")
+    print(*calibrate(given.run, given.store, given.out), sep=", ")
 
 
 if __name__ == "__main__":

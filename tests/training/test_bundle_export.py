@@ -328,6 +328,8 @@ def test_the_face_that_ships_names_whom_it_learnt_from_and_talks():
     assert 0 < manifest["rounding"] < 0.01
     for word in ("CC BY 4.0", "Cooke", "FACEGOOD", "MIT", "cannot do", "Rebuild", "regression"):
         assert word in card, word
+    assert "| channels whose deviation is .6 to 1.3 of the tracked | 11 of 11 | 13 of 15 |" in card
+    assert "| of those about the mean of each clip | 11 of 11 | 15 of 15 |" in card
     player, speech = cospeech.load("speech-to-face"), Speech.load(example()[0])
     made = player.generate(speech, fps=60)
     jaw = made.face[:, ARKIT_INDEX["jawOpen"]]

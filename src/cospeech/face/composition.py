@@ -42,14 +42,15 @@ _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
 for _row, _name in enumerate(MOUTH):
     _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
-_ROUND = [MOUTH.index("mouthFunnel"), MOUTH.index("mouthPucker")]
+_PUCKER = MOUTH.index("mouthPucker")
+_ROUND = [MOUTH.index("mouthFunnel"), _PUCKER]
 _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
 )  # [ours] what rounded lips, fully, leave less of
 _PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
 _TOUCH = (0.05, 0.09)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: of voices that were
 # not in the training data, where a learnt mouth closes less far than on GRID
-_GUESS = 0.25  # [ours] share of the rules' rounded lips that is shown where no word is known and the mouth rounds them less
+_GENTLY = 0.2  # [ours] how much less lips are pressed that close by the sound: tracked lips touch then, and hardly press
 _SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
@@ -144,13 +145,13 @@ class Face:
         drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
         if spoken is None:
             shape, closed = self._speech(times, heard, voice, words)
-            out = shape @ _SPREAD
+            out, pressed = shape @ _SPREAD, closed
         else:
-            out, closed = self._apply_mouth(times, heard, voice, words, spoken)
+            out, closed, pressed = self._apply_mouth(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
         laughs = laughter(times, words)[:, None]
         out += laughs * np.maximum(LAUGHS - out, 0.0)
-        _close_lips(out, closed)
+        _close_lips(out, closed, pressed)
         out *= self._lean
         self._brows(out, times, accents, drift, strokes)
         self._lids(out, times, heard, head_speed, shifts, strokes)
@@ -182,8 +183,8 @@ class Face:
 
     def _apply_mouth(
         self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array
-    ) -> tuple[Array, Array]:
-        """(T, 52) and (T,): as a mouth says while somebody talks, and how far the lips are closed.
+    ) -> tuple[Array, Array, Array]:
+        """(T, 52), (T,), (T,): as a mouth says while somebody talks, how far lips are closed, and how far they are pressed.
 
         Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
         Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well, and a mouth whose
@@ -201,10 +202,10 @@ class Face:
             _ramp(_AJAR - shape[:, _JAW], _AJAR - _SHUT) * voice.closed, _ramp(_TOUCH[1] - parted, _TOUCH[1] - _TOUCH[0])
         )
         sealed *= talks
-        closed = np.maximum(mouth.claim * mouth.closed, (1 - mouth.claim) * sealed)
-        guess = (_GUESS * self._articulation * talks * (1 - mouth.claim))[:, None]
-        known[:, _ROUND] = np.maximum(known[:, _ROUND], guess * voice.shape[:, _ROUND])
-        return np.maximum(shape, known @ _SPREAD), closed
+        told, sealed = mouth.claim * mouth.closed, (1 - mouth.claim) * sealed
+        share = voice.shape[:, _PUCKER] * self._articulation * talks * (1 - mouth.claim)
+        known[:, _ROUND] = np.maximum(known[:, _ROUND], share[:, None] * voice.shape[:, _ROUND])
+        return np.maximum(shape, known @ _SPREAD), np.maximum(told, sealed), np.maximum(told, _GENTLY * sealed)
 
     def _scale(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
@@ -263,10 +264,10 @@ def _ramp(x: Array, top: float) -> Array:
     return np.asarray(np.clip(x / top, 0.0, 1.0))
 
 
-def _close_lips(out: Array, closed: Array) -> None:
+def _close_lips(out: Array, closed: Array, pressed: Array) -> None:
     """Bring the lips together, whatever else the mouth does: mouthClose undoes as much as the jaw opens (ARKit)."""
     out *= 1 - closed[:, None] * _OPENS
     out[:, _JAW] *= 1 - 0.6 * closed
     out[:, _CLOSE] = np.clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
-    out[:, _PRESS] += 0.30 * closed[:, None]
-    out[:, _ROLL] += 0.16 * closed[:, None]
+    out[:, _PRESS] += 0.30 * pressed[:, None]
+    out[:, _ROLL] += 0.16 * pressed[:, None]

@@ -90,7 +90,8 @@ class Planner:
         return self.posture.track
 
     def decide(
-        self, now: float, *, accents: Sequence[Accent], phrases: Sequence[Phrase], words: Sequence[Word], modifier: EmotionModifier
+        self, now: float, *, accents: Sequence[Accent], phrases: Sequence[Phrase], words: Sequence[Word],
+        modifier: EmotionModifier,
     ) -> list[Gesture]:  # fmt: skip
         """One tick: take up what has become visible, let go what has run its course. Returns the strokes it planned."""
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)

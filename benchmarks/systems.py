@@ -29,7 +29,7 @@ ABLATIONS = ("_no_perceptual", "_no_encoder", "_baseline", "_authors", "_wav2vec
 AUTHORS = {
     "stylised-flow, ted": (0.79, 123_611_408),
     "stylised-flow, trinity": (1.29, 146_478_480),
-    "moglow, trinity": (2.9, 172_330_096),
+    "moglow, trinity": (1.71, 82_004_080),
     "trimodal, ted": (0.013, 15_004_939),
     "speech2gesture, ted": (0.016, 6_438_347),
     "joint-embedding, ted": (0.013, 15_759_275),

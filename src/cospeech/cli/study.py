@@ -14,7 +14,7 @@ from .progress import show_progress
 __all__ = ["register"]
 
 study_app = typer.Typer(
-    help="Ask people about clips: make a study, serve its page, report the answers.",
+    help="Study with human raters: make it, serve it, report it.",
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
@@ -149,7 +149,7 @@ def export_(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Write a study as a folder for any web space; its page saves the answers as a file.
+    """Write a study as a folder for any web space.
 
     \b
     cospeech study export study page
@@ -189,7 +189,7 @@ def report(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Report means, differences between systems, and how much the raters agree.
+    """Report means, differences, and how much the raters agree.
 
     \b
     cospeech study report study

@@ -20,6 +20,7 @@ from cospeech.motion.rotations import quat_angle
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import RuleBasedModel
 from cospeech.rules import session as rule_session
+from cospeech.rules.streaming import stream_motion
 from cospeech.runtime.conditioning import Seam
 from tests.support.runtime_bundles import same
 
@@ -238,7 +239,7 @@ def test_long_pieces_are_worked_off_in_short_ones():
     """A stream of one long piece holds seconds of motion, not all of it."""
     for name in ("rules", "mix-stage"):
         session, most = model(name).session(), 0
-        made = rule_session.stream_motion(session, [said(15.0)])
+        made = stream_motion(session, [said(15.0)])
         for _ in made:
             most = max(most, sum(map(len, session._ready if name == "rules" else (takes[0] for takes in session._ready))))
         assert most <= 2 * 60

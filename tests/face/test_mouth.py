@@ -20,7 +20,7 @@ from cospeech.face.gains import face_gains
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.rules import RuleBasedModel
-from cospeech.rules.session import LOOK_AHEAD, MOUTH_WAITS
+from cospeech.rules.foresight import LOOK_AHEAD, MOUTH_WAITS
 from cospeech.runtime import mouth as mouths
 from cospeech.runtime.mouth import BundleMouth, choose_layout, open_mouth
 from tests.face.test_face import EMOTIONS, act, channel, hear, opening, silence, speech

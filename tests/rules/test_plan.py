@@ -335,3 +335,12 @@ def test_a_mutated_plan_is_an_error_that_names_the_entry_or_a_result(tmp_path):
             refused.append(str(error))
     assert [text for text in refused if not any(key in text for key in keys)] == []
     assert min(played, len(refused)) > MUTANTS // 20
+
+
+@pytest.mark.parametrize("number", ["inf", "nan", "second"])
+def test_a_number_that_is_none_is_refused(number):
+    plan = Plan(words=[{"text": "there", "start": 1.0, "end": 1.4}]).add("huge", at=2.0)
+    with pytest.raises(InputError, match=f"'{number}' is not which of them"):
+        plan.add("huge", word=f"there:{number}")
+    with pytest.raises(InputError, match=f"'{number}' is not a time"):
+        plan.find(f"@{number}")

@@ -6,7 +6,6 @@ import csv
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from os import PathLike, fsdecode
 from typing import Protocol, runtime_checkable
 
@@ -15,6 +14,7 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..files import read_regular
 from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
+from ..motion.named_numbers import read_number
 from ..motion.rotations import Array
 
 __all__ = ["EMOTIONS", "EmotionTrack", "Moods", "SteeredMoods", "emotion_track", "read_emotion_track"]
@@ -234,13 +234,7 @@ def _shares(names: list[str], cells: list[str], place: str) -> Array:
 
 
 def _number(text: str, place: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise InputError(f"{place} {text.strip()[:40]!r} is no number", "such as 12.5")
-    return value
+    return read_number(text, f"{place} {text.strip()[:40]!r} is no number", "such as 12.5")
 
 
 def _blend_emotions(keys: list[tuple[float, Array]]) -> EmotionTrack:

@@ -1,13 +1,14 @@
-"""The grammar of mixtures, style controls and gains: ``calm:0.7,lively:0.3``."""
+"""Numbers that users write: one alone, and the grammar of mixtures, style controls and gains, ``calm:0.7,lively:0.3``."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import NamedTuple
 
 from ..errors import InputError
 
-__all__ = ["NamedNumber", "read_named_numbers"]
+__all__ = ["NamedNumber", "read_named_numbers", "read_number"]
 
 
 class NamedNumber(NamedTuple):
@@ -18,6 +19,25 @@ class NamedNumber(NamedTuple):
     """None where none is said."""
     text: str
     """As it stood there."""
+
+
+def read_number(text: str, problem: str, hint: str) -> float:
+    """A finite number.
+
+    Args:
+        text: what the user said.
+        problem, hint: for the message.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise InputError(problem, hint)
+    return value
 
 
 def read_named_numbers(

@@ -20,7 +20,7 @@ from ..face.expressions import BROWS_EARLY
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .gesture import CHAINED, LEFT, RIGHT, Gesture, GestureOverride
+from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
 from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
@@ -36,7 +36,6 @@ __all__ = ["LEFT", "RIGHT", "Planner"]
 LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _FORGOTTEN = 8.0  # seconds after which a stroke moves no face [ours: four seconds of motion are made at once, at most]
-RUN_UP = 0.45  # seconds before the first frame in which a gesture for the first word may already have begun (ours)
 SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..audio.speech import open_speech
 from ..errors import InputError, nearest
+from ..motion.named_numbers import read_number
 from .options import GenerationOptions
 from .plan_edits import Plan
 
@@ -122,13 +123,7 @@ def _halves(text: str, hint: str) -> tuple[str, str]:
 
 
 def _time(text: str) -> float:
-    try:
-        time = float(text)
-    except ValueError:
-        time = float("nan")
-    if not isfinite(time):
-        raise InputError(f"{text[:40]!r} is no time", "seconds: 2.4")
-    return time
+    return read_number(text, f"{text[:40]!r} is no time", "seconds: 2.4")
 
 
 def _whole(text: str) -> int:

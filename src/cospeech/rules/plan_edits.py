@@ -14,16 +14,13 @@ from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..files import atomic, parse_json, read_regular
 from ..limits import PLAN_BYTES, PLAN_VALUES
+from ..motion.named_numbers import read_number
+from .gesture import RUN_UP
 from .options import SEEDS, GenerationOptions
 from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["Plan", "Setting"]
-
-_CROWDED = 0.6
-"""Seconds between two strokes of a hand below which an added gesture takes the place of the other.
-
-[ours]: a gesture with its preparation takes about so long."""
 
 
 class Setting(NamedTuple):
@@ -177,7 +174,7 @@ class Plan(PlanData):
         self._check_free(added.stroke)
         near = {
             each.id for each in self.gestures
-            if abs(each.stroke - added.stroke) < _CROWDED and each.shares_hand(added) and not self._is_locked(each.stroke)
+            if each.crowds(added) and not self._is_locked(each.stroke)
         } if name != SUPERIMPOSED else set()  # fmt: skip
         return self._with([*(each for each in self.gestures if each.id not in near), added])
 
@@ -208,7 +205,7 @@ class Plan(PlanData):
         old = self.find(gesture)
         by = to - old.stroke
         times = {"start": old.start, "end": old.end}
-        moved = {name: round(max(value + by, -0.45), 4) for name, value in times.items() if value is not None}
+        moved = {name: round(max(value + by, -RUN_UP), 4) for name, value in times.items() if value is not None}
         return self.change(old.id, stroke=to, **moved)
 
     def change(self, gesture: str, **fields: Any) -> Plan:
@@ -316,10 +313,7 @@ class Plan(PlanData):
 
 
 def _number(text: str, what: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{text[:40]!r} is not {what}", "such as 2") from None
+    return read_number(text, f"{text[:40]!r} is not {what}", "such as 2")
 
 
 def _moods(emotion: str | tuple[EmotionMoment, ...]) -> str | EmotionTrack:

@@ -15,12 +15,13 @@ from ..audio.emotions import EMOTIONS
 from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..limits import PLAUSIBLE_SECONDS
+from .gesture import RUN_UP
 from .lexicon import LEXICON
 from .options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = [
-    "BEFORE", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord",
+    "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord",
     "EmotionMoment", "PlanData",
     "PlannedGesture", "Stretch", "find_form", "words_of", "parse_plan",
 ]  # fmt: skip
@@ -28,12 +29,11 @@ __all__ = [
 VERSION = 1
 SUPERIMPOSED = "superimposed-beat"
 """Name of a beat where the hand already is (McNeill 1992: beats are superimposed on gestures that are held)."""
-BEFORE = 0.45  # seconds before the first frame in which a preparation may begin, as `cospeech.rules.plan.RUN_UP`
 NEAREST = 0.1
 """Seconds from one stroke of a hand to the next, at least; ours: the planner's own are further apart."""
 _LONGEST_TEXT = 200
 
-Time = Annotated[float, Field(strict=True, ge=-BEFORE, le=PLAUSIBLE_SECONDS)]
+Time = Annotated[float, Field(strict=True, ge=-RUN_UP, le=PLAUSIBLE_SECONDS)]
 Moment = Annotated[float, Field(strict=True, ge=0, le=PLAUSIBLE_SECONDS)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=SEEDS)]
 Share = Annotated[float, Field(strict=True, ge=0, le=1)]
@@ -116,7 +116,7 @@ class PlannedGesture(_Part):
     @property
     def begins(self) -> float:
         """Seconds at which the preparation begins."""
-        return max(self.stroke - _LEAD_IN, -BEFORE) if self.start is None else self.start
+        return max(self.stroke - _LEAD_IN, -RUN_UP) if self.start is None else self.start
 
     def same_motion(self, other: PlannedGesture) -> bool:
         """Whether it is performed as the other is: words and scores may differ."""
@@ -126,7 +126,14 @@ class PlannedGesture(_Part):
         """Whether both need one hand; where the planner chooses, they may."""
         return self.hands == other.hands or "both" in (self.hands, other.hands) or None in (self.hands, other.hands)
 
+    def crowds(self, other: PlannedGesture) -> bool:
+        """Whether both need one hand at nearly the same time."""
+        return abs(self.stroke - other.stroke) < _CROWDED and self.shares_hand(other)
 
+
+_CROWDED = 0.6
+"""Seconds between two strokes of a hand below which one takes the place of the other. [ours] A gesture with its preparation
+takes about so long."""
 _LEAD_IN = 0.8  # seconds from the beginning of a preparation to the stroke, where nothing is asked ([ours]: a usual one)
 
 

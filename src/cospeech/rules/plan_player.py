@@ -32,7 +32,6 @@ __all__ = ["PlanPlayer"]
 
 _DIGITS = 4  # of times in seconds and of places: a tenth of a millisecond, of a millimetre
 _DUE = SLACK + TICK - 1e-3  # seconds after a tick before which the next one is too late; a source's own may begin right there
-_CROWDED = 0.6  # as `cospeech.rules.plan_edits`
 _STRENGTH = 0.6  # of an accent that somebody asks for ([ours]: the middle of those that get a gesture)
 
 
@@ -307,4 +306,4 @@ class PlanPlayer(Planner):
 
 
 def _meet(planned: PlannedGesture, listed: PlannedGesture) -> bool:
-    return abs(planned.stroke - listed.stroke) < _CROWDED and planned.shares_hand(listed) and listed.form != SUPERIMPOSED
+    return planned.crowds(listed) and listed.form != SUPERIMPOSED

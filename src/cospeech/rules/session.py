@@ -27,7 +27,7 @@ from ..motion.skeleton import humanoid
 from .arousal import arouse
 from .controls import SessionControls
 from .emotion_modifiers import MANNERS, blend_modifiers
-from .foresight import AROUSAL_DELAY, LATENCY, LOOK_AHEAD, MOUTH_WAITS, USUAL, Foresight
+from .foresight import AROUSAL_DELAY, USUAL, Foresight
 from .gesture import Gesture
 from .manner import Manner, MannerCourse, mix_frames
 from .mood import Mood
@@ -38,9 +38,7 @@ from .realise import Pieces, gaze_only, realise
 from .streaming import MOST_AT_ONCE, check_speech
 from .styles import Style
 
-__all__ = [
-    "AROUSAL_DELAY", "KEPT", "LATENCY", "LOOK_AHEAD", "MOUTH_WAITS", "Session",
-]  # fmt: skip
+__all__ = ["KEPT", "Session"]
 
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]

@@ -19,7 +19,7 @@ from ..audio.speech import Speech
 from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
-from ..rules.session import MOUTH_WAITS
+from ..rules.foresight import MOUTH_WAITS
 from .bundles.signature import Signature
 from .pose_resampler import PoseResampler
 from .sliding_window_decoder import SlidingWindowDecoder

@@ -13,9 +13,9 @@ from ..audio.speech import Speech
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
+from ..rules.foresight import LATENCY
 from ..rules.options import GenerationOptions
 from ..rules.plan_edits import Plan, Setting
-from ..rules.session import LATENCY
 from ..rules.streaming import check_speech
 from .motion_switch import MotionSwitch
 from .session import TrainedSession

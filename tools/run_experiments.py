@@ -207,6 +207,8 @@ def pack(plan: Plan, path: Path) -> None:
 def run(plan: Plan, jobs: int, budget: float | None) -> None:
     """Train what is not there, and score the tables whose runs are there."""
     if budget is not None:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts what it puts in the background like this
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
         signal.setitimer(signal.ITIMER_REAL, budget)
     every = plan.jobs()

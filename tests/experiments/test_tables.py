@@ -582,7 +582,8 @@ def test_all_rows_get_a_seed_before_the_next(plan):
 
 
 @pytest.mark.slow
-def test_a_budget_ends_a_run_and_the_next_call_goes_on(store, recipes, tmp_path, capsys):
+@pytest.mark.parametrize("interrupt", [signal.default_int_handler, signal.SIG_IGN], ids=["foreground", "background"])
+def test_a_budget_ends_a_run_and_the_next_call_goes_on(store, recipes, tmp_path, capsys, interrupt):
     text = f"""
 runs = "runs"
 [[table]]
@@ -595,11 +596,13 @@ set = ["train.steps=100000", "train.save_every=100000"]
 """
     (tmp_path / "plan.toml").write_text(text)
     tool = experiments()
-    handler = signal.getsignal(signal.SIGALRM)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGALRM, signal.SIGINT)}
+    signal.signal(signal.SIGINT, interrupt)
     try:
         assert tool.main([str(tmp_path / "plan.toml"), "--budget", "4s"]) == 130
     finally:
-        signal.signal(signal.SIGALRM, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     told = capsys.readouterr().err
     assert "saved at step" in told
     assert "goes on" in told

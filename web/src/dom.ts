@@ -1,0 +1,45 @@
+// Elements of the page: finding them, making them.
+
+type Content = Node | string | null;
+type Attributes = Record<string, string | boolean | ((event: never) => void)>;
+
+/** The element with an id; the page cannot work without it. */
+export function find<T extends HTMLElement = HTMLElement>(id: string): T {
+  const element = document.getElementById(id);
+  if (element === null) throw new Error(`the page has no element #${id}`);
+  return element as T;
+}
+
+/** A new element. A function is a listener of the event that its key names. */
+export function make<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...content: Content[]
+): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value as EventListener);
+    else if (typeof value === "boolean") element.toggleAttribute(name, value);
+    else element.setAttribute(name, value);
+  }
+  element.append(...content.filter((part) => part !== null));
+  return element;
+}
+
+/** A select element's options; the chosen one stays where it is still among them. */
+export function fillSelect(select: HTMLSelectElement, rows: [value: string, text: string][], chosen: string): void {
+  select.replaceChildren(...rows.map(([value, text]) => make("option", { value }, text)));
+  select.value = rows.some(([value]) => value === chosen) ? chosen : (rows[0]?.[0] ?? "");
+}
+
+/** Minutes, seconds and tenths: 1:02.3. */
+export function formatTime(seconds: number): string {
+  const tenths = Math.round(Math.max(seconds, 0) * 10);
+  const minutes = Math.floor(tenths / 600);
+  return `${minutes}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
+}
+
+/** A name as people read it: "superimposed-beat" is "superimposed beat". */
+export function readName(name: string): string {
+  return name.replace(/[-_]/g, " ");
+}

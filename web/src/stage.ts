@@ -1,0 +1,114 @@
+// The stage: light, ground, shadow, camera. It draws only when something has changed.
+
+import {
+  AmbientLight, Box3, Color, DirectionalLight, HemisphereLight, Mesh, PCFShadowMap, PerspectiveCamera, PlaneGeometry,
+  Scene, ShadowMaterial, Vector3, WebGLRenderer, type Object3D,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+const FIELD = 26; // degrees of the camera's view, up and down [ours: long enough a lens that hands in front do not look large]
+const APART = 1.25; // metres between characters side by side [ours: a little more than two arms' reach inwards]
+const ROOM = 1.12; // the view is so much larger than the character [ours]
+const REACH = 0.62; // metres from the middle of a character to its hands in a usual gesture [ours]
+const TALL = 1.78; // metres that the camera frames where there is no character yet [ours: our mannequin]
+
+export class Stage {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(FIELD, 1, 0.05, 100);
+  private readonly renderer: WebGLRenderer;
+  private readonly controls: OrbitControls;
+  private readonly sun = new DirectionalLight(0xfff4e6, 2.1);
+  private people: Object3D[] = [];
+  private stale = true;
+  private framed = false;
+  /** Frames that were drawn; tests read it. */
+  drawn = 0;
+
+  /** Draw into `canvas`; `beforeDraw` is called for every frame of the display and says whether anything moved. */
+  constructor(private readonly canvas: HTMLCanvasElement, beforeDraw: () => boolean) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.light();
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = false;
+    this.controls.maxPolarAngle = Math.PI * 0.52;
+    this.controls.minDistance = 0.4;
+    this.controls.maxDistance = 25;
+    this.controls.addEventListener("change", () => (this.stale = true));
+    this.controls.addEventListener("start", () => (this.framed = false));
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+    this.frame();
+    this.renderer.setAnimationLoop(() => {
+      if (beforeDraw() || this.stale) {
+        this.stale = false;
+        this.drawn++;
+        this.renderer.render(this.scene, this.camera);
+      }
+    });
+  }
+
+  private light(): void {
+    const sky = new HemisphereLight(0xf3f6ff, 0xb9aea2, 1.25);
+    const rim = new DirectionalLight(0xdfe9ff, 0.9);
+    rim.position.set(-2.5, 2.6, -3);
+    this.sun.position.set(1.8, 3.6, 3.2);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.radius = 6;
+    this.sun.shadow.bias = -0.0004;
+    this.sun.shadow.normalBias = 0.02;
+    const ground = new Mesh(new PlaneGeometry(60, 60), new ShadowMaterial({ color: new Color(0x0b1a22), opacity: 0.24 }));
+    ground.rotation.x = -Math.PI / 2;
+    ground.receiveShadow = true;
+    this.scene.add(sky, new AmbientLight(0xffffff, 0.25), this.sun, this.sun.target, rim, ground);
+  }
+
+  /** Show characters side by side, and frame them from head to feet. */
+  setPeople(people: Object3D[]): void {
+    const same = people.length === this.people.length;
+    for (const old of this.people) this.scene.remove(old);
+    this.people = people;
+    people.forEach((person, k) => {
+      person.position.x = (k - (people.length - 1) / 2) * APART;
+      this.scene.add(person);
+    });
+    const half = (Math.max(people.length, 1) * APART) / 2 + 0.6;
+    const shadow = this.sun.shadow.camera;
+    Object.assign(shadow, { left: -half, right: half, top: 2.6, bottom: -1.6, near: 0.5, far: 12 });
+    shadow.updateProjectionMatrix();
+    if (!same || this.framed) this.frame();
+    this.stale = true;
+  }
+
+  /** The camera in front of all characters, from head to feet. */
+  frame(): void {
+    const tall = Math.max(...this.people.map((person) => new Box3().setFromObject(person).max.y), 0) || TALL;
+    const height = Math.min(Math.max(tall, 0.3), 6) * ROOM;
+    const width = (Math.max(this.people.length, 1) - 1) * APART + 2 * REACH * (height / (TALL * ROOM));
+    const tangent = Math.tan((FIELD * Math.PI) / 360);
+    const away = Math.max(height / 2 / tangent, width / 2 / tangent / this.camera.aspect) + 0.35;
+    this.controls.target.set(0, height / 2 - 0.03 * height, 0);
+    this.camera.position.copy(this.controls.target).add(new Vector3(away * 0.1, away * 0.045, away));
+    this.controls.update();
+    this.framed = true;
+    this.stale = true;
+  }
+
+  /** Something changed that `beforeDraw` does not know of. */
+  redraw(): void {
+    this.stale = true;
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (!clientWidth || !clientHeight) return;
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    if (this.framed) this.frame();
+    this.stale = true;
+  }
+}

@@ -1,0 +1,18 @@
+// Two builds into one folder of the Python package: the page of the studio, and the viewer that a share file holds.
+import { defineConfig } from "vite";
+
+const folder = "../src/cospeech/assets/studio";
+
+export default defineConfig(({ mode }) =>
+  mode === "share"
+    ? {
+        publicDir: false,
+        build: {
+          outDir: folder,
+          emptyOutDir: false,
+          cssCodeSplit: false,
+          lib: { entry: "src/share.ts", formats: ["iife"], name: "cospeechShare", fileName: () => "viewer.js", cssFileName: "viewer" },
+        },
+      }
+    : { base: "./", build: { outDir: folder, emptyOutDir: true, chunkSizeWarningLimit: 1000, modulePreload: { polyfill: false } } },
+);

@@ -1,0 +1,83 @@
+// What the page asks of the server. Every failure becomes a Problem: what is wrong, and how to mend it.
+
+import type {
+  Catalogue, ChangedPlan, CreatedTake, MessageWords, Plan, PlanEditRequest, StudioProblem, TakeEvent, TakeRequest, UploadedClip,
+  UploadedSpeech,
+} from "./messages";
+import { Motion } from "./motion";
+
+export type PlanEdit = PlanEditRequest["edit"];
+
+export class Problem extends Error {
+  constructor(readonly problem: string, readonly hint = "") {
+    super(hint ? `${problem} (${hint})` : problem);
+  }
+}
+
+async function ask(path: string, options: RequestInit = {}): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Problem("the studio does not answer", "is `cospeech studio` still running?");
+  }
+  if (answer.ok) return answer;
+  const said = (await answer.json().catch(() => ({}))) as Partial<StudioProblem>;
+  throw new Problem(said.problem ?? `the studio answered ${answer.status}`, said.hint ?? "");
+}
+
+async function askJson<T>(path: string, method = "GET", body?: unknown): Promise<T> {
+  const options: RequestInit = { method };
+  if (body !== undefined) {
+    options.body = JSON.stringify(body);
+    options.headers = { "Content-Type": "application/json" };
+  }
+  return (await (await ask(path, options)).json()) as T;
+}
+
+async function upload<T>(path: string, method: string, file: Blob, name: string): Promise<T> {
+  const headers = { "Content-Type": "application/octet-stream" };
+  return (await (await ask(`${path}?name=${encodeURIComponent(name)}`, { method, body: file, headers })).json()) as T;
+}
+
+export const readCatalogue = (): Promise<Catalogue> => askJson("/api/catalogue");
+export const sendSpeech = (file: Blob, name: string): Promise<UploadedSpeech> => upload("/api/speech", "POST", file, name);
+export const openExample = (): Promise<UploadedSpeech> => askJson("/api/speech/example", "POST");
+export const sendClip = (file: File): Promise<UploadedClip> => upload("/api/clips", "POST", file, file.name);
+export const sendTranscript = (speech: string, file: File): Promise<MessageWords> =>
+  upload(`/api/speech/${speech}/transcript`, "PUT", file, file.name);
+export const soundOf = (speech: string): string => `/api/speech/${speech}/sound`;
+export const createTake = (request: TakeRequest): Promise<CreatedTake> => askJson("/api/takes", "POST", request);
+export const readPlan = (take: string): Promise<Plan> => askJson(`/api/takes/${take}/plan`);
+export const editPlan = (request: PlanEditRequest): Promise<ChangedPlan> => askJson("/api/plans/edit", "POST", request);
+export const fileOf = (take: string, suffix: string): string => `/api/takes/${take}/file?suffix=${encodeURIComponent(suffix)}`;
+
+export async function readMotion(take: string): Promise<Motion> {
+  return Motion.decode(await (await ask(`/api/takes/${take}/motion`)).arrayBuffer());
+}
+
+export async function readFile(take: string, suffix: string): Promise<Blob> {
+  return (await ask(fileOf(take, suffix))).blob();
+}
+
+/** Cancel a take, or forget it; that it is gone already is no problem. */
+export function forgetTake(take: string): void {
+  void fetch(`/api/takes/${take}`, { method: "DELETE" }).catch(() => undefined);
+}
+
+export function socketOf(path: string): WebSocket {
+  return new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`);
+}
+
+const AGAIN = 1000; // milliseconds until a lost connection is opened again [ours]
+
+/** Call `tell` with every event of a take; the connection is opened again whenever it is lost. */
+export function followEvents(tell: (event: TakeEvent) => void, state: (connected: boolean) => void): void {
+  const socket = socketOf("/api/events");
+  socket.onopen = () => state(true);
+  socket.onmessage = (message) => tell(JSON.parse(message.data as string) as TakeEvent);
+  socket.onclose = () => {
+    state(false);
+    window.setTimeout(() => followEvents(tell, state), AGAIN);
+  };
+}

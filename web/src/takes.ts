@@ -1,0 +1,229 @@
+// Making takes: asking for them, following them, undoing, and keeping what was made already.
+
+import * as api from "./api";
+import type { Plan, TakeEvent, TakeRequest } from "./messages";
+import type { Motion } from "./motion";
+import { makeTake, type Settings, type Store, type Take } from "./state";
+
+const MOST_TAKES = 8;
+const KEPT = 24; // results that undo and redo find again without asking [ours: three rounds of eight takes]
+const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
+
+interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
+interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
+
+export class Takes {
+  private readonly made = new Map<string, Made>();
+  private readonly events = new Map<string, TakeEvent>();
+  private past: Step[] = [];
+  private future: Step[] = [];
+  private timer = 0;
+
+  constructor(private readonly store: Store) {
+    api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected));
+  }
+
+  // ------------------------------------------------------------------------------------------ asking
+
+  /** Ask for every take that is not as the settings say. */
+  makeAll(): void {
+    window.clearTimeout(this.timer);
+    for (const take of this.store.state.takes) void this.make(take);
+  }
+
+  private makeSoon(): void {
+    window.clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => this.makeAll(), PATIENCE);
+  }
+
+  private async make(take: Take): Promise<void> {
+    const { speech } = this.store.state;
+    if (speech === null) return;
+    const request = this.requestOf(take, speech.speech);
+    const key = JSON.stringify(request);
+    if (take.madeFrom === key) return;
+    if (take.making !== null) api.forgetTake(take.making);
+    Object.assign(take, { madeFrom: key, making: null, progress: 0, problem: "" });
+    const known = this.made.get(key);
+    if (known !== undefined) return this.show(take, known);
+    this.store.update();
+    try {
+      const { take: id } = await api.createTake(request);
+      if (take.madeFrom !== key) return api.forgetTake(id);
+      take.making = id;
+      const early = this.events.get(id);
+      if (early) this.hear(early);
+    } catch (error) {
+      if (take.madeFrom === key) this.fail(take, error);
+    }
+  }
+
+  private requestOf(take: Take, speech: string): TakeRequest {
+    const { model, clip, mix, emotion, intensity, temperature, parts, fps, style } = this.store.state.settings;
+    const manner = clip ? { clip: clip.clip } : mix ? { mix } : style ? { name: style } : null;
+    return {
+      speech, model, style: manner, emotion, intensity, seed: take.seed, temperature, parts, fps, plan: take.edited,
+    };
+  }
+
+  // ------------------------------------------------------------------------------------------ following
+
+  private hear(event: TakeEvent): void {
+    const take = this.store.state.takes.find((each) => each.making === event.take);
+    if (take === undefined) {
+      this.events.set(event.take, event);
+      if (this.events.size > 100) this.events.delete(this.events.keys().next().value as string);
+      return;
+    }
+    this.events.delete(event.take);
+    if (event.type === "done") void this.fetchResult(take, event);
+    else if (event.type === "error") this.fail(take, new api.Problem(event.problem, event.hint));
+    else if (event.type === "cancelled") Object.assign(take, { making: null, progress: null, madeFrom: "" });
+    else take.progress = event.total ? Math.min(event.done / event.total, 1) : 0;
+    this.store.update();
+  }
+
+  private async fetchResult(take: Take, event: TakeEvent): Promise<void> {
+    const key = take.madeFrom;
+    try {
+      const plan = this.store.model.takes_plan ? api.readPlan(event.take).catch(() => null) : null;
+      const motion = await api.readMotion(event.take);
+      const made = { id: event.take, motion, plan: await plan, factor: event.realtime_factor };
+      this.made.set(key, made);
+      if (this.made.size > KEPT) this.made.delete(this.made.keys().next().value as string);
+      if (take.madeFrom === key) this.show(take, made);
+    } catch (error) {
+      if (take.madeFrom === key) this.fail(take, error);
+    }
+  }
+
+  private show(take: Take, { id, motion, plan, factor }: Made): void {
+    Object.assign(take, { id, motion, plan, factor, making: null, progress: null, problem: "" });
+    this.store.update();
+  }
+
+  private fail(take: Take, error: unknown): void {
+    const problem = error instanceof Error ? error.message : String(error);
+    Object.assign(take, { making: null, progress: null, problem });
+    this.store.update();
+  }
+
+  private onConnection(connected: boolean): void {
+    const lost = "the connection to the studio is lost: it is tried again";
+    if (!connected) this.store.update({ problem: lost });
+    else if (this.store.state.problem === lost) {
+      for (const take of this.store.state.takes) if (take.making !== null) take.madeFrom = "";
+      this.store.update({ problem: "" });
+      this.makeAll();
+    }
+  }
+
+  /** Stop what is being made; what was shown before stays. */
+  cancel(take: Take): void {
+    if (take.making !== null) api.forgetTake(take.making);
+    Object.assign(take, { making: null, progress: null, madeFrom: "" });
+    this.store.update({ notice: "cancelled" });
+  }
+
+  // ------------------------------------------------------------------------------------------ changing
+
+  /** Change settings; plans that were edited give way, for they hold settings of their own. Undo brings them back. */
+  changeSettings(change: Partial<Settings>): void {
+    this.remember();
+    const edited = this.store.state.takes.some((take) => take.edited !== null);
+    for (const take of this.store.state.takes) take.edited = null;
+    const notice = edited ? "the edits of the plan gave way to the new settings; undo brings them back" : "";
+    this.store.update({ settings: { ...this.store.state.settings, ...change }, notice });
+    this.makeSoon();
+  }
+
+  changeSeed(seed: number): void {
+    this.remember();
+    Object.assign(this.store.take, { seed, edited: null });
+    this.store.update();
+    this.makeSoon();
+  }
+
+  get mayAdd(): boolean {
+    return this.store.state.takes.length < Math.min(MOST_TAKES, this.store.state.catalogue.limits.takes);
+  }
+
+  add(): void {
+    if (!this.mayAdd) return;
+    this.remember();
+    const { takes } = this.store.state;
+    takes.push(makeTake(Math.max(...takes.map((take) => take.seed)) + 1));
+    this.store.update({ chosen: takes.length - 1, gesture: null });
+    this.makeAll();
+  }
+
+  remove(index: number): void {
+    const { takes, chosen } = this.store.state;
+    if (takes.length < 2) return;
+    this.remember();
+    const [gone] = takes.splice(index, 1);
+    if (gone.making !== null) api.forgetTake(gone.making);
+    this.store.update({ chosen: Math.min(chosen > index ? chosen - 1 : chosen, takes.length - 1), gesture: null });
+  }
+
+  /** Edit the plan of the chosen take, show it at once, and ask for its motion. */
+  async edit(edit: api.PlanEdit): Promise<void> {
+    const { take, state } = this.store;
+    if (take.plan === null || state.speech === null) return;
+    try {
+      const { plan } = await api.editPlan({ plan: take.plan, speech: state.speech.speech, edit });
+      this.remember();
+      Object.assign(take, { edited: plan, plan });
+      this.store.update({ problem: "", notice: "" });
+      await this.make(take);
+    } catch (error) {
+      this.store.update({ problem: error instanceof Error ? error.message : String(error) });
+    }
+  }
+
+  // ------------------------------------------------------------------------------------------ undoing
+
+  private step(): Step {
+    const { settings, takes, chosen } = this.store.state;
+    return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
+  }
+
+  private remember(): void {
+    this.past.push(this.step());
+    if (this.past.length > 100) this.past.shift();
+    this.future = [];
+  }
+
+  get mayUndo(): boolean {
+    return this.past.length > 0;
+  }
+
+  get mayRedo(): boolean {
+    return this.future.length > 0;
+  }
+
+  undo(): void {
+    const step = this.past.pop();
+    if (step === undefined) return;
+    this.future.push(this.step());
+    this.restore(step);
+  }
+
+  redo(): void {
+    const step = this.future.pop();
+    if (step === undefined) return;
+    this.past.push(this.step());
+    this.restore(step);
+  }
+
+  private restore(step: Step): void {
+    const { takes } = this.store.state;
+    for (const gone of takes.splice(step.takes.length)) if (gone.making !== null) api.forgetTake(gone.making);
+    step.takes.forEach((wanted, k) => {
+      takes[k] ??= makeTake(wanted.seed);
+      Object.assign(takes[k], wanted);
+    });
+    this.store.update({ settings: step.settings, chosen: step.chosen, gesture: null, notice: "" });
+    this.makeAll();
+  }
+}

@@ -1,0 +1,209 @@
+// Somebody's own character: a VRM by its humanoid, a GLB by the names of its bones. The file stays in the browser.
+
+import { VRMHumanBoneName, VRMLoaderPlugin, VRMUtils, type VRM } from "@pixiv/three-vrm";
+import { Bone, Box3, Mesh, Object3D, Quaternion, Vector3 } from "three";
+import { GLTFLoader, type GLTF } from "three/addons/loaders/GLTFLoader.js";
+import { Problem } from "./api";
+import { findBones } from "./bones";
+import { disposeMeshes, placeOf, prepareMeshes, type Figure } from "./figure";
+import type { Pose } from "./motion";
+import { ShapeMap } from "./shapes";
+
+/** Our humanoid, as the catalogue tells it. */
+export interface Humanoid {
+  joints: string[];
+  parents: number[];
+  rest: [number, number, number][];
+  weights: string[];
+}
+
+const LEAST_BONES = 8; // a humanoid has at least hips, head, arms and legs of two bones [ours]
+
+/** Read somebody's character; what cannot be used is a Problem. */
+export async function loadAvatar(data: ArrayBuffer, name: string, humanoid: Humanoid): Promise<Figure> {
+  const loader = new GLTFLoader();
+  loader.register((parser) => new VRMLoaderPlugin(parser));
+  let file: GLTF;
+  try {
+    file = await loader.parseAsync(data.slice(0), "");
+  } catch {
+    throw new Problem(`${name} cannot be read`, "a .vrm, or a .glb with a skin");
+  }
+  const vrm = file.userData.vrm as VRM | undefined;
+  const again = (): Promise<Figure> => loadAvatar(data, name, humanoid);
+  return vrm ? new VrmFigure(vrm, humanoid, again) : new GlbFigure(file.scene, name, humanoid, again);
+}
+
+/** A VRM: its normalised bones rest as ours do, so that rotations are taken as they are. */
+class VrmFigure implements Figure {
+  readonly root: Object3D;
+  private readonly bones: (Object3D | null)[];
+  private readonly shapes: ShapeMap;
+  private readonly scale: number;
+  private readonly side: number;
+  private open = 0;
+
+  constructor(private readonly vrm: VRM, private readonly humanoid: Humanoid, private readonly again: () => Promise<Figure>) {
+    this.root = new Object3D();
+    this.root.add(vrm.scene);
+    VRMUtils.rotateVRM0(vrm);
+    prepareMeshes(vrm.scene);
+    this.side = vrm.meta.metaVersion === "0" ? -1 : 1; // VRM 0 faces −Z
+    this.bones = humanoid.joints.map((name) => vrm.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName));
+    this.scale = (this.bones[0]?.position.y ?? humanoid.rest[0][1]) / humanoid.rest[0][1];
+    this.shapes = new ShapeMap(humanoid.weights, (shape) => vrm.expressionManager?.getExpression(shape) != null);
+  }
+
+  show(pose: Pose): void {
+    const { side } = this;
+    this.bones[0]?.position.set(pose.root[0] * side, pose.root[1], pose.root[2] * side).multiplyScalar(this.scale);
+    this.bones.forEach((bone, k) => {
+      const [x, y, z, w] = pose.rotations.subarray(k * 4, k * 4 + 4);
+      bone?.quaternion.set(x * side, y, z * side, w);
+    });
+    this.shapes.apply(pose.face, (shape, value) => this.vrm.expressionManager?.setValue(shape, value));
+    this.open = pose.face[this.humanoid.weights.indexOf("jawOpen")];
+    this.vrm.update(0);
+  }
+
+  jawOpen(): number {
+    const manager = this.vrm.expressionManager;
+    return this.shapes.moves ? (manager?.getValue("jawOpen") ?? manager?.getValue("aa") ?? this.open) : 0;
+  }
+
+  joint(name: string): [number, number, number] | null {
+    return placeOf(this.vrm.humanoid.getRawBoneNode(name as VRMHumanBoneName) ?? undefined, this.root);
+  }
+
+  copy(): Promise<Figure> {
+    return this.again();
+  }
+
+  dispose(): void {
+    this.root.removeFromParent();
+    VRMUtils.deepDispose(this.vrm.scene);
+  }
+}
+
+interface Driven {
+  bone: Object3D;
+  column: number;
+  /** World rotation of the bone at rest, turned so that its limb points where ours does in the T-pose. */
+  rest: Quaternion;
+}
+
+/** A GLB: bones take our world rotations on top of their own rest. */
+class GlbFigure implements Figure {
+  readonly root = new Object3D();
+  private readonly driven: Driven[] = [];
+  private readonly byJoint = new Map<string, Object3D>();
+  private readonly faces: { mesh: Mesh; shapes: ShapeMap }[] = [];
+  private readonly world: Quaternion[];
+  private readonly scale: number;
+  private readonly hips: Vector3;
+  private open = 0;
+
+  constructor(
+    private readonly scene: Object3D, name: string, private readonly humanoid: Humanoid, private readonly again: () => Promise<Figure>,
+  ) {
+    this.root.add(scene);
+    prepareMeshes(scene);
+    this.root.updateMatrixWorld(true);
+    const bones: Object3D[] = [];
+    scene.traverse((node) => {
+      if (node instanceof Bone) bones.push(node);
+    });
+    const found = findBones(humanoid.joints, bones.map((bone) => bone.userData.name ?? bone.name));
+    if (found.size < LEAST_BONES) throw new Problem(`${name} has no humanoid that is recognised`, "a VRM says which bone is which");
+    for (const [joint, index] of found) this.byJoint.set(joint, bones[index]);
+    this.world = humanoid.joints.map(() => new Quaternion());
+    this.collect();
+    this.readFaces();
+    const hips = this.byJoint.get("hips") ?? bones[0];
+    this.hips = hips.getWorldPosition(new Vector3());
+    const ground = new Box3().setFromObject(scene).min.y;
+    this.scale = Math.max(this.hips.y - ground, 0.05) / humanoid.rest[0][1];
+    scene.position.y -= ground;
+    this.hips.y -= ground;
+  }
+
+  /** Bones in the order of our joints, parents first. */
+  private collect(): void {
+    const { joints } = this.humanoid;
+    joints.forEach((joint, column) => {
+      const bone = this.byJoint.get(joint);
+      if (bone === undefined) return;
+      const rest = bone.getWorldQuaternion(new Quaternion());
+      const turn = this.turnOf(column, bone);
+      this.driven.push({ bone, column, rest: turn.multiply(rest) });
+    });
+  }
+
+  /** The rotation that takes the limb at rest to where ours points; arms, hands and legs only. */
+  private turnOf(column: number, bone: Object3D): Quaternion {
+    const { joints, parents, rest } = this.humanoid;
+    const turn = new Quaternion();
+    if (!/Arm|Hand|Leg|Thumb|Index|Middle|Ring|Little/.test(joints[column])) return turn;
+    const wanted = joints[column].endsWith("Hand") ? joints[column].replace("Hand", "MiddleProximal") : "";
+    const child = wanted ? joints.indexOf(wanted) : parents.indexOf(column);
+    const next = child < 0 ? undefined : this.byJoint.get(joints[child]);
+    if (next === undefined) {
+      const above = this.driven.find((each) => each.column === parents[column]);
+      if (above) turn.copy(above.rest).multiply(above.bone.getWorldQuaternion(new Quaternion()).invert());
+      return turn;
+    }
+    const from = next.getWorldPosition(new Vector3()).sub(bone.getWorldPosition(new Vector3())).normalize();
+    return turn.setFromUnitVectors(from, new Vector3(...rest[child]).normalize());
+  }
+
+  private readFaces(): void {
+    this.scene.traverse((node) => {
+      if (!(node instanceof Mesh) || node.morphTargetDictionary === undefined) return;
+      const known = node.morphTargetDictionary;
+      const shapes = new ShapeMap(this.humanoid.weights, (shape) => shape in known);
+      if (shapes.moves) this.faces.push({ mesh: node, shapes });
+    });
+  }
+
+  show(pose: Pose): void {
+    const { parents } = this.humanoid;
+    this.world.forEach((rotation, k) => {
+      rotation.fromArray(pose.rotations, k * 4);
+      if (parents[k] >= 0) rotation.premultiply(this.world[parents[k]]);
+    });
+    const lean = new Vector3().fromArray(pose.root).sub(new Vector3(...this.humanoid.rest[0])).multiplyScalar(this.scale);
+    const base = this.root.getWorldQuaternion(new Quaternion()).invert();
+    for (const { bone, column, rest } of this.driven) {
+      const above = bone.parent;
+      const inverse = above ? above.getWorldQuaternion(new Quaternion()).premultiply(base).invert() : new Quaternion();
+      bone.quaternion.copy(inverse).multiply(this.world[column]).multiply(rest);
+      if (column === 0 && above) {
+        above.updateWorldMatrix(true, false);
+        bone.position.copy(above.worldToLocal(this.root.localToWorld(this.hips.clone().add(lean))));
+      }
+      bone.updateMatrixWorld(true);
+    }
+    for (const { mesh, shapes } of this.faces) {
+      const [known, influences] = [mesh.morphTargetDictionary ?? {}, mesh.morphTargetInfluences ?? []];
+      shapes.apply(pose.face, (shape, value) => (influences[known[shape]] = value));
+    }
+    this.open = pose.face[this.humanoid.weights.indexOf("jawOpen")];
+  }
+
+  jawOpen(): number {
+    return this.faces.length ? this.open : 0;
+  }
+
+  joint(name: string): [number, number, number] | null {
+    return placeOf(this.byJoint.get(name), this.root);
+  }
+
+  copy(): Promise<Figure> {
+    return this.again();
+  }
+
+  dispose(): void {
+    this.root.removeFromParent();
+    disposeMeshes(this.scene);
+  }
+}

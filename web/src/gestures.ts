@@ -1,0 +1,127 @@
+// The gestures on the time line: one button each, moved by the pointer or the keys.
+
+import { make, readName } from "./dom";
+import type { Plan, PlannedGesture } from "./messages";
+import type { Store } from "./state";
+import type { Takes } from "./takes";
+
+const LEAD = 0.5; // seconds before the stroke that are drawn where a plan does not say the start [ours]
+const NUDGE = 0.1; // seconds that an arrow key moves a gesture [ours: three frames]
+const BEAT = "superimposed-beat";
+
+interface Span { from: number; to: number }
+
+export function spanOf(gesture: PlannedGesture): Span {
+  const from = Math.max(gesture.start ?? gesture.stroke - LEAD, 0);
+  return { from, to: (gesture.end ?? gesture.stroke + LEAD / 2) + Math.min(gesture.hold ?? 0, 3) };
+}
+
+export function isLocked(plan: Plan, time: number): boolean {
+  return (plan.locked ?? []).some((stretch) => stretch.from <= time && time < stretch.to);
+}
+
+function describe(gesture: PlannedGesture, locked: boolean): string {
+  const hands = { left: "left hand", right: "right hand", both: "both hands" }[gesture.hands ?? "both"];
+  const word = gesture.word ? `, on the word ${gesture.word}` : "";
+  return `${readName(gesture.form)}, ${hands}, at ${gesture.stroke.toFixed(1)} seconds${word}${locked ? ", locked" : ""}`;
+}
+
+export class GestureTrack {
+  private shown: Plan | null = null;
+  private width = 0;
+  private seconds = 0;
+  private dragging = false;
+
+  constructor(private readonly track: HTMLElement, private readonly store: Store, private readonly takes: Takes) {}
+
+  /** Draw the gestures of the chosen take over `seconds`. */
+  draw(seconds: number): void {
+    const plan = this.store.take.plan;
+    this.seconds = seconds;
+    const width = this.track.clientWidth;
+    if (this.dragging) return;
+    if (plan !== this.shown || width !== this.width) {
+      const focused = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
+      this.track.replaceChildren(...(plan?.gestures ?? []).map((gesture) => this.button(plan as Plan, gesture)));
+      if (focused) this.track.querySelector<HTMLElement>(`[data-id="${CSS.escape(focused)}"]`)?.focus();
+      this.shown = plan;
+      this.width = width;
+    }
+    for (const button of this.track.children) {
+      const chosen = (button as HTMLElement).dataset.id === this.store.state.gesture;
+      button.setAttribute("aria-pressed", String(chosen));
+    }
+  }
+
+  private button(plan: Plan, gesture: PlannedGesture): HTMLElement {
+    const { from, to } = spanOf(gesture);
+    const locked = isLocked(plan, gesture.stroke);
+    const beat = gesture.form === BEAT;
+    const button = make("button", {
+      type: "button", class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
+      "data-id": gesture.id, "aria-label": describe(gesture, locked), "aria-pressed": "false", title: describe(gesture, locked),
+      click: () => this.store.update({ gesture: gesture.id }),
+      keydown: (event: KeyboardEvent) => this.press(event, gesture),
+      pointerdown: (event: PointerEvent) => this.drag(event, gesture, button),
+    }, beat ? "" : readName(gesture.form));
+    const stroke = make("span", { class: "stroke" });
+    button.append(stroke);
+    const start = beat ? gesture.stroke - 0.04 : from;
+    const length = beat ? 0.08 : Math.max(to - from, 0.15);
+    button.style.left = `${(start / this.seconds) * 100}%`;
+    button.style.width = `${(length / this.seconds) * 100}%`;
+    stroke.style.left = `${((gesture.stroke - start) / length) * 100}%`;
+    return button;
+  }
+
+  private press(event: KeyboardEvent, gesture: PlannedGesture): void {
+    const sign = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
+    if (sign) void this.move(gesture, gesture.stroke + sign * NUDGE);
+    else if (event.key === "Delete" || event.key === "Backspace") void this.takes.edit({ kind: "remove", gesture: gesture.id });
+    else if (event.key === "l" || event.key === "L") this.lock(gesture);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  private move(gesture: PlannedGesture, to: number): Promise<void> {
+    const time = Math.min(Math.max(to, 0), this.seconds);
+    return this.takes.edit({ kind: "move", gesture: gesture.id, to: Math.round(time * 1000) / 1000 });
+  }
+
+  /** Lock the stretch of a gesture; if it is locked, unlock all: a plan knows no more. */
+  lock(gesture: PlannedGesture): void {
+    const plan = this.store.take.plan;
+    if (plan === null) return;
+    if (isLocked(plan, gesture.stroke)) void this.takes.edit({ kind: "unlock" });
+    else {
+      const { from, to } = spanOf(gesture);
+      void this.takes.edit({ kind: "lock", start: from, end: to });
+    }
+  }
+
+  private drag(down: PointerEvent, gesture: PlannedGesture, button: HTMLElement): void {
+    if (down.button !== 0) return;
+    const perSecond = this.track.clientWidth / this.seconds;
+    let moved = 0;
+    const onMove = (event: PointerEvent): void => {
+      moved = event.clientX - down.clientX;
+      this.dragging = Math.abs(moved) > 3 || this.dragging;
+      if (this.dragging) button.style.transform = `translateX(${moved}px)`;
+    };
+    const onUp = (event: PointerEvent): void => {
+      button.removeEventListener("pointermove", onMove);
+      button.removeEventListener("pointerup", onUp);
+      button.removeEventListener("pointercancel", onUp);
+      const move = this.dragging && event.type === "pointerup";
+      this.dragging = false;
+      const settle = (): void => button.style.removeProperty("transform");
+      if (move) void this.move(gesture, gesture.stroke + moved / perSecond).then(settle);
+      else settle();
+    };
+    button.setPointerCapture(down.pointerId);
+    button.addEventListener("pointermove", onMove);
+    button.addEventListener("pointerup", onUp);
+    button.addEventListener("pointercancel", onUp);
+  }
+}

@@ -1,0 +1,146 @@
+// The time line: waveform, words, gestures, stretches, the selection and the playhead.
+
+import { find, formatTime, make, readName } from "./dom";
+import { GestureTrack } from "./gestures";
+import type { HeardWord, Stretch } from "./messages";
+import type { Player } from "./player";
+import type { Store } from "./state";
+import type { Takes } from "./takes";
+import { drawWaveform } from "./waveform";
+
+const LEAST_WIDTH = 34; // pixels of a second; a longer speech scrolls [ours: short words can be read]
+const LEAST_STRETCH = 0.1; // seconds; a shorter drag is a click [ours]
+
+export class TimeLine {
+  private readonly lanes = find("lanes");
+  private readonly scroller = find("scroller");
+  private readonly wave = find<HTMLCanvasElement>("wave");
+  private readonly head = find("playhead");
+  private readonly band = find("selection");
+  private readonly words = find("words");
+  private readonly stretches = find("stretches");
+  private readonly track: GestureTrack;
+  private shownWords: HeardWord[] | null = null;
+  private shownWave = "";
+  private moved = -1;
+
+  constructor(
+    private readonly store: Store, private readonly player: Player, private readonly takes: Takes,
+    private readonly addAt: (time: number) => void,
+  ) {
+    const gestures = find("gestures");
+    this.track = new GestureTrack(gestures, store, takes);
+    gestures.addEventListener("dblclick", (event) => this.addAt(this.timeAt(event.clientX)));
+    for (const lane of [this.wave, this.words]) lane.addEventListener("pointerdown", (event) => this.select(event));
+    find("lock").addEventListener("click", () => {
+      const gesture = this.store.take.plan?.gestures?.find((each) => each.id === this.store.state.gesture);
+      if (gesture) this.track.lock(gesture);
+    });
+    new ResizeObserver(() => this.draw()).observe(this.scroller);
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.shownWave = "";
+      this.draw();
+    });
+    store.onChange(() => this.draw());
+  }
+
+  get seconds(): number {
+    return this.store.state.speech?.seconds ?? 1;
+  }
+
+  private timeAt(x: number): number {
+    const box = this.lanes.getBoundingClientRect();
+    return Math.min(Math.max((x - box.left) / box.width, 0), 1) * this.seconds;
+  }
+
+  private draw(): void {
+    const { speech, selection } = this.store.state;
+    if (speech === null) return;
+    const width = Math.max(this.scroller.clientWidth, this.seconds * LEAST_WIDTH);
+    this.lanes.style.width = `${width}px`;
+    const wave = `${speech.speech} ${width}`;
+    if (wave !== this.shownWave) {
+      this.shownWave = wave;
+      drawWaveform(this.wave, speech.peaks);
+    }
+    this.drawWords(speech.words);
+    this.drawStretches();
+    this.track.draw(this.seconds);
+    this.band.hidden = selection === null;
+    if (selection !== null) this.place(this.band, selection[0], selection[1]);
+  }
+
+  private place(element: HTMLElement, from: number, to: number): void {
+    element.style.left = `${(from / this.seconds) * 100}%`;
+    element.style.width = `${((to - from) / this.seconds) * 100}%`;
+  }
+
+  private drawWords(words: HeardWord[]): void {
+    if (words === this.shownWords) return;
+    this.shownWords = words;
+    this.words.replaceChildren(...words.map((word) => {
+      const span = make("span", {}, word.text);
+      this.place(span, word.start, word.end);
+      return span;
+    }));
+  }
+
+  /** Stretches with values of their own, and what is locked. */
+  private drawStretches(): void {
+    const plan = this.store.take.plan;
+    const own = (plan?.stretches ?? []).map((stretch) => this.stretch(stretch, tellStretch(stretch), "own"));
+    const locked = (plan?.locked ?? []).map((stretch) => this.stretch(stretch, "locked", "locked"));
+    this.stretches.replaceChildren(...own, ...locked);
+    this.stretches.hidden = !own.length && !locked.length;
+  }
+
+  private stretch(stretch: Stretch, text: string, kind: string): HTMLElement {
+    const from = formatTime(stretch.from);
+    const button = make("button", {
+      type: "button", class: kind, "aria-label": `${text}, from ${from} to ${formatTime(stretch.to)}: select this stretch`,
+      click: () => this.store.update({ selection: [stretch.from, stretch.to] }),
+    }, text);
+    this.place(button, stretch.from, stretch.to);
+    return button;
+  }
+
+  /** A click goes to a time; a drag selects a stretch. */
+  private select(down: PointerEvent): void {
+    if (down.button !== 0 || this.store.state.speech === null) return;
+    const lane = down.currentTarget as HTMLElement;
+    const from = this.timeAt(down.clientX);
+    this.player.seek(from);
+    if (this.store.state.selection !== null) this.store.update({ selection: null });
+    const onMove = (event: PointerEvent): void => {
+      const to = this.timeAt(event.clientX);
+      const selection: [number, number] = [Math.min(from, to), Math.max(from, to)];
+      this.store.update({ selection: selection[1] - selection[0] < LEAST_STRETCH ? null : selection });
+    };
+    const onUp = (): void => {
+      lane.removeEventListener("pointermove", onMove);
+      lane.removeEventListener("pointerup", onUp);
+      lane.removeEventListener("pointercancel", onUp);
+    };
+    lane.setPointerCapture(down.pointerId);
+    lane.addEventListener("pointermove", onMove);
+    lane.addEventListener("pointerup", onUp);
+    lane.addEventListener("pointercancel", onUp);
+  }
+
+  /** Move the playhead; called for every frame. */
+  follow(time: number): void {
+    if (time === this.moved) return;
+    this.moved = time;
+    const x = (time / this.seconds) * this.lanes.clientWidth;
+    this.head.style.transform = `translateX(${x}px)`;
+    const { scrollLeft, clientWidth } = this.scroller;
+    if (this.player.playing && (x < scrollLeft || x > scrollLeft + clientWidth * 0.92)) this.scroller.scrollLeft = x - clientWidth * 0.1;
+  }
+}
+
+function tellStretch(stretch: Stretch): string {
+  const parts = [stretch.style ?? "", stretch.emotion ?? ""].filter(Boolean).map(readName);
+  if (stretch.intensity != null) parts.push(`intensity ${stretch.intensity}`);
+  if (stretch.seed != null) parts.push(`seed ${stretch.seed}`);
+  return parts.join(", ") || "own values";
+}

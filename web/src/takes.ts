@@ -31,6 +31,13 @@ export class Takes {
     for (const take of this.store.state.takes) void this.make(take);
   }
 
+  /** What was made is not right any more, since the words changed. */
+  renew(): void {
+    this.made.clear();
+    for (const take of this.store.state.takes) take.madeFrom = "";
+    this.makeAll();
+  }
+
   private makeSoon(): void {
     window.clearTimeout(this.timer);
     this.timer = window.setTimeout(() => this.makeAll(), PATIENCE);

@@ -1,0 +1,69 @@
+// The takes under the characters: which is chosen, how far it is, what went wrong; and the downloads of the chosen one.
+
+import { fileOf, readFile } from "../api";
+import { fillSelect, find, make } from "../dom";
+import type { State, Store, Take } from "../state";
+import type { Takes } from "../takes";
+
+export class Cards {
+  constructor(private readonly store: Store, private readonly takes: Takes) {
+    const { formats } = store.state.catalogue;
+    fillSelect(find("format"), formats.map((row) => [row.suffix, `${row.suffix}  ${row.title}`]), ".glb");
+    find("add-take").addEventListener("click", () => takes.add());
+    find("remove-take").addEventListener("click", () => takes.remove(store.state.chosen));
+    find("format").addEventListener("change", () => store.update());
+    find("download").addEventListener("click", (event) => {
+      event.preventDefault();
+      void this.download();
+    });
+    store.onChange((state) => this.draw(state));
+  }
+
+  private draw(state: State): void {
+    const cards = state.speech === null ? [] : state.takes.map((take, k) => this.card(take, k));
+    const focused = document.activeElement?.id;
+    find("cards").replaceChildren(...cards);
+    if (focused?.startsWith("card-")) document.getElementById(focused)?.focus();
+    find<HTMLButtonElement>("add-take").disabled = !this.takes.mayAdd || state.speech === null;
+    find<HTMLButtonElement>("remove-take").disabled = state.takes.length < 2;
+    const link = find<HTMLAnchorElement>("download");
+    const ready = this.store.take.id !== null;
+    link.setAttribute("aria-disabled", String(!ready));
+    if (ready) link.href = fileOf(this.store.take.id ?? "", find<HTMLSelectElement>("format").value);
+    else link.removeAttribute("href");
+    link.textContent = `Download take ${state.chosen + 1}`;
+  }
+
+  private card(take: Take, k: number): HTMLElement {
+    const chosen = this.store.state.chosen === k;
+    const name = make("button", {
+      type: "button", class: "name", id: `card-${take.key}`, "aria-pressed": String(chosen),
+      click: () => this.store.update({ chosen: k, gesture: null }),
+    }, `Take ${k + 1}`);
+    const card = make("div", { class: `card${chosen ? " chosen" : ""}` }, name);
+    if (take.progress !== null) {
+      const progress = make("progress", { max: "1", value: String(take.progress), "aria-label": `Take ${k + 1} is made` });
+      const stop = make("button", { type: "button", class: "quiet", id: `card-${take.key}-stop`, click: () => this.takes.cancel(take) }, "Cancel");
+      card.append(progress, stop);
+    } else card.append(make("span", { class: "soft" }, `seed ${take.seed}${take.edited ? ", edited" : ""}`));
+    if (take.problem) card.append(make("span", { class: "wrong", role: "alert" }, take.problem));
+    return make("li", {}, card);
+  }
+
+  /** Fetch first, so that a problem is told here and not shown as a page of its own. */
+  private async download(): Promise<void> {
+    const { take, state } = this.store;
+    const suffix = find<HTMLSelectElement>("format").value;
+    if (take.id === null) return;
+    this.store.update({ notice: `writing ${suffix} …`, problem: "" });
+    try {
+      const url = URL.createObjectURL(await readFile(take.id, suffix));
+      const stem = (state.speech?.name ?? "talk").replace(/\.[^.]*$/, "");
+      make("a", { href: url, download: `${stem}${suffix}` }).click();
+      window.setTimeout(() => URL.revokeObjectURL(url), 60_000);
+      this.store.update({ notice: "" });
+    } catch (error) {
+      this.store.update({ notice: "", problem: error instanceof Error ? error.message : String(error) });
+    }
+  }
+}

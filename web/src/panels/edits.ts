@@ -1,0 +1,98 @@
+// Editing: the chosen gesture, the selected stretch, the dialog that adds a gesture.
+
+import { fillSelect, find, formatTime, readName } from "../dom";
+import { isLocked } from "../gestures";
+import type { Player } from "../player";
+import type { State, Store } from "../state";
+import type { Takes } from "../takes";
+import { emotionRows } from "./settings";
+
+const KEEP: [string, string] = ["", "as it is"];
+const INTENSITIES = [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5];
+
+export class EditPanel {
+  private shownModel = "";
+
+  constructor(private readonly store: Store, private readonly takes: Takes, private readonly player: Player) {
+    const { catalogue } = store.state;
+    fillSelect(find("add-form"), catalogue.forms.map((form) => [form.name, readName(form.name)]), "beat");
+    fillSelect(find("stretch-emotion"), [KEEP, ...emotionRows(catalogue.emotions)], "");
+    fillSelect(find("stretch-intensity"), [KEEP, ...INTENSITIES.map((each): [string, string] => [String(each), String(each)])], "");
+    find("add-gesture").addEventListener("click", () => this.openDialog(player.time));
+    find("remove-gesture").addEventListener("click", () => this.removeChosen());
+    find("reseed").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "reseed", start, end })));
+    find("lock-stretch").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "lock", start, end })));
+    this.onSet("stretch-style", (style) => ({ style }));
+    this.onSet("stretch-emotion", (emotion) => ({ emotion }));
+    this.onSet("stretch-intensity", (intensity) => ({ intensity: Number(intensity) }));
+    find("add-form").addEventListener("change", () => this.showWords());
+    const dialog = find<HTMLDialogElement>("add-dialog");
+    dialog.addEventListener("close", () => {
+      if (dialog.returnValue === "add") this.add();
+      dialog.returnValue = "";
+    });
+    store.onChange((state) => this.draw(state));
+  }
+
+  private editStretch(edit: (start: number, end: number) => Promise<void>): void {
+    const { selection } = this.store.state;
+    if (selection !== null) void edit(round(selection[0]), round(selection[1]));
+  }
+
+  private onSet(id: string, values: (value: string) => { style?: string; emotion?: string; intensity?: number }): void {
+    const select = find<HTMLSelectElement>(id);
+    select.addEventListener("change", () => {
+      const { value } = select;
+      if (value) this.editStretch((start, end) => this.takes.edit({ kind: "set", start, end, ...values(value) }));
+      select.value = "";
+    });
+  }
+
+  removeChosen(): void {
+    const { gesture } = this.store.state;
+    if (gesture !== null) void this.takes.edit({ kind: "remove", gesture }).then(() => this.store.update({ gesture: null }));
+  }
+
+  openDialog(time: number): void {
+    if (!this.store.model.takes_gestures || this.store.take.plan === null) return;
+    this.player.pause();
+    find<HTMLInputElement>("add-time").value = time.toFixed(2);
+    this.showWords();
+    find<HTMLDialogElement>("add-dialog").showModal();
+  }
+
+  private showWords(): void {
+    const form = this.store.state.catalogue.forms.find((each) => each.name === find<HTMLSelectElement>("add-form").value);
+    find("form-words").textContent = form?.words.length ? `Goes with: ${form.words.slice(0, 8).join(", ")}` : "";
+  }
+
+  private add(): void {
+    const hands = find<HTMLSelectElement>("add-hands").value as "left" | "right" | "both" | "";
+    const at = find<HTMLInputElement>("add-time").valueAsNumber;
+    const form = find<HTMLSelectElement>("add-form").value;
+    if (Number.isFinite(at)) void this.takes.edit({ kind: "add", form, at, ...(hands ? { hands } : {}) });
+  }
+
+  private draw({ selection, gesture }: State): void {
+    const { model, take } = this.store;
+    const chosen = take.plan?.gestures?.find((each) => each.id === gesture);
+    const edits = model.takes_gestures && take.plan !== null;
+    find("gesture-tools").hidden = !edits;
+    find("gestures").hidden = !model.takes_gestures;
+    find("edit-hint").hidden = selection !== null || !edits;
+    find<HTMLButtonElement>("remove-gesture").disabled = chosen === undefined;
+    const lock = find<HTMLButtonElement>("lock");
+    lock.disabled = chosen === undefined;
+    lock.textContent = chosen && take.plan && isLocked(take.plan, chosen.stroke) ? "Unlock all" : "Lock";
+    find("stretch-tools").hidden = selection === null || take.plan === null;
+    if (selection !== null) find("stretch-time").textContent = `${formatTime(selection[0])} – ${formatTime(selection[1])}`;
+    if (this.shownModel !== model.name) {
+      this.shownModel = model.name;
+      fillSelect(find("stretch-style"), [KEEP, ...model.styles.map((name): [string, string] => [name, readName(name)])], "");
+    }
+  }
+}
+
+function round(seconds: number): number {
+  return Math.round(seconds * 1000) / 1000;
+}

@@ -1,0 +1,127 @@
+// The panel of the speech: dropping, choosing, recording, the example, a transcript.
+
+import * as api from "../api";
+import { find, formatTime } from "../dom";
+import type { UploadedSpeech } from "../messages";
+import type { Player } from "../player";
+import type { State, Store } from "../state";
+import type { Takes } from "../takes";
+
+const TRANSCRIPT = /\.(textgrid|tsv|srt|vtt|txt|json|csv)$/i;
+const MOTION = /\.(bvh|vrma|npz)$/i;
+const AVATAR = /\.(vrm|glb)$/i;
+
+/** What becomes of files that are no speech. */
+export interface Receivers {
+  avatar: (file: File) => void;
+  clip: (file: File) => void;
+}
+
+export class SpeechPanel {
+  private recorder: MediaRecorder | null = null;
+
+  constructor(
+    private readonly store: Store, private readonly takes: Takes, private readonly player: Player, private readonly others: Receivers,
+  ) {
+    this.bindFile("speech-file", ".choose-speech", (file) => this.take(() => api.sendSpeech(file, file.name)));
+    this.bindFile("words-file", "#choose-words", (file) => this.takeWords(file));
+    find("example").addEventListener("click", () => void this.take(api.openExample));
+    for (const button of document.querySelectorAll(".record")) button.addEventListener("click", () => void this.record());
+    const stage = find("stage");
+    window.addEventListener("dragover", (event) => {
+      event.preventDefault();
+      stage.classList.add("over");
+    });
+    window.addEventListener("dragleave", (event) => {
+      if (event.relatedTarget === null) stage.classList.remove("over");
+    });
+    window.addEventListener("drop", (event) => {
+      event.preventDefault();
+      stage.classList.remove("over");
+      const file = event.dataTransfer?.files[0];
+      if (file) this.sort(file);
+    });
+    store.onChange((state) => this.draw(state));
+  }
+
+  private bindFile(id: string, buttons: string, tell: (file: File) => unknown): void {
+    const input = find<HTMLInputElement>(id);
+    for (const button of document.querySelectorAll(buttons)) button.addEventListener("click", () => input.click());
+    input.addEventListener("change", () => {
+      if (input.files?.[0]) tell(input.files[0]);
+      input.value = "";
+    });
+  }
+
+  /** A file that was dropped: the name's end says what it is. */
+  private sort(file: File): void {
+    if (AVATAR.test(file.name)) this.others.avatar(file);
+    else if (MOTION.test(file.name)) this.others.clip(file);
+    else if (TRANSCRIPT.test(file.name)) void this.takeWords(file);
+    else void this.take(() => api.sendSpeech(file, file.name));
+  }
+
+  private async take(send: () => Promise<UploadedSpeech>): Promise<void> {
+    this.store.update({ problem: "", notice: "reading the speech …" });
+    try {
+      const speech = await send();
+      this.player.pause();
+      this.player.open(api.soundOf(speech.speech));
+      for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
+      this.store.update({ speech, selection: null, gesture: null, notice: "" });
+      this.takes.makeAll();
+    } catch (error) {
+      this.store.update({ problem: error instanceof Error ? error.message : String(error), notice: "" });
+    }
+  }
+
+  private async takeWords(file: File): Promise<void> {
+    const { speech } = this.store.state;
+    if (speech === null) return this.store.update({ problem: "a transcript goes with a speech (drop the speech first)" });
+    try {
+      const { words } = await api.sendTranscript(speech.speech, file);
+      this.store.update({ speech: { ...speech, words }, problem: "" });
+      this.takes.renew();
+    } catch (error) {
+      this.store.update({ problem: error instanceof Error ? error.message : String(error) });
+    }
+  }
+
+  private async record(): Promise<void> {
+    if (this.recorder !== null) return this.recorder.stop();
+    try {
+      const microphone = await navigator.mediaDevices.getUserMedia({ audio: true });
+      const recorder = new MediaRecorder(microphone);
+      const pieces: Blob[] = [];
+      recorder.ondataavailable = (event) => pieces.push(event.data);
+      recorder.onstop = () => {
+        for (const track of microphone.getTracks()) track.stop();
+        this.recorder = null;
+        this.showRecording(false);
+        const suffix = recorder.mimeType.includes("mp4") ? "m4a" : recorder.mimeType.includes("ogg") ? "ogg" : "webm";
+        void this.take(() => api.sendSpeech(new Blob(pieces, { type: recorder.mimeType }), `recording.${suffix}`));
+      };
+      recorder.start();
+      this.recorder = recorder;
+      this.showRecording(true);
+    } catch (error) {
+      const reason = error instanceof Error ? error.message : String(error);
+      this.store.update({ problem: `the microphone cannot be used: ${reason} (allow it in the browser)` });
+    }
+  }
+
+  private showRecording(on: boolean): void {
+    for (const button of document.querySelectorAll(".record")) {
+      button.textContent = on ? "Stop recording" : "Record";
+      button.classList.toggle("recording", on);
+    }
+    this.store.update({ notice: on ? "recording …" : "" });
+  }
+
+  private draw({ speech }: State): void {
+    find("welcome").hidden = speech !== null;
+    find("timeline").hidden = speech === null;
+    find<HTMLButtonElement>("choose-words").disabled = speech === null;
+    find("speech-name").textContent = speech === null ? "None yet" : `${speech.name}, ${formatTime(speech.seconds)}`;
+  }
+}

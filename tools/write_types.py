@@ -28,15 +28,17 @@ def collect_schemas() -> dict[str, dict[str, Any]]:
     for name in messages.__all__:
         kind = getattr(messages, name)
         if isinstance(kind, type) and issubclass(kind, BaseModel) and name not in found:
-            _take(found, kind.model_json_schema(mode="serialization"))
+            _take(found, kind.model_json_schema(mode="serialization"), complete=True)
     return dict(sorted(found.items()))
 
 
-def _take(found: dict[str, dict[str, Any]], schema: dict[str, Any]) -> None:
-    for name, part in schema.get("$defs", {}).items():
-        found.setdefault(name, part)
+def _take(found: dict[str, dict[str, Any]], schema: dict[str, Any], *, complete: bool = False) -> None:
+    parts = dict(schema.get("$defs", {}))
     if schema.get("type") == "object":
-        found.setdefault(schema["title"], schema)
+        parts[schema["title"]] = schema
+    for name, part in parts.items():
+        required = {"required": [*part.get("properties", {})]} if complete else {}
+        found.setdefault(name, part | required)
 
 
 def write_type(schema: dict[str, Any]) -> str:

@@ -115,7 +115,7 @@ export class GestureTrack {
       button.removeEventListener("pointercancel", onUp);
       const move = this.dragging && event.type === "pointerup";
       this.dragging = false;
-      const settle = (): void => button.style.removeProperty("transform");
+      const settle = (): void => void button.style.removeProperty("transform");
       if (move) void this.move(gesture, gesture.stroke + moved / perSecond).then(settle);
       else settle();
     };

@@ -128,15 +128,15 @@ export interface InterruptLive {
 
 /** How a live session goes; sent when it starts, once a second, when something goes wrong, and when it ends. */
 export interface LiveStatus {
-  type?: "status";
+  type: "status";
   running: boolean;
   latency: number;
   look_ahead: number;
   late: number;
   dropped: number;
   targets: TargetStatus[];
-  problem?: string;
-  hint?: string;
+  problem: string;
+  hint: string;
 }
 
 /** `cospeech.Plan.lock`. */
@@ -163,7 +163,6 @@ export interface ModelRow {
   styles: string[];
   parts: ("face" | "body" | "hands")[];
   takes_gestures: boolean;
-  takes_plan: boolean;
   takes_example: boolean;
   latency: number;
 }
@@ -294,20 +293,20 @@ export interface StudioLimits {
 /** What went wrong, and how to mend it: the body of every answer with a status from 400 on. */
 export interface StudioProblem {
   problem: string;
-  hint?: string;
-  entry?: string | null;
+  hint: string;
+  entry: string | null;
 }
 
 /** What happens to a take. */
 export interface TakeEvent {
   type: "queued" | "progress" | "done" | "error" | "cancelled";
   take: string;
-  done?: number;
-  total?: number | null;
-  seconds?: number;
-  problem?: string;
-  hint?: string;
-  realtime_factor?: number | null;
+  done: number;
+  total: number | null;
+  seconds: number;
+  problem: string;
+  hint: string;
+  realtime_factor: number | null;
 }
 
 /** Motion for a speech is wanted. */

@@ -25,7 +25,7 @@ export class TimeLine {
   private moved = -1;
 
   constructor(
-    private readonly store: Store, private readonly player: Player, private readonly takes: Takes,
+    private readonly store: Store, private readonly player: Player, takes: Takes,
     private readonly addAt: (time: number) => void,
   ) {
     const gestures = find("gestures");

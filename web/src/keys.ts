@@ -1,0 +1,73 @@
+// The keys of the whole page; the dialog of keys lists them.
+
+import { find } from "./dom";
+import type { Player } from "./player";
+import type { Store } from "./state";
+import type { Takes } from "./takes";
+
+/** What keys do that is not done by a button of the page. */
+export interface KeyActions {
+  store: Store;
+  takes: Takes;
+  player: Player;
+  play: () => void;
+  removeGesture: () => void;
+}
+
+export function listenToKeys(actions: KeyActions): void {
+  window.addEventListener("keydown", (event) => {
+    const target = event.target as HTMLElement;
+    if (document.querySelector("dialog[open]") || event.altKey) return;
+    if (event.ctrlKey || event.metaKey) {
+      if (!isText(target) && undoes(event, actions.takes)) event.preventDefault();
+      return;
+    }
+    if (takesKey(target, event.key) || event.defaultPrevented) return;
+    if (answer(event, actions)) event.preventDefault();
+  });
+}
+
+function isText(element: HTMLElement): boolean {
+  return element.matches("textarea, input[type=number], input[type=text]");
+}
+
+/** Whether an element has its own use for a key. */
+function takesKey(element: HTMLElement, key: string): boolean {
+  if (isText(element) || element.matches("select")) return true;
+  if (element.matches("input[type=range]")) return /Arrow|Home|End|Page/.test(key);
+  if (element.matches("[role=tab]") && /Arrow/.test(key)) return true;
+  return key === " " && element.matches("button, a, input, summary");
+}
+
+function undoes(event: KeyboardEvent, takes: Takes): boolean {
+  const key = event.key.toLowerCase();
+  if (key === "y" || (key === "z" && event.shiftKey)) takes.redo();
+  else if (key === "z") takes.undo();
+  else return false;
+  return true;
+}
+
+function answer(event: KeyboardEvent, { store, takes, player, play, removeGesture }: KeyActions): boolean {
+  const { state } = store;
+  const step = event.shiftKey ? 1 : 1 / (store.take.motion?.fps ?? 30);
+  const actions: Record<string, () => void> = {
+    " ": play,
+    ArrowLeft: () => player.seek(player.time - step),
+    ArrowRight: () => player.seek(player.time + step),
+    Home: () => player.seek(0),
+    End: () => player.seek(player.seconds),
+    Delete: removeGesture,
+    Backspace: removeGesture,
+    l: () => find("loop").click(),
+    f: () => find("frame").click(),
+    n: () => takes.changeSeed(store.take.seed + 1),
+    "?": () => find<HTMLDialogElement>("help").showModal(),
+    Escape: () => store.update({ selection: null, gesture: null, problem: "" }),
+  };
+  const action = actions[event.key] ?? actions[event.key.toLowerCase()];
+  if (action !== undefined) action();
+  else if (/^[1-8]$/.test(event.key) && Number(event.key) <= state.takes.length) {
+    store.update({ chosen: Number(event.key) - 1, gesture: null });
+  } else return false;
+  return true;
+}

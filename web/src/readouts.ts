@@ -1,0 +1,33 @@
+// What tests read of the page: window.cospeechStudio.
+
+import type { Crowd } from "./crowd";
+import type { Live } from "./live";
+import type { Player } from "./player";
+import type { Stage } from "./stage";
+import type { Store } from "./state";
+
+interface Sources { store: Store; player: Player; live: Live; stage: Stage; crowd: () => Crowd | null }
+
+export function publishReadOuts({ store, player, live, stage, crowd }: Sources): void {
+  const readOuts = {
+    get time() { return player.time; },
+    get playing() { return player.playing; },
+    get speed() { return player.speed; },
+    get frame() { return store.take.motion?.frameAt(player.time) ?? -1; },
+    get frames() { return store.take.motion?.frames ?? 0; },
+    get drawn() { return stage.drawn; },
+    get liveFrames() { return live.frames; },
+    get speech() { return store.state.speech; },
+    get settings() { return store.state.settings; },
+    get selection() { return store.state.selection; },
+    get takes() {
+      return store.state.takes.map(({ seed, id, making, progress, problem, motion, plan, edited, factor }) => ({
+        seed, id, making, progress, problem, frames: motion?.frames ?? 0, plan, edited: edited !== null, factor,
+      }));
+    },
+    get characters() { return crowd()?.count ?? 0; },
+    jawOpen: (k = store.state.chosen) => crowd()?.figure(k).jawOpen() ?? 0,
+    joint: (name: string, k = store.state.chosen) => crowd()?.figure(k).joint(name) ?? null,
+  };
+  Object.assign(window, { cospeechStudio: readOuts });
+}

@@ -11,10 +11,22 @@ const BEAT = "superimposed-beat";
 
 interface Span { from: number; to: number }
 
+/** From the start of a gesture to the end of its hold. */
 export function spanOf(gesture: PlannedGesture): Span {
   const from = Math.max(gesture.start ?? gesture.stroke - LEAD, 0);
   return { from, to: (gesture.end ?? gesture.stroke + LEAD / 2) + Math.min(gesture.hold ?? 0, 3) };
 }
+
+/** The same, but not into the next gesture of one of its hands: that ends the hold. */
+function shownSpanOf(gesture: PlannedGesture, all: PlannedGesture[]): Span {
+  const { from, to } = spanOf(gesture);
+  const meets = (other: PlannedGesture): boolean =>
+    other.form !== BEAT && other.stroke > gesture.stroke && (other.hands === gesture.hands || sides(other) === "both" || sides(gesture) === "both");
+  const next = Math.min(...all.filter(meets).map((other) => spanOf(other).from));
+  return { from, to: Math.max(Math.min(to, next), gesture.stroke + 0.05) };
+}
+
+const sides = (gesture: PlannedGesture): string => gesture.hands ?? "both";
 
 export function isLocked(plan: Plan, time: number): boolean {
   return (plan.locked ?? []).some((stretch) => stretch.from <= time && time < stretch.to);
@@ -54,7 +66,7 @@ export class GestureTrack {
   }
 
   private button(plan: Plan, gesture: PlannedGesture): HTMLElement {
-    const { from, to } = spanOf(gesture);
+    const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
     const locked = isLocked(plan, gesture.stroke);
     const beat = gesture.form === BEAT;
     const button = make("button", {

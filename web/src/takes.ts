@@ -93,7 +93,7 @@ export class Takes {
   private async fetchResult(take: Take, event: TakeEvent): Promise<void> {
     const key = take.madeFrom;
     try {
-      const plan = this.store.model.takes_plan ? api.readPlan(event.take).catch(() => null) : null;
+      const plan = api.readPlan(event.take).catch(() => null); // some ways of asking leave no plan
       const motion = await api.readMotion(event.take);
       const made = { id: event.take, motion, plan: await plan, factor: event.realtime_factor };
       this.made.set(key, made);

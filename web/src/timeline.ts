@@ -8,7 +8,7 @@ import type { Store } from "./state";
 import type { Takes } from "./takes";
 import { drawWaveform } from "./waveform";
 
-const LEAST_WIDTH = 34; // pixels of a second; a longer speech scrolls [ours: short words can be read]
+const LEAST_WIDTH = 64; // pixels of a second; a longer speech scrolls [ours: short words can be read]
 const LEAST_STRETCH = 0.1; // seconds; a shorter drag is a click [ours]
 
 export class TimeLine {
@@ -59,7 +59,7 @@ export class TimeLine {
     const width = Math.max(this.scroller.clientWidth, this.seconds * LEAST_WIDTH);
     this.lanes.style.width = `${width}px`;
     const wave = `${speech.speech} ${width}`;
-    if (wave !== this.shownWave) {
+    if (wave !== this.shownWave && this.wave.clientWidth > 0) {
       this.shownWave = wave;
       drawWaveform(this.wave, speech.peaks);
     }

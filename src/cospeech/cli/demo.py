@@ -21,7 +21,8 @@ EXAMPLE_WORDS = EXAMPLE.with_suffix(".TextGrid")
 """Its words and their times."""
 
 VIDEO_SIZE = (540, 540)  # ours: drawn in half the time of the usual 720, so that the demonstration stays short
-SUFFIXES = tuple(suffix for suffix in FORMATS.ours if suffix != ".gif")  # the video shows as much
+SUFFIXES = tuple(suffix for suffix in FORMATS.ours if suffix not in (".gif", ".html"))
+"""Formats of the demonstration. The video shows as much as a moving picture; the viewer of pages needs `make studio` first."""
 
 
 def make_demo(folder: str | PathLike[str], *, progress: Progress | None = None) -> Report:

@@ -81,6 +81,10 @@ _OURS = {
         "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames over the waveform",
         wears_avatar=True, picture=True, sound="drawn", words=True,
     ),
+    ".html": Format(
+        "cospeech.export.html_page", "viewer, character and speech in one page", "any web browser; it needs no network",
+        wears_avatar=True, sound="heard",
+    ),
 }  # fmt: skip
 FORMATS: Registry[Format] = Registry(_OURS, group="cospeech.formats", kind=Format, prefix=".")
 """Suffix → row, those of other packages too; `cospeech list formats`, the documentation and the tests iterate over it."""

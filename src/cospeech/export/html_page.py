@@ -1,0 +1,156 @@
+"""``.html``: character, motion and speech in one page that opens from disk, without a network.
+
+The page holds the viewer that ``make studio`` builds from ``web/src/share.ts``, the animated ``.glb`` of `cospeech.export.glb`
+packed by deflate, and the speech as MP3. A Content-Security-Policy lets it run this viewer alone and load nothing.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import zlib
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+from typing import IO, Any
+
+from ..audio.speech import open_speech
+from ..errors import InputError
+from ..motion.motion import Motion
+from . import Writer as BaseWriter
+from .avatar import Avatar
+from .glb import Writer as GlbWriter
+
+__all__ = ["Writer"]
+
+VIEWER = Path(__file__).parents[1] / "assets" / "studio"
+"""Folder of ``viewer.js`` and ``viewer.css``."""
+_SOUND_RATE = 32_000  # Hz; ours: speech has nothing to say above 16 kHz, and MPEG-1 Layer III knows this rate
+_BLOCK = 3 * 2**18  # bytes that are turned into base64 at once; three bytes make four letters
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="cospeech">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<main>
+<h1>{title}</h1>
+<canvas id="view" tabindex="0" role="img" aria-label="The character. Drag to turn it, scroll to come nearer."></canvas>
+<p id="problem" role="alert"></p>
+<div class="bar" role="group" aria-label="Playing">
+<button type="button" id="play">Play</button>
+<output id="clock" aria-label="Time"></output>
+<input type="range" id="scrub" min="0" max="1" step="0.001" value="0" aria-label="Place in the speech">
+<button type="button" id="loop" aria-pressed="false">Loop</button>
+<label>Speed <select id="speed"></select></label>
+<button type="button" id="frame">Whole</button>
+</div>
+</main>
+"""
+
+
+class Writer(BaseWriter):
+    """Writes the page.
+
+    Args:
+        avatar: somebody's character in place of ours: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read.
+
+    Raises:
+        InputError: the viewer has not been built, or the audio or the avatar cannot be read.
+    """
+
+    _inner: GlbWriter | None = None
+
+    def __init__(self, path: str | PathLike[str], *, avatar: Avatar | str | PathLike[str] | None = None, **common: Any) -> None:
+        super().__init__(path, **common)
+        self._avatar = avatar
+        self._script, self._style = _read_viewer("viewer.js"), _read_viewer("viewer.css")
+
+    def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        self._character, self._sound = temporary.with_suffix(".character.glb"), temporary.with_suffix(".sound.mp3")
+        inner = GlbWriter(self._character, skeleton=self.skeleton, fps=self.fps, avatar=self._avatar)
+        inner.__enter__()
+        self._inner = inner
+        if self.audio is not None:
+            _write_mp3(self.audio, self._sound)
+
+    def _write(self, motion: Motion) -> None:
+        assert self._inner is not None
+        self._inner.write(motion)
+
+    def _finish(self) -> None:
+        assert self._inner is not None
+        inner, self._inner = self._inner, None
+        inner.__exit__(None, None, None)
+        script = self._script.replace("</script", "<\\/script")
+        head = _PAGE.format(policy=_policy(script, self._style), title=html.escape(self.path.stem), style=self._style)
+        with self._temporary.open("w", encoding="utf-8", newline="") as page:
+            page.write(head)
+            _embed(page, "character", _pack(self._character), f'data-packed data-fps="{self.fps:g}"')
+            if self.audio is not None:
+                _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
+            page.write(f"<script>{script}</script>\n</body>\n</html>\n")
+
+    def _discard(self) -> None:
+        if self._inner is not None:
+            inner, self._inner = self._inner, None
+            inner.__exit__(InputError, InputError("the page is not written"), None)
+        for path in (self._character, self._sound):
+            path.unlink(missing_ok=True)
+
+
+def _read_viewer(name: str) -> str:
+    try:
+        return (VIEWER / name).read_text("utf-8")
+    except OSError:
+        raise InputError("the viewer of share files has not been built", "in the repository: make studio") from None
+
+
+def _write_mp3(audio: str | PathLike[str], path: Path) -> None:
+    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly."""
+    import soundfile
+
+    options = {"format": "MP3", "subtype": "MPEG_LAYER_III", "bitrate_mode": "VARIABLE", "compression_level": 0.5}
+    with open_speech(audio, rate=_SOUND_RATE) as source, soundfile.SoundFile(path, "w", _SOUND_RATE, 1, **options) as sound:
+        for block in source.blocks():
+            sound.write(block)
+
+
+def _policy(script: str, style: str) -> str:
+    """Only this script and this style; nothing comes from elsewhere (CSP level 3, hash sources)."""
+    sources = {"script": script, "style": style}
+    hashes = {name: base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for name, text in sources.items()}
+    own = "; ".join(f"{name}-src 'sha256-{digest}'" for name, digest in hashes.items())
+    return f"default-src 'none'; {own}; img-src blob: data:; media-src blob:; connect-src blob: data:; base-uri 'none'; form-action 'none'"
+
+
+def _embed(page: IO[str], name: str, blocks: Iterator[bytes], attributes: str) -> None:
+    """Bytes as the text of an element that no browser runs."""
+    page.write(f'<script type="text/plain" id="{name}" {attributes}>')
+    rest = b""
+    for block in blocks:
+        rest += block
+        whole = len(rest) - len(rest) % 3
+        page.write(base64.b64encode(rest[:whole]).decode("ascii"))
+        rest = rest[whole:]
+    page.write(base64.b64encode(rest).decode("ascii") + "</script>\n")
+
+
+def _pack(path: Path) -> Iterator[bytes]:
+    deflate = zlib.compressobj(9)
+    for block in _blocks(path):
+        yield deflate.compress(block)
+    yield deflate.flush()
+
+
+def _blocks(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            yield block

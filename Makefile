@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test check lint fix docs bench blender media lock clean
+.PHONY: demo test check lint fix docs bench studio blender media lock clean
 
 demo: $(VENV)/.core              ## install the core, generate from the example speech into demo/, say how to open it
 	@echo "generating from the example speech into demo/ (the video takes longest)"
@@ -38,6 +38,9 @@ bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/python benchmarks/chain.py
 	@$(BIN)/python benchmarks/live.py
 
+studio: $(VENV)/.core            ## the page of `cospeech studio` and the viewer of share files, into src/cospeech/assets/studio/
+	@$(BIN)/python tools/build_studio.py
+
 blender: $(VENV)/.core           ## the Blender add-on: dist/cospeech-blender.zip
 	@$(BIN)/python tools/build_blender.py
 
@@ -48,7 +51,7 @@ lock: $(VENV)/.dev               ## after a change of dependencies: uv.lock and 
 	$(BIN)/python tools/lock.py
 
 clean:                           ## everything that these commands made
-	rm -rf $(VENV) .venv-blender demo site dist .pytest_cache .ruff_cache .mypy_cache .hypothesis tests/node/node_modules
+	rm -rf $(VENV) .venv-blender demo site dist .pytest_cache .ruff_cache .mypy_cache .hypothesis tests/node/node_modules web/node_modules src/cospeech/assets/studio
 
 # Stamps: nothing is installed again, and no network is touched, while the lists are unchanged.
 $(VENV)/.core: requirements/core.txt pyproject.toml

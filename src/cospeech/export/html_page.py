@@ -90,13 +90,17 @@ class Writer(BaseWriter):
         inner, self._inner = self._inner, None
         inner.__exit__(None, None, None)
         script = self._script.replace("</script", "<\\/script")
-        head = _PAGE.format(policy=_policy(script, self._style), title=html.escape(self.path.stem), style=self._style)
+        head = _PAGE.format(policy=_policy(script, self._style), title=self._title(), style=self._style)
         with self._temporary.open("w", encoding="utf-8", newline="") as page:
             page.write(head)
             _embed(page, "character", _pack(self._character), f'data-packed data-fps="{self.fps:g}"')
             if self.audio is not None:
                 _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
             page.write(f"<script>{script}</script>\n</body>\n</html>\n")
+
+    def _title(self) -> str:
+        """Name of the speech."""
+        return html.escape(Path(self.audio).stem if self.audio is not None else "cospeech")
 
     def _discard(self) -> None:
         if self._inner is not None:

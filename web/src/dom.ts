@@ -43,3 +43,8 @@ export function formatTime(seconds: number): string {
 export function readName(name: string): string {
   return name.replace(/[-_]/g, " ");
 }
+
+/** Options of models: their names in words, and what their titles say first. */
+export function modelRows(models: { name: string; title: string }[]): [string, string][] {
+  return models.map(({ name, title }) => [name, title.split(":")[0] || readName(name)]);
+}

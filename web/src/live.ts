@@ -1,7 +1,7 @@
 // The live tab: the microphone goes to the server, frames come back, the character moves, receivers are told of.
 
 import { socketOf } from "./api";
-import { fillSelect, find, make, readName } from "./dom";
+import { fillSelect, find, make, modelRows, readName } from "./dom";
 import type { LiveStatus, StartLive } from "./messages";
 import { makePose, type Pose } from "./motion";
 import type { Store } from "./state";
@@ -21,7 +21,7 @@ export class Live {
   constructor(private readonly store: Store) {
     const { catalogue } = store.state;
     this.pose = makePose(catalogue.joints.length, catalogue.weights.length);
-    fillSelect(find("live-model"), catalogue.models.map((row) => [row.name, row.title || row.name]), catalogue.default_model);
+    fillSelect(find("live-model"), modelRows(catalogue.models), catalogue.default_model);
     fillSelect(find("live-emotion"), emotionRows(catalogue.emotions), "auto");
     const model = find<HTMLSelectElement>("live-model");
     model.addEventListener("change", () => this.fillStyles());

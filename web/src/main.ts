@@ -83,7 +83,7 @@ async function openStudio(): Promise<void> {
     }
   });
   listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => edits.removeChosen() });
-  publishReadOuts({ store, player, live, stage, crowd: () => crowd });
+  publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => shown.time });
   store.onChange((state) => drawState(state, takes));
   crowd = await Crowd.open(stage, catalogue);
   store.onChange((state) => void (shown.tab === "make" && crowd?.setCount(state.takes.length)));

@@ -6,11 +6,20 @@ import type { Player } from "./player";
 import type { Stage } from "./stage";
 import type { Store } from "./state";
 
-interface Sources { store: Store; player: Player; live: Live; stage: Stage; crowd: () => Crowd | null }
+interface Sources {
+  store: Store;
+  player: Player;
+  live: Live;
+  stage: Stage;
+  crowd: () => Crowd | null;
+  /** The time of the pose that is shown. */
+  shownTime: () => number;
+}
 
-export function publishReadOuts({ store, player, live, stage, crowd }: Sources): void {
+export function publishReadOuts({ store, player, live, stage, crowd, shownTime }: Sources): void {
   const readOuts = {
     get time() { return player.time; },
+    get shownTime() { return shownTime(); },
     get playing() { return player.playing; },
     get speed() { return player.speed; },
     get frame() { return store.take.motion?.frameAt(player.time) ?? -1; },

@@ -1,7 +1,7 @@
 // The panel of the performance: model, style, emotion, intensity, freedom, seed, parts, frames per second.
 
 import { sendClip } from "../api";
-import { fillSelect, find, make, readName } from "../dom";
+import { fillSelect, find, make, modelRows, readName } from "../dom";
 import { PARTS, type State, type Store } from "../state";
 import type { Takes } from "../takes";
 
@@ -14,7 +14,7 @@ export class SettingsPanel {
 
   constructor(private readonly store: Store, private readonly takes: Takes) {
     const { catalogue } = store.state;
-    fillSelect(find("model"), catalogue.models.map((row) => [row.name, row.title || row.name]), catalogue.default_model);
+    fillSelect(find("model"), modelRows(catalogue.models), catalogue.default_model);
     fillSelect(find("emotion"), emotionRows(catalogue.emotions), "auto");
     fillSelect(find("fps"), RATES.map((rate) => [String(rate), String(rate)]), "30");
     this.onSelect("model", (model) => takes.changeSettings({ model, style: "", mix: null, clip: null }));
@@ -71,8 +71,8 @@ export class SettingsPanel {
   /** A clip as an example of style. */
   async takeClip(file: File): Promise<void> {
     if (!this.store.model.takes_example) {
-      const others = this.store.state.catalogue.models.filter((row) => row.takes_example).map((row) => row.title);
-      this.store.update({ problem: `${this.store.model.title} takes no example of style (${others.join(", ") || "no model"} does)` });
+      const others = this.store.state.catalogue.models.filter((row) => row.takes_example).map((row) => row.name);
+      this.store.update({ problem: `the model ${this.store.model.name} takes no example of style (${others.join(", ") || "none"} does)` });
       return;
     }
     try {

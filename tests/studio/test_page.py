@@ -1,0 +1,377 @@
+"""The page of the studio in headless Chromium: it speaks in sync, every control does what it says, and no one is shut out."""
+
+from __future__ import annotations
+
+import time
+from base64 import b64encode
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cospeech
+from cospeech.audio.speech import example
+from tests.support.browser import find_violations, open_chromium, wait_until
+from tests.support.study_raters import running
+
+pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
+pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
+
+pytestmark = pytest.mark.slow
+DONE = "cospeechStudio.takes.every(take => take.frames > 0 && take.progress === null)"
+SPEECH, WORDS = example()
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with open_chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def address():
+    from cospeech.studio.app import PAGE, make_app
+    from cospeech.studio.state import StudioState
+
+    if not (PAGE / "index.html").is_file():
+        pytest.skip("the studio is not built (make studio)")
+    with StudioState() as state, running(make_app(state)) as port:
+        yield f"http://127.0.0.1:{port}/"
+
+
+@pytest.fixture(scope="module")
+def wav(tmp_path_factory) -> Path:
+    """Four seconds of the example, as a WAV."""
+    import soundfile
+
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    path = tmp_path_factory.mktemp("speech") / "talk.wav"
+    soundfile.write(path, samples[: 4 * rate], rate)
+    return path
+
+
+@pytest.fixture
+def page(chromium, address):
+    context = chromium.new_context(viewport={"width": 1280, "height": 860}, accept_downloads=True)
+    opened, wrong = context.new_page(), []
+    opened.on("pageerror", lambda error: wrong.append(str(error)))
+    opened.on("console", lambda said: wrong.append(said.text) if is_wrong(said) else None)
+    opened.goto(address)
+    wait_until(opened, "document.documentElement.dataset.ready === 'true'")
+    yield opened
+    context.close()
+    assert not wrong
+
+
+@pytest.fixture
+def talking(page, wav):
+    """The page with a speech and its motion."""
+    page.set_input_files("#speech-file", wav)
+    wait_until(page, DONE)
+    return page
+
+
+def is_wrong(said) -> bool:
+    """Whether the console tells of an error; answers with a status of 400 are told of by the page itself."""
+    return said.type == "error" and not said.text.startswith("Failed to load resource")
+
+
+def seek(page, seconds: float) -> None:
+    script = "at => { const s = document.getElementById('scrub'); s.valueAsNumber = at; s.dispatchEvent(new Event('input')); }"
+    page.evaluate(script, seconds)
+    drawn = page.evaluate("cospeechStudio.drawn")
+    wait_until(page, f"cospeechStudio.drawn > {drawn} || Math.abs(cospeechStudio.time - {seconds}) < 0.002")
+    time.sleep(0.1)
+
+
+def place(page, joint: str = "rightHand") -> np.ndarray:
+    return np.array(page.evaluate("joint => cospeechStudio.joint(joint)", joint))
+
+
+def choose(page, selector: str, value: str) -> None:
+    """Choose an option, and wait until the motion that it asks for is there."""
+    old = page.evaluate("cospeechStudio.takes[0].id")
+    page.select_option(selector, value)
+    wait_until(page, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+
+
+def test_a_dropped_speech_moves_the_character(page, wav):
+    data = wav.read_bytes()
+    began = time.monotonic()
+    page.evaluate(
+        """async bytes => { const files = new DataTransfer();
+        files.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], 'talk.wav', { type: 'audio/wav' }));
+        window.dispatchEvent(new DragEvent('drop', { dataTransfer: files, cancelable: true })); }""",
+        b64encode(data).decode(),
+    )
+    wait_until(page, DONE)
+    took = time.monotonic() - began
+    places = []
+    for at in (0.5, 1.5, 2.5):
+        seek(page, at)
+        places.append(place(page))
+    assert max(np.linalg.norm(a - b) for a in places for b in places) > 0.05
+    assert page.evaluate("cospeechStudio.takes[0].frames") == 120
+    assert took < 6  # 2 s on an idle machine, docs/guides/studio.md
+
+
+def test_scrubbing_shows_that_frame_of_the_motion(talking, wav):
+    talking_path = talking.evaluate("cospeechStudio.takes[0].id")
+    assert talking_path
+    motion = cospeech.load("rules").generate(cospeech.Speech.load(wav), seed=0)
+    hand = motion.skeleton.index["rightHand"]
+    wanted = motion.positions()[:, hand]
+    for frame in (10, 47, 90):
+        seek(talking, frame / 30 + 1e-4)
+        assert talking.evaluate("cospeechStudio.frame") == frame
+        assert np.linalg.norm(place(talking) - wanted[frame]) < 0.005
+
+
+def test_the_mouth_is_open_when_the_sound_is_loud(talking, wav):
+    import soundfile
+
+    samples, rate = soundfile.read(wav, dtype="float32")
+    loudness = np.array([np.sqrt(np.mean(np.square(piece))) for piece in np.array_split(samples, 40)])
+    opened = []
+    for k in range(40):
+        seek(talking, (k + 0.5) * len(samples) / rate / 40)
+        opened.append(talking.evaluate("cospeechStudio.jawOpen()"))
+    order = np.argsort(loudness)
+    assert np.mean(np.array(opened)[order[-13:]]) > 2 * np.mean(np.array(opened)[order[:13]]) + 0.02
+
+
+def follow(page, seconds: float) -> np.ndarray:
+    """(n, 3) of a playing page: the clock of the machine, that of the sound, and the time that the shown pose has."""
+    return np.array(page.evaluate(
+        """async seconds => { const rows = [];
+        document.getElementById('play').click();
+        await new Promise(done => { const began = performance.now(); const look = () => {
+          rows.push([performance.now() / 1000, cospeechStudio.time, cospeechStudio.shownTime]);
+          if (performance.now() - began < seconds * 1000) requestAnimationFrame(look); else done(); }; requestAnimationFrame(look); });
+        document.getElementById('play').click();
+        return rows; }""",
+        seconds,
+    ))  # fmt: skip
+
+
+def check_sync(rows: np.ndarray) -> None:
+    moving = rows[rows[:, 1] > 0]
+    assert np.abs(moving[:, 1] - moving[:, 2]).max() < 0.040
+    drift = (moving[:, 1] - moving[0, 1]) - (moving[:, 0] - moving[0, 0])
+    assert np.abs(drift - np.median(drift)).max() < 0.150  # the sound itself plays at its own speed
+
+
+def test_sound_and_motion_are_within_40_ms(talking):
+    rows = follow(talking, 2.5)
+    check_sync(rows)
+    assert rows[-1, 1] > 1.5
+
+
+def test_sound_and_motion_are_within_40_ms_over_a_minute(page, tmp_path):
+    import soundfile
+
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    soundfile.write(tmp_path / "long.wav", np.concatenate([samples] * 4), rate)
+    page.set_input_files("#speech-file", tmp_path / "long.wav")
+    wait_until(page, DONE, 60)
+    seek(page, 55.0)  # the minute is up, the drift of an hour would show
+    rows = follow(page, 6)
+    check_sync(rows)
+    assert rows[-1, 1] > 59
+
+
+def test_no_script_keeps_the_page_longer_than_100_ms(talking):
+    longest = """new Promise(done => { let most = 0;
+    new PerformanceObserver(list => { for (const task of list.getEntries()) most = Math.max(most, task.duration); })
+      .observe({ type: 'longtask' });
+    document.getElementById('play').click();
+    setTimeout(() => { document.getElementById('play').click(); done(most); }, 2500); })"""
+    assert talking.evaluate(longest) <= 100
+
+
+@pytest.mark.parametrize(
+    ("selector", "value", "setting", "expected"),
+    [
+        ("#style", "lively", "style", "lively"),
+        ("#emotion", "anger", "emotion", "anger"),
+        ("#fps", "60", "fps", 60),
+    ],
+)
+def test_each_choice_changes_the_motion(talking, selector, value, setting, expected):
+    choose(talking, selector, value)
+    assert talking.evaluate(f"cospeechStudio.settings.{setting}") == expected
+    assert f"{setting}={value}" in talking.url
+
+
+def test_intensity_seed_parts_undo_and_redo(talking):
+    def travel() -> float:
+        places = []
+        for at in np.arange(0.2, 4, 0.2):
+            seek(talking, at)
+            places.append(place(talking))
+        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+    usual = travel()
+    script = "() => { const s = document.getElementById('intensity'); s.valueAsNumber = 0; s.dispatchEvent(new Event('change')); }"
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    talking.evaluate(script)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}'")
+    assert travel() < 0.5 * usual
+    talking.click("#undo")
+    wait_until(talking, f"cospeechStudio.takes[0].id === '{old}'")
+    assert talking.evaluate("cospeechStudio.settings.intensity") == 1
+    talking.keyboard.press("Control+Shift+Z")
+    wait_until(talking, "cospeechStudio.settings.intensity === 0")
+    talking.keyboard.press("Control+z")
+    talking.click("#next-seed")
+    wait_until(talking, f"cospeechStudio.takes[0].seed === 1 && cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    talking.uncheck("#part-face")
+    wait_until(talking, f"cospeechStudio.settings.parts.length === 2 && {DONE}")
+
+
+def test_a_gesture_that_is_dragged_moves_in_the_motion(talking):
+    gestures = talking.evaluate("cospeechStudio.takes[0].plan.gestures")
+    mine = next(each for each in gestures if each["form"] != "superimposed-beat" and each["stroke"] > 0.8)
+    button = talking.locator(f'[data-id="{mine["id"]}"]')
+    box, lanes = button.bounding_box(), talking.locator("#lanes").bounding_box()
+    seek(talking, mine["stroke"])
+    before, old = place(talking), talking.evaluate("cospeechStudio.takes[0].id")
+    shift = 0.5 * lanes["width"] / 4.0  # half a second
+    talking.mouse.move(box["x"] + 8, box["y"] + 8)
+    talking.mouse.down()
+    talking.mouse.move(box["x"] + 8 + shift / 2, box["y"] + 8)
+    talking.mouse.move(box["x"] + 8 + shift, box["y"] + 8)
+    talking.mouse.up()
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    moved = next(each for each in talking.evaluate("cospeechStudio.takes[0].plan.gestures") if each["id"] == mine["id"])
+    assert moved["stroke"] == pytest.approx(mine["stroke"] + 0.5, abs=0.05)
+    seek(talking, mine["stroke"])
+    assert np.linalg.norm(place(talking) - before) > 0.01 or np.linalg.norm(place(talking, "leftHand") - before) > 0.01
+    talking.keyboard.press("Control+z")
+    wait_until(talking, f"cospeechStudio.takes[0].id === '{old}'")
+
+
+def test_gestures_are_added_deleted_and_locked_by_keys_and_buttons(talking):
+    count = "cospeechStudio.takes[0].plan.gestures.length"
+    talking.locator(".gesture:not(.beat)").first.focus()
+    before = talking.evaluate(count)
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"{count} < {before} && {DONE}")
+    talking.click("#add-gesture")
+    talking.select_option("#add-form", "big")
+    talking.fill("#add-time", "2.0")
+    talking.click("#add-dialog button[value=add]")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.gestures.some(each => each.form === 'big') && {DONE}")
+    talking.locator('.gesture:has-text("big")').first.click()
+    talking.click("#lock")
+    wait_until(talking, "cospeechStudio.takes[0].plan.locked.length === 1")
+
+
+def test_a_selected_stretch_gets_a_seed_and_an_emotion(talking):
+    wave = talking.locator("#wave").bounding_box()
+    talking.mouse.move(wave["x"] + 100, wave["y"] + 20)
+    talking.mouse.down()
+    talking.mouse.move(wave["x"] + 300, wave["y"] + 20)
+    talking.mouse.up()
+    wait_until(talking, "cospeechStudio.selection !== null")
+    talking.click("#reseed")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches.length === 1 && {DONE}")
+    talking.select_option("#stretch-emotion", "happiness")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches[0].emotion === 'happiness' && {DONE}")
+
+
+def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
+    talking.click("#add-take")
+    talking.click("#add-take")
+    wait_until(talking, f"cospeechStudio.characters === 3 && {DONE}")
+    assert len({take["id"] for take in talking.evaluate("cospeechStudio.takes")}) == 3
+    other = chromium.new_page()
+    other.goto(talking.url)
+    wait_until(other, "document.documentElement.dataset.ready === 'true'")
+    assert [take["seed"] for take in other.evaluate("cospeechStudio.takes")] == [0, 1, 2]
+    other.close()
+
+
+def test_loop_speed_and_keys(talking):
+    talking.select_option("#speed", "2")
+    assert talking.evaluate("cospeechStudio.speed") == 2
+    talking.locator("#view").focus()
+    talking.keyboard.press("Space")
+    wait_until(talking, "cospeechStudio.playing && cospeechStudio.time > 0.2")
+    talking.keyboard.press("Space")
+    wait_until(talking, "!cospeechStudio.playing")
+    seek(talking, 1.0)
+    talking.keyboard.press("ArrowRight")
+    wait_until(talking, "cospeechStudio.frame === 31")
+    talking.keyboard.press("l")
+    assert talking.get_attribute("#loop", "aria-pressed") == "true"
+    talking.keyboard.press("?")
+    assert talking.locator("#help").is_visible()
+
+
+@pytest.mark.parametrize("name", ["Godette_vrm_v4_CC-BY-3.0.vrm", "avatar_mpfb_female_arkit52_viseme15.glb"])
+def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, name):
+    sent: list[str] = []
+    talking.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
+    talking.set_input_files("#avatar-file", shared / "data" / "avatars" / name)
+    wait_until(talking, f"document.getElementById('avatar-name').textContent === '{name}'")
+    places, mouths = [], []
+    for at in np.arange(0.4, 4, 0.3):
+        seek(talking, at)
+        places.append(place(talking))
+        mouths.append(talking.evaluate("cospeechStudio.jawOpen()"))
+    assert np.ptp(np.array(places), axis=0).max() > 0.02
+    assert max(mouths) > 0.1
+    head, foot = place(talking, "head"), place(talking, "leftFoot")
+    assert head[1] > 3 * abs(foot[1])
+    assert not sent
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".glb", ".vrma", ".npz"])
+def test_downloads_open_in_our_readers(talking, tmp_path, suffix):
+    talking.select_option("#format", suffix)
+    with talking.expect_download() as waiting:
+        talking.click("#download")
+    path = tmp_path / waiting.value.suggested_filename
+    waiting.value.save_as(path)
+    assert path.name == f"talk{suffix}"
+    assert len(cospeech.Motion.load(path)) == 120
+
+
+def test_a_problem_is_told_where_the_eye_is(page, tmp_path):
+    (tmp_path / "noise.wav").write_bytes(b"this is no sound" * 40)
+    failures: list[int] = []
+    page.on("response", lambda answer: failures.append(answer.status))
+    page.set_input_files("#speech-file", tmp_path / "noise.wav")
+    page.locator("#problem:visible").wait_for()
+    assert "noise.wav" in page.inner_text("#problem")
+    assert 400 in failures
+    page.keyboard.press("Escape")
+    assert not page.locator("#problem").is_visible()
+
+
+def test_the_microphone_moves_the_character_live(page):
+    page.click("#tab-live")
+    page.click("#live-start")
+    wait_until(page, "cospeechStudio.liveFrames > 10")
+    wait_until(page, "document.getElementById('live-latency').textContent.includes('ms')")
+    page.click("#live-start")
+    assert page.inner_text("#live-start") == "Start"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_violation(talking, scheme):
+    talking.emulate_media(color_scheme=scheme)
+    assert not find_violations(talking)
+    talking.click("#open-help")
+    assert not find_violations(talking)
+    talking.keyboard.press("Escape")
+    talking.click("#tab-live")
+    assert not find_violations(talking)
+
+
+def test_it_fits_a_phone(talking):
+    talking.set_viewport_size({"width": 360, "height": 740})
+    time.sleep(0.2)
+    assert talking.evaluate("document.documentElement.scrollWidth") <= 360
+    assert not find_violations(talking)

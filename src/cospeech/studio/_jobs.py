@@ -142,7 +142,9 @@ class Jobs:
                 self._check_cancelled()
                 frames += len(motion)
                 if frames > most_frames:
-                    raise InputError(f"the take has more than {most_frames:,} frames", "fewer frames per second, or a shorter speech")
+                    raise InputError(
+                        f"the take has more than {most_frames:,} frames", "fewer frames per second, or a shorter speech"
+                    )
                 yield motion
                 if time.monotonic() - told > TELL:
                     told = time.monotonic()

@@ -35,7 +35,7 @@ def address():
 
     if not (PAGE / "index.html").is_file():
         pytest.skip("the studio is not built (make studio)")
-    with StudioState() as state, running(make_app(state)) as port:
+    with StudioState() as state, running(make_app(state), websockets=True) as port:
         yield f"http://127.0.0.1:{port}/"
 
 

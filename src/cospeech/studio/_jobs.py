@@ -137,7 +137,7 @@ class Jobs:
         total, told, frames = source.expected_seconds, 0.0, 0
         chunks = (piece for chunk in speech_chunks(source) for piece in chunk.chunks(PIECE))
         pushed = (motion for piece in chunks for motion in self._hear(session, piece))
-        for motions in (pushed, session.finish()):
+        for motions in (part() for part in (lambda: pushed, session.finish)):  # the end is asked for when all was heard
             for motion in motions:
                 self._check_cancelled()
                 frames += len(motion)

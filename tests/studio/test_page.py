@@ -116,8 +116,6 @@ def test_a_dropped_speech_moves_the_character(page, wav):
 
 
 def test_scrubbing_shows_that_frame_of_the_motion(talking, wav):
-    talking_path = talking.evaluate("cospeechStudio.takes[0].id")
-    assert talking_path
     motion = cospeech.load("rules").generate(cospeech.Speech.load(wav), seed=0)
     hand = motion.skeleton.index["rightHand"]
     wanted = motion.positions()[:, hand]
@@ -345,7 +343,7 @@ def test_a_problem_is_told_where_the_eye_is(page, tmp_path):
     page.set_input_files("#speech-file", tmp_path / "noise.wav")
     page.locator("#problem:visible").wait_for()
     assert "noise.wav" in page.inner_text("#problem")
-    assert 400 in failures
+    assert failures[0] >= 400
     page.keyboard.press("Escape")
     assert not page.locator("#problem").is_visible()
 

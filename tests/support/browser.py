@@ -45,7 +45,7 @@ def open_chromium() -> Iterator[Any]:
         browser.close()
 
 
-def wait_until(page: Any, expression: str, seconds: float = 20.0) -> Any:
+def wait_until(page: Any, expression: str, seconds: float = 10.0) -> Any:
     """Ask until the answer is true, and return it."""
     until = time.monotonic() + seconds
     while not (answer := page.evaluate(expression)):

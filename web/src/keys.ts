@@ -34,7 +34,7 @@ function isText(element: HTMLElement): boolean {
 /** Whether an element has its own use for a key. */
 function takesKey(element: HTMLElement, key: string): boolean {
   if (isText(element) || element.matches("select")) return true;
-  if (element.matches("input[type=range]")) return /Arrow|Home|End|Page/.test(key);
+  if (element.matches("input[type=range]:not(#scrub)")) return /Arrow|Home|End|Page/.test(key);
   if (element.matches("[role=tab]") && /Arrow/.test(key)) return true;
   return key === " " && element.matches("button, a, input, summary");
 }

@@ -2,6 +2,8 @@
 
 import type { MotionHeader } from "./messages";
 
+const ROUNDING = 1e-3; // frames; a browser rounds the time of a sound to a millionth of a second
+
 /** A pose of our humanoid: metres, local rotations as quaternions xyzw, ARKit weights. */
 export interface Pose {
   root: Float32Array;
@@ -56,7 +58,7 @@ export class Motion {
 
   /** The number of the frame that is shown at a time in seconds. */
   frameAt(time: number): number {
-    return Math.min(Math.max(Math.floor(time * this.fps + 1e-6), 0), this.frames - 1);
+    return Math.min(Math.max(Math.floor(time * this.fps + ROUNDING), 0), this.frames - 1);
   }
 
   /** Write the pose of a time in seconds into `pose`; between two frames it is linear. */

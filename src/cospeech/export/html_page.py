@@ -46,7 +46,7 @@ _PAGE = """<!doctype html>
 <div class="bar" role="group" aria-label="Playing">
 <button type="button" id="play">Play</button>
 <output id="clock" aria-label="Time"></output>
-<input type="range" id="scrub" min="0" max="1" step="0.001" value="0" aria-label="Place in the speech">
+<input type="range" id="scrub" min="0" max="1" step="any" value="0" aria-label="Place in the speech">
 <button type="button" id="loop" aria-pressed="false">Loop</button>
 <label>Speed <select id="speed"></select></label>
 <button type="button" id="frame">Whole</button>

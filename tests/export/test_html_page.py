@@ -1,0 +1,82 @@
+"""Share files: one page that opens from disk without a network, and speaks."""
+
+from __future__ import annotations
+
+import re
+import time
+
+import numpy as np
+import pytest
+
+from cospeech import Motion
+from cospeech.audio.speech import example
+from cospeech.errors import InputError
+from cospeech.export import html_page
+from tests.support.browser import find_violations, open_chromium, wait_until
+
+
+def still(frames: int = 30) -> Motion:
+    from cospeech.motion.skeleton import humanoid
+
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (frames, len(humanoid()), 1))
+    face = np.zeros((frames, 52))
+    face[:, 17] = np.linspace(0, 1, frames)  # jawOpen
+    return Motion(fps=30, rotations=rotations, root=np.tile([0.0, 0.955, 0.0], (frames, 1)), face=face, skeleton=humanoid())
+
+
+@pytest.fixture
+def viewer():
+    if not (html_page.VIEWER / "viewer.js").is_file():
+        pytest.skip("the viewer is not built (make studio)")
+
+
+def test_without_the_viewer_the_error_says_how_to_build_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(html_page, "VIEWER", tmp_path / "none")
+    with pytest.raises(InputError, match="make studio"):
+        still(2).save(tmp_path / "talk.html")
+    assert not (tmp_path / "talk.html").exists()
+
+
+def test_the_page_loads_nothing_and_names_are_escaped(tmp_path, monkeypatch):
+    (tmp_path / "viewer.js").write_text("'</script><b>'")
+    (tmp_path / "viewer.css").write_text("b { }")
+    monkeypatch.setattr(html_page, "VIEWER", tmp_path)
+    speech = tmp_path / "<i> & talk.ogg"
+    speech.write_bytes(example()[0].read_bytes())
+    still(2).save(tmp_path / "talk.html", audio=speech)
+    text = (tmp_path / "talk.html").read_text("utf-8")
+    assert "default-src 'none'" in text
+    assert "&lt;i&gt; &amp; talk" in text
+    assert "<i>" not in text
+    assert not re.search(r"(src|href)=", text.replace("-src ", ""))
+    assert text.count("</script>") == 3  # character, sound, viewer
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["<i> & talk.ogg", "talk.html", "viewer.css", "viewer.js"]
+
+
+@pytest.mark.slow
+def test_a_share_file_opens_offline_and_speaks(viewer, tmp_path):
+    from cospeech.generate import generate_files
+
+    speech, words = example()
+    path = tmp_path / "talk.html"
+    generate_files(speech, [path], transcript=words)
+    assert path.stat().st_size < 4_000_000
+    with open_chromium() as browser:
+        context = browser.new_context(offline=True)
+        page, wrong = context.new_page(), []
+        page.on("console", lambda said: wrong.append(said.text))
+        page.goto(path.as_uri())
+        wait_until(page, "document.documentElement.dataset.ready === 'true'")
+        assert page.evaluate("cospeechStudio.seconds") == pytest.approx(19.003, abs=0.005)
+        opened = []
+        for at in np.arange(0.1, 3, 0.1):
+            script = "at => { const s = document.getElementById('scrub'); s.valueAsNumber = at; s.dispatchEvent(new Event('input')); }"
+            page.evaluate(script, float(at))
+            time.sleep(0.05)
+            opened.append(page.evaluate("cospeechStudio.jawOpen()"))
+        assert max(opened) > 0.2
+        assert min(opened) < 0.05
+        page.click("#play")
+        wait_until(page, "cospeechStudio.playing && cospeechStudio.time > 3.2")
+        assert not find_violations(page)
+        assert not wrong

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -135,24 +136,24 @@ class Jobs:
     def _play(self, session: Any, source: Any, most_frames: int) -> Iterator[Motion]:
         """The motion of a speech, piece by piece."""
         total, told, frames = source.expected_seconds, 0.0, 0
-        chunks = (piece for chunk in speech_chunks(source) for piece in chunk.chunks(PIECE))
-        pushed = (motion for piece in chunks for motion in self._hear(session, piece))
-        for motions in (part() for part in (lambda: pushed, session.finish)):  # the end is asked for when all was heard
-            for motion in motions:
-                self._check_cancelled()
-                frames += len(motion)
-                if frames > most_frames:
-                    raise InputError(
-                        f"the take has more than {most_frames:,} frames", "fewer frames per second, or a shorter speech"
-                    )
-                yield motion
-                if time.monotonic() - told > TELL:
-                    told = time.monotonic()
-                    send_json(b"P", done=motion.start + motion.duration, total=total)
 
-    def _hear(self, session: Any, piece: Speech) -> Iterator[Motion]:
-        self._check_cancelled()
-        yield from session.push(piece)
+        def hear(piece: Speech | None) -> Iterator[Motion]:
+            """The motion that a piece makes certain; None: the speech is over."""
+            self._check_cancelled()
+            found: Iterator[Motion] = session.finish() if piece is None else session.push(piece)
+            return found
+
+        chunks = (piece for chunk in speech_chunks(source) for piece in chunk.chunks(PIECE))
+        for motion in chain.from_iterable(map(hear, chain(chunks, [None]))):
+            self._check_cancelled()
+            frames += len(motion)
+            if frames > most_frames:
+                problem = f"the take has more than {most_frames:,} frames"
+                raise InputError(problem, "fewer frames per second, or a shorter speech")
+            yield motion
+            if time.monotonic() - told > TELL:
+                told = time.monotonic()
+                send_json(b"P", done=motion.start + motion.duration, total=total)
 
     def _check_cancelled(self) -> None:
         if self.cancelled == self._number:

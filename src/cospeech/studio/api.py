@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
+from asyncio import CancelledError
 from collections.abc import Awaitable, Callable
 from importlib import import_module
 from pathlib import Path
@@ -36,6 +36,7 @@ from .speeches import add_words, hold_example, hold_speech, label_of, rename_err
 from .state import HeldClip, StudioState
 from .takes import HeldTake, QueueFull
 from .uploads import UploadRefused
+from .worker import JobCancelled
 
 __all__ = ["StudioApi", "answer_errors", "parse_message"]
 
@@ -88,6 +89,8 @@ def answer_errors(call: Endpoint) -> Endpoint:
             return _refuse(404, "there is no such thing", "the oldest ones go when too many are kept; send it again")
         except CospeechError as error:
             return _refuse(500, error.problem, error.hint)
+        except (JobCancelled, CancelledError):
+            return _refuse(503, "the server ends")
 
     return handle
 
@@ -112,7 +115,8 @@ def parse_message(kind: type[M], body: bytes | str) -> M:
 
 
 async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:
-    return await import_module("anyio.to_thread").run_sync(call, *arguments)
+    """The value of a call that takes long; when the server ends, nobody waits for it."""
+    return await import_module("anyio.to_thread").run_sync(call, *arguments, abandon_on_cancel=True)
 
 
 class StudioApi:

@@ -38,10 +38,11 @@ def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
     skeleton = humanoid()
     forms = {**LEXICAL_FORMS, **FORMS}
     words = {name: [word for word, form in LEXICON.items() if form == name] for name in forms}
+    form_rows = [{"name": name, "hands": form.hands, "words": words[name]} for name, form in forms.items()]
     return Catalogue(
         version=__version__, default_model=DEFAULT, models=[ModelRow.model_validate(row) for row in models],
         emotions=["auto", *EMOTIONS],
-        forms=[FormRow.model_validate({"name": name, "hands": form.hands, "words": words[name]}) for name, form in forms.items()],
+        forms=[FormRow.model_validate(row) for row in form_rows],
         formats=[
             FormatRow.model_validate({"suffix": suffix, "title": entry.what, "parts": entry.holds})
             for suffix, entry in FORMATS.items()

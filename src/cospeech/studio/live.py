@@ -151,7 +151,7 @@ class LivePlayer:
         self._pace = Pace()
         self._latency, self._look_ahead = 0.0, 0.0
         self._stopped = threading.Event()
-        self.problem = InputError("")
+        self.problem: CospeechError = InputError("")
         """The last control that was refused."""
         self._thread = threading.Thread(target=self._run, name="cospeech studio live", daemon=True)
         self._thread.start()

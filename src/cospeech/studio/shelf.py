@@ -66,7 +66,8 @@ class Shelf(Generic[T]):
         with self._lock:
             return self._things[name]
 
-    def list(self) -> list[T]:
+    @property
+    def things(self) -> list[T]:
         """All things, the oldest one first."""
         with self._lock:
             return list(self._things.values())

@@ -42,7 +42,7 @@ class StudioSockets:
         await socket.accept()
         self._state.hub.add(listener)
         try:
-            for take in self._state.takes.list():
+            for take in self._state.takes.things:
                 await socket.send_text(take.event.model_dump_json())
             await _until_first(_send_events(socket, listener), _wait_for_end(socket))
         finally:

@@ -52,6 +52,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What a test needs is its marker. Only `slow`, and `torch` where a command needs it, are written at the test."""
     for item in items:
         needs = {marker for fixture, marker in OUTSIDE.items() if fixture in item.fixturenames}
+        needs |= {"browser"} if "open_chromium(" in source_of(item.function) or "chromium" in item.fixturenames else set()
         for marker in sorted(needs | ({"torch"} if needs_torch(item) else set())):
             item.add_marker(marker)
 

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.executable).parent
 BLENDER = ROOT / ".venv-blender"
 NODE_TESTS = ROOT / "tests" / "node"
-QUICK = "not slow and not torch and not blender and not node and not shared"
+QUICK = "not slow and not torch and not blender and not node and not browser and not shared"
 BLENDER_PYTHONS = {(3, 11), (3, 13)}  # requirements/blender.in: the wheels that PyPI has
 MEND_BLENDER = "Debian, Ubuntu: apt install libxi6 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6 libgl1 libegl1"
 
@@ -127,10 +127,14 @@ def chromium(found: str) -> tuple[str | None, str]:
     folder = NODE_TESTS / "node_modules" / ".chromium"
     folder.mkdir(exist_ok=True)
     here = os.environ | {"TMPDIR": str(folder)}
-    unpacked = subprocess.run([found, NODE_TESTS / "unpack_chromium.mjs"], capture_output=True, text=True, env=here, cwd=NODE_TESTS)
+    unpacked = subprocess.run(
+        [found, NODE_TESTS / "unpack_chromium.mjs"], capture_output=True, text=True, env=here, cwd=NODE_TESTS
+    )
     path = unpacked.stdout.strip()
     trial = subprocess.run([path, "--version"], capture_output=True, text=True) if path else unpacked
-    return (path, trial.stdout.strip()) if trial.returncode == 0 else (None, f"it does not start: {trial.stderr.strip()[-200:]}")
+    return (
+        (path, trial.stdout.strip()) if trial.returncode == 0 else (None, f"it does not start: {trial.stderr.strip()[-200:]}")
+    )
 
 
 def main(arguments: list[str]) -> int:

@@ -210,7 +210,9 @@ def test_intensity_seed_parts_undo_and_redo(talking):
         return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
     usual = travel()
-    script = "() => { const s = document.getElementById('intensity'); s.valueAsNumber = 0; s.dispatchEvent(new Event('change')); }"
+    script = (
+        "() => { const s = document.getElementById('intensity'); s.valueAsNumber = 0; s.dispatchEvent(new Event('change')); }"
+    )
     old = talking.evaluate("cospeechStudio.takes[0].id")
     talking.evaluate(script)
     wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}'")

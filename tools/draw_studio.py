@@ -15,12 +15,12 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.support.browser import open_chromium, wait_until  # noqa: E402
+from tests.support.browser import open_chromium, scrub, wait_until  # noqa: E402
 from tests.support.study_raters import running  # noqa: E402
 
 MEDIA = ROOT / "docs" / "media"
 DONE = "cospeechStudio.takes.every(take => take.frames > 0 && take.progress === null)"
-AT = 6.35  # seconds of the example: both hands show something huge
+AT = 7.1  # seconds of the example: both hands show something huge
 VIEWS: tuple[tuple[str, tuple[int, int], str, int], ...] = (
     ("studio", (1360, 860), "light", 1),
     ("studio-dark", (1360, 860), "dark", 3),
@@ -36,8 +36,7 @@ def draw(browser: Any, address: str, name: str, size: tuple[int, int], scheme: s
     wait_until(page, "document.documentElement.dataset.ready === 'true'", 60)
     page.click("#example")
     wait_until(page, DONE, 120)
-    script = "at => { const s = document.getElementById('scrub'); s.valueAsNumber = at; s.dispatchEvent(new Event('input')); }"
-    page.evaluate(script, AT)
+    scrub(page, AT)
     time.sleep(2)
     shot = MEDIA / f"{name}.png"
     page.screenshot(path=shot)

@@ -60,7 +60,7 @@ def write_type(schema: dict[str, Any]) -> str:
         return f"({inner})[]" if " | " in inner else f"{inner}[]"
     if kind == "object":
         return f"Record<string, {write_type(schema['additionalProperties'])}>"
-    return _SIMPLE[kind] if kind in _SIMPLE else "unknown"
+    return _SIMPLE.get(str(kind), "unknown")
 
 
 def _literal(value: object) -> str:

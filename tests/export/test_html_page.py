@@ -12,7 +12,7 @@ from cospeech import Motion
 from cospeech.audio.speech import example
 from cospeech.errors import InputError
 from cospeech.export import html_page
-from tests.support.browser import find_violations, open_chromium, wait_until
+from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 
 
 def still(frames: int = 30) -> Motion:
@@ -70,8 +70,7 @@ def test_a_share_file_opens_offline_and_speaks(viewer, tmp_path):
         assert page.evaluate("cospeechStudio.seconds") == pytest.approx(19.003, abs=0.005)
         opened = []
         for at in np.arange(0.2, 3, 0.3):
-            script = "at => { const s = document.getElementById('scrub'); s.valueAsNumber = at; s.dispatchEvent(new Event('input')); }"
-            page.evaluate(script, float(at))
+            scrub(page, float(at))
             time.sleep(0.05)
             opened.append(page.evaluate("cospeechStudio.jawOpen()"))
         assert max(opened) > 0.2

@@ -11,7 +11,7 @@ import pytest
 
 import cospeech
 from cospeech.audio.speech import example
-from tests.support.browser import find_violations, open_chromium, wait_until
+from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 from tests.support.study_raters import running
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
@@ -77,8 +77,7 @@ def is_wrong(said) -> bool:
 
 
 def seek(page, seconds: float) -> None:
-    script = "at => { const s = document.getElementById('scrub'); s.valueAsNumber = at; s.dispatchEvent(new Event('input')); }"
-    page.evaluate(script, seconds)
+    scrub(page, seconds)
     drawn = page.evaluate("cospeechStudio.drawn")
     wait_until(page, f"cospeechStudio.drawn > {drawn} || Math.abs(cospeechStudio.time - {seconds}) < 0.002")
     time.sleep(0.1)

@@ -55,6 +55,16 @@ def wait_until(page: Any, expression: str, seconds: float = 10.0) -> Any:
     return answer
 
 
+def scrub(page: Any, seconds: float) -> None:
+    """Drag the slider of the time to a place."""
+    page.evaluate(
+        """at => { const slider = document.getElementById('scrub');
+        slider.valueAsNumber = at;
+        slider.dispatchEvent(new Event('input')); }""",
+        seconds,
+    )
+
+
 def find_violations(page: Any) -> list[str]:
     """What axe finds wrong with a page: one line each, with the places."""
     if not AXE.is_file():

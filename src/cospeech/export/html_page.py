@@ -132,7 +132,8 @@ def _policy(script: str, style: str) -> str:
     sources = {"script": script, "style": style}
     hashes = {name: base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for name, text in sources.items()}
     own = "; ".join(f"{name}-src 'sha256-{digest}'" for name, digest in hashes.items())
-    return f"default-src 'none'; {own}; img-src blob: data:; media-src blob:; connect-src blob: data:; base-uri 'none'; form-action 'none'"
+    made = "img-src blob: data:; media-src blob:; connect-src blob: data:"  # what the viewer makes of the page's own bytes
+    return f"default-src 'none'; {own}; {made}; base-uri 'none'; form-action 'none'"
 
 
 def _embed(page: IO[str], name: str, blocks: Iterator[bytes], attributes: str) -> None:

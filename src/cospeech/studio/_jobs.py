@@ -28,7 +28,9 @@ from cospeech.rules.plan_edits import Plan
 from cospeech.runtime.report import Report
 from cospeech.studio.motion_bytes import read_motion, write_motion
 
-PIECE = 0.5  # seconds of speech between two looks at the cancelling; ours: a fifth of a second of work at most
+__all__ = ["Jobs", "serve"]
+
+PIECE = 2.0  # seconds of speech between two looks at the cancelling; ours: a half-second piece takes twice the work
 TELL = 0.1  # seconds between two messages of progress; ours
 
 
@@ -97,7 +99,7 @@ class Jobs:
         motion = Motion.concatenate(motions)
         if len(motion) != wanted:
             raise RuntimeError(f"{model} made {len(motion)} frames, {wanted} were due")
-        self._check_cancelled()
+        self._check_cancel()
         performed = self._find_plan(session, played, words, seconds)
         if performed is not None:
             (place / "plan.json").write_text(performed.to_json(), "utf-8")
@@ -139,13 +141,13 @@ class Jobs:
 
         def hear(piece: Speech | None) -> Iterator[Motion]:
             """The motion that a piece makes certain; None: the speech is over."""
-            self._check_cancelled()
+            self._check_cancel()
             found: Iterator[Motion] = session.finish() if piece is None else session.push(piece)
             return found
 
         chunks = (piece for chunk in speech_chunks(source) for piece in chunk.chunks(PIECE))
         for motion in chain.from_iterable(map(hear, chain(chunks, [None]))):
-            self._check_cancelled()
+            self._check_cancel()
             frames += len(motion)
             if frames > most_frames:
                 problem = f"the take has more than {most_frames:,} frames"
@@ -155,7 +157,7 @@ class Jobs:
                 told = time.monotonic()
                 send_json(b"P", done=motion.start + motion.duration, total=total)
 
-    def _check_cancelled(self) -> None:
+    def _check_cancel(self) -> None:
         if self.cancelled == self._number:
             raise Cancelled
 

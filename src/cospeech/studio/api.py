@@ -251,7 +251,7 @@ class StudioApi:
         await _in_thread(self._state.queue.cancel, request.path_params["take"])
         return load_web("starlette.responses").Response(status_code=204)
 
-    def _find_done(self, request: Any) -> HeldTake:
+    def _find_take(self, request: Any) -> HeldTake:
         take = self._state.takes.find(request.path_params["take"])
         if take.event.type != "done":
             raise _Refused(409, "the take is not done", "wait for its event")
@@ -259,22 +259,22 @@ class StudioApi:
 
     async def give_motion(self, request: Any) -> Any:
         """``GET /api/takes/{take}/motion``."""
-        return _send_file(self._find_done(request).motion, "application/octet-stream")
+        return _send_file(self._find_take(request).motion, "application/octet-stream")
 
     async def give_plan(self, request: Any) -> Any:
         """``GET /api/takes/{take}/plan``."""
-        path = self._find_done(request).folder / "plan.json"
+        path = self._find_take(request).folder / "plan.json"
         if not path.is_file():
             raise _Refused(404, "this take has no plan", "no plan can say the style of a clip")
         return _send_file(path, "application/json")
 
     async def give_report(self, request: Any) -> Any:
         """``GET /api/takes/{take}/report``."""
-        return _send_file(self._find_done(request).folder / "report.json", "application/json")
+        return _send_file(self._find_take(request).folder / "report.json", "application/json")
 
     async def give_file(self, request: Any) -> Any:
         """``GET /api/takes/{take}/file?suffix=``: a download."""
-        take, suffix = self._find_done(request), request.query_params.get("suffix", "")
+        take, suffix = self._find_take(request), request.query_params.get("suffix", "")
         if suffix not in FORMATS:
             raise InputError(f"no format has the suffix {suffix[:20]!r}", nearest(suffix[:20], FORMATS))
         path = take.folder / f"take{suffix}"

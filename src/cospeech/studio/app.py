@@ -54,6 +54,7 @@ def make_app(state: StudioState, *, token: str | None = None, page: Path = PAGE)
         routing.WebSocketRoute("/api/events", sockets.events), routing.WebSocketRoute("/api/live", sockets.live),
     ]  # fmt: skip
     app = load_web("starlette.applications").Starlette(routes=routes)
+    app.router.redirect_slashes = False  # an address is right or wrong
     return Guard(app, token=token, limit=_REQUEST_BYTES, headers=_HEADERS, takes_files=_takes_file)
 
 

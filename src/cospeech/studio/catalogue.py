@@ -47,7 +47,7 @@ def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
             FormatRow.model_validate({"suffix": suffix, "title": entry.what, "parts": entry.holds})
             for suffix, entry in FORMATS.items()
         ],
-        joints=list(skeleton.names), parents=list(skeleton.parents), rest=[tuple(map(float, row)) for row in skeleton.offsets],  # type: ignore[misc]
+        joints=list(skeleton.names), parents=list(skeleton.parents), rest=skeleton.offsets.tolist(),
         weights=list(ARKIT),
         limits=StudioLimits(upload_bytes=UPLOAD_BYTES, minutes=MINUTES, takes=MOST_TAKES),
     )  # fmt: skip

@@ -68,11 +68,11 @@ async def _until_first(*works: Coroutine[Any, Any, None]) -> None:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
     for task in done:
-        if task.exception() is not None and not isinstance(task.exception(), _gone()):
+        if task.exception() is not None and not isinstance(task.exception(), _client_errors()):
             raise task.exception()  # type: ignore[misc]
 
 
-def _gone() -> tuple[type[BaseException], ...]:
+def _client_errors() -> tuple[type[BaseException], ...]:
     """What is raised when a client has gone."""
     return load_web("starlette.websockets").WebSocketDisconnect, RuntimeError, OSError
 
@@ -100,7 +100,7 @@ class _LiveClient:
 
     async def serve(self) -> None:
         """Do what the page says until it goes."""
-        with contextlib.suppress(*_gone()):
+        with contextlib.suppress(*_client_errors()):
             while (message := await self._socket.receive())["type"] != "websocket.disconnect":
                 data = message.get("bytes")
                 if data is None:
@@ -160,7 +160,7 @@ class _LiveClient:
 
     async def _send(self, player: LivePlayer, box: FrameBox) -> None:
         """Frames and states of a session, until it is over."""
-        with contextlib.suppress(*_gone()):
+        with contextlib.suppress(*_client_errors()):
             await _until_first(self._send_frames(box), self._send_states(player), _wait_for(self._ended))
             if self._ended.is_set():
                 await self._socket.send_text(player.status(running=False).model_dump_json())

@@ -43,7 +43,7 @@ def studio(
     no_browser: NoBrowser = False,
     debug: Debug = False,
 ) -> None:
-    """Open the studio: drop speech, see it move, edit, compare, download.
+    """Open a local page to make, edit and compare motion.
 
     It runs on this machine until Ctrl-C, and keeps no file.
 

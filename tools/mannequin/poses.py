@@ -47,7 +47,7 @@ _SPINE = ((0.6, 0, 0), (1.0, 0, 0), (-0.3, 0, 0), (0, 0.4, 0), (0, -0.4, 0), (0,
 
 
 def build_poses() -> Array:
-    """(P, J, 4) local rotations of the humanoid: `GESTURING` of joints at their ends, then gestures with their mirror images."""
+    """(P, J, 4) local rotations of the humanoid: `GESTURING` of joints at their ends, then gestures and their mirrors."""
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     poses = _end_poses()
     for style, count in _STYLES.items():

@@ -72,11 +72,11 @@ def print_speeds(path: str) -> None:
         print(f"| {name} | {factor:.2g} | {fps:g} |", flush=True)
 
 
-def held_out(folder: Path, split: str) -> list[cospeech.Speech]:
-    """Recordings of a split, in pieces, with pauses in them."""
+def held_out(folder: Path, split: str, share: float) -> list[cospeech.Speech]:
+    """Recordings of a split, in pieces, with a share of pauses put into them."""
     pieces = pieces_of(split_recordings(recordings(folder))[split], PIECE)
     long = [piece for piece in pieces if float(piece.duration) > PIECE / 2]
-    return [add_silences(piece, SHARE, k) for k, piece in enumerate(long)]
+    return [add_silences(piece, share, k) for k, piece in enumerate(long)]
 
 
 def speeds(motion: cospeech.Motion) -> np.ndarray:
@@ -105,7 +105,8 @@ def silence_ratios(speeches: Sequence[cospeech.Speech], moved: Sequence[np.ndarr
         for found, kinds in ((settled, (2,)), (paused, (1, 2)), (spoken, (0,))):
             found.append(speed[np.isin(where, kinds)])
     speech_speed = np.concatenate(spoken).mean()
-    return float(np.concatenate(settled).mean() / speech_speed), float(np.concatenate(paused).mean() / speech_speed)
+    still, all_pauses = (np.concatenate(found).mean() if sum(map(len, found)) else np.nan for found in (settled, paused))
+    return float(still / speech_speed), float(all_pauses / speech_speed)
 
 
 def own_beats_others(speeches: Sequence[cospeech.Speech], moved: Sequence[np.ndarray]) -> float:
@@ -144,7 +145,7 @@ def describe_gains(model: Any) -> str:
 
 def print_following(chosen: argparse.Namespace) -> None:
     """A row for each model, the rules first."""
-    speeches = held_out(Path(chosen.speech), chosen.split)
+    speeches = held_out(Path(chosen.speech), chosen.split, chosen.pauses)
     seconds = sum(speech.seconds for speech in speeches)
     print(f"{len(speeches)} recordings, {seconds / 60:.1f} min with pauses, split {chosen.split}\n")
     files = chosen.bundle or [SHIPPED / f"{name}.cospeech" for name in ("chain-of-generation", "mix-stage", "stylised-flow")]
@@ -152,7 +153,7 @@ def print_following(chosen: argparse.Namespace) -> None:
     for file in files:
         model: Any = cospeech.load(str(file))
         two = {"make", "live"} <= set(model.system.networks)
-        bare = {"calibrated": False} if chosen.bare else {}
+        bare = {"temperature": chosen.temperature, "calibrated": not chosen.bare}
         rows.append((f"{Path(file).stem}{', offline' if two else ''}", model, bare | model.for_files | {"stance": False}))
         rows += [(f"{Path(file).stem}, live", model, bare)] if two else []
     print("| | silence ratio | beat lift | of the rules' | own | gains |\n|---|---|---|---|---|---|")
@@ -175,6 +176,8 @@ def main() -> None:
     parser.add_argument("--follow", action="store_true", help="how far models follow speech, not how fast they are")
     parser.add_argument("--bundle", action="append", help="a file; those that ship where not given")
     parser.add_argument("--split", choices=("train", "validation", "test"), default="test")
+    parser.add_argument("--pauses", type=float, default=SHARE, help="share of the speech that is pauses put into it")
+    parser.add_argument("--temperature", type=float, default=1.0, help="of the trained models")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")
     chosen = parser.parse_args()
     if chosen.follow:

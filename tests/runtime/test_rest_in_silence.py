@@ -14,7 +14,7 @@ from cospeech.audio.speech import Speech
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import humanoid
 from cospeech.runtime.model import TrainedModel
-from cospeech.runtime.rest_in_silence import RestInSilence, resting_arms
+from cospeech.runtime.rest_in_silence import RestInSilence, resting_pose
 from tests.support.fake_windows import whole_system
 from tests.support.runtime_bundles import cut, same, talk, write_small, write_small_chain
 
@@ -45,15 +45,15 @@ def spoken() -> Speech:
 def test_hands_rest_in_silence_and_move_in_speech(model):
     motion = model.generate(spoken(), fps=20, parts=("body", "hands"))
     bare = model.generate(spoken(), fps=20, parts=("body", "hands"), calibrated=False)
-    assert np.abs(motion.rotations[REST, ARMS] - resting_arms()[ARMS]).max() < 1e-6
-    assert np.abs(bare.rotations[REST, ARMS] - resting_arms()[ARMS]).max() > 0.01
-    assert np.abs(motion.rotations[10, ARMS] - resting_arms()[ARMS]).max() > 0.01
+    assert np.abs(motion.rotations[REST, ARMS] - resting_pose()[ARMS]).max() < 1e-6
+    assert np.abs(bare.rotations[REST, ARMS] - resting_pose()[ARMS]).max() > 0.01
+    assert np.abs(motion.rotations[10, ARMS] - resting_pose()[ARMS]).max() > 0.01
 
 
 def test_a_bundle_that_does_not_rest_is_as_before(model):
     moving = TrainedModel(replace(model.system, rests=False)).generate(spoken(), fps=20)
     resting = model.generate(spoken(), fps=20)
-    rest = [k for k in range(len(humanoid())) if humanoid().names[k] in ("hips", "spine", "chest", "neck")]
+    rest = [k for k in range(len(humanoid())) if humanoid().names[k] in ("hips", "neck", "head", "leftUpperLeg")]
     assert np.array_equal(moving.rotations[:, rest], resting.rotations[:, rest])
     assert np.array_equal(moving.rotations[:20], resting.rotations[:20])  # nothing changes while there is a voice
 
@@ -88,4 +88,5 @@ def test_noise_of_a_room_is_silence_and_a_whisper_is_not():
         rest.push(Speech((level * rng.standard_normal(48_000)).astype(np.float32)))
         rest.finish()
         shares[name] = rest.split(np.zeros((1, 60, 3), np.float32))[2]
-    assert shares["room"].min() == 1 and shares["whisper"].max() == 0
+    assert shares["room"].min() == 1
+    assert shares["whisper"].max() == 0

@@ -2,8 +2,8 @@
 
 A network moves the hands in silence as it does in speech, because it hears little. People do not: their hands come down within
 a second of the end of a phrase (`docs/models/rules.md`). Here the voice says when: after 0.6 s without it, arms and fingers
-are led from what the network makes to where the rules rest them, and back as soon as a voice is heard ahead. Trunk, head and
-legs stay the network's. Bundles say whether they are played so (`cospeech.runtime.bundles.spec.BundleFacts.rests`).
+are led from what the network makes to where the rules rest them, and back as soon as a voice is heard ahead. The trunk, which
+carries the hands, is led most of the way. Head and legs stay the network's. Bundles say whether they are played so (`cospeech.runtime.bundles.spec.BundleFacts.rests`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
 from ..rules.manner import mix_frames
 
-__all__ = ["RestInSilence", "resting_arms"]
+__all__ = ["RestInSilence", "resting_pose"]
 
 _RATE = 50  # decisions a second [ours: a decision is then as long as a frame of the rules' slowest display]
 _SILENCE = 0.6  # s without a voice after which hands rest [ours: pauses inside a sentence are shorter; `motion.md` §1]
@@ -36,6 +36,8 @@ _FLOOR = -50.0  # dB; [ours] what is quieter is no speech unless it has a voice
 _RELEASE = 3.0  # dB a second by which the loudest falls, as of `prosody.RELEASE`
 _BLIP = 2  # decisions in four that must be speech: clicks are shorter [ours]
 _ARMS = ("Shoulder", "UpperArm", "LowerArm", "Hand")
+_TRUNK = ("spine", "chest", "upperChest")
+_CALM = 0.7  # how far the trunk is led [ours: it moves a little, as somebody who breathes and shifts the weight]
 _ENERGY, _VOICING = 80, 82  # columns of `cospeech.audio.features.frames.AUDIO_NAMES`
 
 
@@ -54,6 +56,7 @@ class RestInSilence:
         self._features, self._fps = FrameFeatures(_RATE), fps
         self._ahead = min(max(floor((waits - self._features.delay) * _RATE) - 1, 0), round(_FORESEEN * _RATE))
         self._joints = _joints(parts)
+        self._trunk = [humanoid().index[name] for name in _TRUNK] if "body" in parts else []
         self._loudest = -inf
         self._raw = deque[bool](maxlen=4)
         self._heard = deque[bool]()  # whether there is speech; of what is not decided yet, and as much before as counts
@@ -104,10 +107,11 @@ class RestInSilence:
         if not self._joints or not share.any():
             return rotations
         led = rotations.copy()
-        own = rotations[:, self._joints]
-        rest = np.broadcast_to(resting_arms()[self._joints].astype(rotations.dtype), own.shape)
-        mixed = mix_frames([(own, share), (rest, share)])
-        led[:, self._joints] = np.where(share[:, None, None] > 0, mixed, own)
+        for joints, most in ((self._joints, 1.0), (self._trunk, _CALM)):
+            own = rotations[:, joints]
+            rest = np.broadcast_to(resting_pose()[joints].astype(rotations.dtype), own.shape)
+            mixed = mix_frames([(own, share), (rest, most * share)])
+            led[:, joints] = np.where(share[:, None, None] > 0, mixed, own)
         return led
 
     def _index(self, frame: int) -> int:
@@ -140,7 +144,7 @@ class RestInSilence:
 
 
 @cache
-def resting_arms() -> Array:
+def resting_pose() -> Array:
     """(J, 4) rotations of somebody of the rules' default style who rests."""
     silence = Speech(np.zeros(8000, np.float32))
     still: Array = RuleBasedModel().generate(silence, emotion="neutral", fps=10.0, parts=("body", "hands")).rotations[-1]

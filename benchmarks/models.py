@@ -7,8 +7,8 @@
 and so is the motion: the figure holds features, body, hands and face, but neither decoding nor writing. It is processor time,
 so that other work on the machine disturbs it less than it does a clock; the best of five runs counts, after one that warms up.
 
-**Follow**: the recordings of a folder that a synthetic corpus of the same folder keeps for the test, with pauses of 1 to 4
-seconds put into them. The rules, which taught the networks, are the first row. Columns:
+**Follow**: the recordings of a folder, or those that a synthetic corpus of the same folder keeps for the test (``--split``),
+with pauses of 1 to 4 seconds put into them. The rules, which taught the networks, are the first row. Columns:
 
 * silence ratio: mean speed of the wrists in pauses, from 1.2 s after the voice to 0.8 s before it, by that in speech. In
   brackets that of all of the pauses of 1 s or more: hands that come down move in there.
@@ -74,7 +74,8 @@ def print_speeds(path: str) -> None:
 
 def held_out(folder: Path, split: str, share: float) -> list[cospeech.Speech]:
     """Recordings of a split, in pieces, with a share of pauses put into them."""
-    pieces = pieces_of(split_recordings(recordings(folder))[split], PIECE)
+    found = recordings(folder)
+    pieces = pieces_of(found if split == "all" else split_recordings(found)[split], PIECE)
     long = [piece for piece in pieces if float(piece.duration) > PIECE / 2]
     return [add_silences(piece, share, k) for k, piece in enumerate(long)]
 
@@ -175,7 +176,7 @@ def main() -> None:
     parser.add_argument("speech", help="a file; a folder of recordings with --follow")
     parser.add_argument("--follow", action="store_true", help="how far models follow speech, not how fast they are")
     parser.add_argument("--bundle", action="append", help="a file; those that ship where not given")
-    parser.add_argument("--split", choices=("train", "validation", "test"), default="test")
+    parser.add_argument("--split", choices=("all", "train", "validation", "test"), default="all")
     parser.add_argument("--pauses", type=float, default=SHARE, help="share of the speech that is pauses put into it")
     parser.add_argument("--temperature", type=float, default=1.0, help="of the trained models")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")

@@ -66,8 +66,8 @@ class ChainExtendedConfig(ChainConfig):
     """Weight of how far a clip's mean pose, and its deviations of pose, velocity and acceleration, are from those
     recorded. [ours]"""
     speed_envelope: float = 0.0
-    """Weight of how far the speed of a clip's poses is from the recorded one, frame by frame: what is best by squares is the mean
-    speed that people have at such speech, so that it says where strokes and pauses are. [ours]"""
+    """Weight of how far the speed of a clip's poses is from the recorded one, frame by frame. The best guess by squares is the
+    mean speed at such speech: it says where strokes and pauses are, whatever the strokes look like. [ours]"""
     noise: int = 0
     """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. [ours]"""
     persistence: float = 15.0

@@ -3,7 +3,8 @@
 A network moves the hands in silence as it does in speech, because it hears little. People do not: their hands come down within
 a second of the end of a phrase (`docs/models/rules.md`). Here the voice says when: after 0.6 s without it, arms and fingers
 are led from what the network makes to where the rules rest them, and back as soon as a voice is heard ahead. The trunk, which
-carries the hands, is led most of the way. Head and legs stay the network's. Bundles say whether they are played so (`cospeech.runtime.bundles.spec.BundleFacts.rests`).
+carries the hands, is led most of the way. Head and legs stay the network's. Bundles say whether they are played so
+(`cospeech.runtime.bundles.spec.BundleFacts.rests`).
 """
 
 from __future__ import annotations

@@ -238,7 +238,8 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
     if not isinstance(rests, bool):
         raise InputError(f"the manifest of {bundle.name!r} says rests={str(rests)[:40]!r}", "true or false")
     return {
-        "rests": rests, "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
+        "rests": rests,
+        "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
         "style_space": space, "controls": tuple(controls),
         "vocabulary": None if words is None else {word: row for row, word in enumerate(words, 1)},
         "card": bundle.members.get(CARD, b"").decode("utf-8", "replace"),

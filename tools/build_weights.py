@@ -170,9 +170,9 @@ In Python `calibrated=False` plays the network without that rule.
 {rows}
 
 Calm recordings of ten German actors (EmoDB: neutral and bored), which no network has heard, with pauses of 1 to 4 s put into
-them (`python benchmarks/models.py FOLDER_OF_SPEECH --follow`). Silence ratio: speed of the wrists in pauses by that in speech; in
-brackets with the time in which hands come down. Own: pairs of speeches in which the motion goes better with its own. Gains:
-smallest, median and largest factor on a style's deviations.
+them (`python benchmarks/models.py FOLDER_OF_SPEECH --follow`). Silence ratio: speed of the wrists in pauses by that in
+speech; in brackets with the time in which hands come down. Own: pairs of speeches in which the motion goes better with its
+own. Gains: smallest, median and largest factor on a style's deviations.
 """
 
 

@@ -52,13 +52,14 @@ def play(name: str, seconds: float, samples: np.ndarray | None = None) -> Motion
 
 def test_settings_of_rules_are_what_is_asked_for_or_less():
     assert foresee(None) is foresee(LOOK_AHEAD) is foresee(float("inf")) is USUAL
-    assert USUAL.latency == LATENCY
+    assert USUAL.latency == LATENCY == USUAL.decision + 1 / 30
     assert USUAL.face == FaceDelays()
     before = foresee(0.4)
     for seconds in (0.5, 0.66, 0.8, 1.0, 1.4):
         now = foresee(seconds)
         assert seconds - 0.1 < now.look_ahead <= seconds
-        assert now.look_ahead < now.latency < now.look_ahead + 0.05
+        assert now.look_ahead < now.decision < now.look_ahead + 0.05
+        assert now.decision < now.latency <= now.decision + 1 / 50
         assert (now.late, -now.horizon, -now.latency) <= (before.late, -before.horizon, -before.latency)
         before = now
     assert foresee(LEAST_FACE, least=LEAST_FACE).latency < 0.25
@@ -100,12 +101,26 @@ def test_a_stance_that_does_not_wait_gives_each_frame_at_once():
     assert not len(layer.finish()[0])
 
 
+@pytest.mark.parametrize(("seconds", "latency"), [(0.2, 0.245), (0.25, 0.295), (0.5, 0.565)])
+def test_a_model_of_faces_looks_ahead_as_a_face_does(seconds, latency):
+    assert model("speech-to-face").session(look_ahead=seconds).latency == pytest.approx(latency)
+
+
+def test_whole_windows_play_only_where_they_lie_within_the_look_ahead():
+    usual, *others = (
+        model("chain-of-generation").session(look_ahead=seconds, parts=("body", "hands")).latency
+        for seconds in (None, 0.5, 3.0, 4.0)
+    )
+    assert others[:2] == [usual, usual]
+    assert 3.0 < others[2] <= 4.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*TARGETS, "face"])
 def test_pieces_do_not_show(name):
     whole = play(name, SPOKEN)
     assert len(whole) == SPOKEN * whole.fps
-    for seconds in (0.02, 0.0137, 0.33):
+    for seconds in (0.02, 0.0137, 1 / 30, 0.33):
         assert same(play(name, seconds), whole)
 
 

@@ -121,12 +121,16 @@ class EventDetector:
         """Samples that must have been heard, in all, until the next `step` can be done."""
         return samples_for(self._loudness.end + self._step + self._delay)
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether enough was heard for the next `step`."""
+        return bool(self._raw) and self._raw["energy"].end - self._delay >= self._loudness.end + self._step
+
     def step(self) -> bool:
         """One tick more becomes known, where enough was heard; whether it did."""
-        end = self._loudness.end + self._step
-        if not self._raw or self._raw["energy"].end - self._delay < end:
+        if not self.is_ready:
             return False
-        self._tick(end)
+        self._tick(self._loudness.end + self._step)
         return True
 
     def finish(self) -> None:

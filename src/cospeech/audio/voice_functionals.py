@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..motion.rotations import Array
+from .event_detection import quantile
 from .features.prosody import Features
 
 __all__ = ["FUNCTIONALS", "LEVELS", "measure_voice"]
@@ -36,7 +37,7 @@ def measure_voice(voice: Features) -> Array | None:
     energy = np.asarray(voice.energy, float)
     if len(energy) < _LEAST_SPOKEN:
         return None
-    loud = float(np.quantile(energy, _LOUD_SHARE))
+    loud = quantile(np.sort(energy), _LOUD_SHARE)
     spoken = energy > loud - _SPOKEN
     voiced = spoken & (voice.voicing > 0.5) & (voice.pitch > 0)
     if spoken.sum() < _LEAST_SPOKEN or voiced.sum() < _LEAST_VOICED or (voiced[1:] & voiced[:-1]).sum() < _LEAST_VOICED // 3:
@@ -52,6 +53,11 @@ def measure_voice(voice: Features) -> Array | None:
         _runs(voiced),
     ]
     return np.concatenate(parts)
+
+
+def _quantiles(values: Array, *shares: float) -> list[float]:
+    ordered = np.sort(values)
+    return [quantile(ordered, share) for share in shares]
 
 
 @cache
@@ -73,8 +79,8 @@ def _timbre(mel: Array, spoken: Array, voiced: Array) -> Array:
 def _loudness(energy: Array, spoken: Array, loud: float) -> Array:
     """Level and range in dB, and how steeply it rises and falls."""
     steps, own = np.diff(energy)[spoken[1:] & spoken[:-1]], energy[spoken]
-    low, high = np.quantile(steps, (0.05, 0.95))
-    middle, upper = np.quantile(own, (0.5, 0.9))
+    low, high = _quantiles(steps, 0.05, 0.95)
+    middle, upper = _quantiles(own, 0.5, 0.9)
     return np.array([own.mean(), own.std(), upper - middle, np.abs(steps).mean(), loud, high, low])
 
 
@@ -86,11 +92,11 @@ def _intonation(voice: Features, voiced: Array) -> Array:
     times = np.flatnonzero(voiced) / voice.fps
     times = times - times.mean()
     slope = float(times @ (own - own.mean())) / max(float(times @ times), 1e-9)
-    low, tenth, middle, ninth, high = np.quantile(own, (0.05, 0.1, 0.5, 0.9, 0.95))
-    down, up = np.quantile(steps, (0.1, 0.9))
+    low, tenth, middle, ninth, high = _quantiles(own, 0.05, 0.1, 0.5, 0.9, 0.95)
+    down, up = _quantiles(steps, 0.1, 0.9)
     size = np.abs(steps)
     level = [own.mean(), own.std(), low, middle, high, ninth - tenth, slope]
-    return np.array([*level, size.mean(), steps.std(), up, down, np.median(size)])
+    return np.array([*level, size.mean(), steps.std(), up, down, *_quantiles(size, 0.5)])
 
 
 def _phonation(voicing: Array, spoken: Array, voiced: Array) -> Array:
@@ -102,7 +108,7 @@ def _onsets(onset: Array, spoken: Array) -> Array:
     """Spectral flux, and its peaks per second of speech."""
     own, middle = onset[spoken], onset[1:-1]
     peaks = (middle > onset[:-2]) & (middle >= onset[2:]) & (middle > _ONSET)
-    return np.array([own.mean(), own.std(), np.quantile(own, 0.9), 100.0 * peaks.sum() / spoken.sum()])
+    return np.array([own.mean(), own.std(), *_quantiles(own, 0.9), 100.0 * peaks.sum() / spoken.sum()])
 
 
 def _balance(bands: Array, spoken: Array, voiced: Array) -> Array:

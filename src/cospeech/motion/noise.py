@@ -49,6 +49,15 @@ def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Arr
     return lattice
 
 
+@lru_cache(64)
+def _lattices(seed: int, channels: int, low: tuple[int, ...], count: tuple[int, ...]) -> Array:
+    """(sum of counts, channels): those of all octaves, one after the other."""
+    cells = enumerate(zip(low, count, strict=True))
+    lattice = np.concatenate([_lattice(seed, channels, octave, *cell) for octave, cell in cells])
+    lattice.setflags(write=False)
+    return lattice
+
+
 def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves: int = 3, gain: float = 0.5) -> Array:
     """Band-limited noise of unit variance.
 
@@ -62,18 +71,21 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     Returns:
         (T, C).
     """
-    out = np.zeros((len(times), channels))
-    power = 0.0
-    for octave in range(octaves):
-        x = np.asarray(times, float) * (rate * 2**octave)
-        first = np.floor(x).astype(np.int64)
-        u = (x - first)[:, None]
-        low = int(first.min()) - 1 if len(first) else 0
-        count = (int(first.max()) + 3 - low) if len(first) else 0
-        lattice = _lattice(seed, channels, octave, low, count)
-        k = first - low
-        weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
-        value = sum(w * lattice[k + j - 1] for j, w in enumerate(weights))
-        out += gain**octave * value
-        power += gain ** (2 * octave) * 0.479  # mean of the sum of squared B-spline weights over one cell
-    return out / np.sqrt(power)
+    if not len(times):
+        return np.zeros((0, channels))
+    scales = np.arange(octaves)
+    x = np.asarray(times, float) * (rate * 2.0**scales)[:, None]
+    first = np.floor(x).astype(np.int64)
+    u = x - first
+    low = first.min(1) - 1
+    count = first.max(1) + 3 - low
+    lattice = _lattices(seed, channels, tuple(low.tolist()), tuple(count.tolist()))
+    place = first + (np.cumsum(count) - count - low - 1)[:, None]
+    weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
+    values: Array = weights[0][..., None] * lattice.take(place, 0)  # octaves, times, channels
+    for k in (1, 2, 3):
+        values += weights[k][..., None] * lattice.take(place + k, 0)
+    values *= (gain**scales)[:, None, None]
+    power = (gain ** (2 * scales)).sum() * 0.479  # mean of the sum of squared B-spline weights over one cell
+    out: Array = np.add.reduce(values, 0) / np.sqrt(power)
+    return out

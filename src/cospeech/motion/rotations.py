@@ -40,6 +40,13 @@ Array = NDArray[Any]
 """Floats of any width, and what indexes them: NumPy's own stubs do not follow dtypes through arithmetic."""
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _SMALL = 1e-12  # ours: below this an angle or a norm counts as zero in float64
+_FEW = 256  # numbers up to which one product of gathered copies is quicker than sixteen of views (measured; ours)
+_OF_A = np.array([3, 0, 1, 2])
+_OF_B = np.array([[0, 3, 2, 1], [1, 2, 3, 0], [2, 1, 0, 3], [3, 0, 1, 2]])
+_SIGNS = np.array([[1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [1, -1, -1, -1]], np.float32)
+"""A row for each component of the Hamilton product: which component of ``b`` goes with w, x, y, z of ``a``, and its sign."""
+_TURNED, _TURNED_BACK = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])
+"""Components of the two products of each component of a vector product."""
 
 
 def quat_identity(*shape: int, dtype: type = np.float64) -> Array:
@@ -55,6 +62,10 @@ def quat_identity(*shape: int, dtype: type = np.float64) -> Array:
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product ``a ⊗ b``: first rotate by ``b``, then by ``a``. Shapes ``(..., 4)`` broadcast."""
+    if a.size <= _FEW and b.size <= _FEW:  # the same terms in the same order, so the same bits
+        terms = a.take(_OF_A, -1)[..., None, :] * b.take(_OF_B, -1)
+        few: Array = np.add.reduce(terms * _SIGNS, -1)
+        return few
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
@@ -85,6 +96,10 @@ def vector_normalize(v: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """The vector product of ``(..., 3)``, as of `numpy.cross`, which takes five times as long over few of them."""
+    if a.size <= _FEW and b.size <= _FEW:  # the same bits, see `quat_multiply`
+        terms = a.take(_TURNED, -1) * b.take(_TURNED_BACK, -1)
+        few: Array = terms[..., :3] - terms[..., 3:]
+        return few
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     out: Array = np.empty(np.broadcast(a, b).shape, np.result_type(a, b))
     np.subtract(ay * bz, az * by, out=out[..., 0])

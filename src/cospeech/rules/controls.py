@@ -51,6 +51,7 @@ class SessionControls:
         if found.seated != self.manners.last.style.seated:
             problem = "a style that sits for a session that stands" if found.seated else "a style that stands for one that sits"
             raise InputError(problem, "open a new session with it")
+        self._make(self.planned_until)
         self._perform(found, self.manners.last.intensity)
 
     def set_intensity(self, intensity: float) -> None:
@@ -60,6 +61,7 @@ class SessionControls:
             InputError: it is no number, or out of range.
         """
         check_range("intensity", intensity, INTENSITY_RANGE)
+        self._make(self.planned_until)
         self._perform(self.manners.last.style, float(intensity))
 
     def set_emotion(self, emotion: str | Moods) -> None:
@@ -71,7 +73,13 @@ class SessionControls:
         Raises:
             InputError: there is no such emotion.
         """
-        self.mood.change(emotion_track(emotion), self.planned_until)
+        track = emotion_track(emotion)
+        self._make(self.planned_until)
+        self.mood.change(track, self.planned_until)
+
+    if TYPE_CHECKING:
+
+        def _make(self, until: float, total: int | None = None) -> None: ...
 
     def _perform(self, style: Style, intensity: float, seed: int | None = None) -> None:
         now, last = self.planned_until, self.manners.last

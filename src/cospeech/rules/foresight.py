@@ -18,7 +18,8 @@ from ..face.delays import FaceDelays
 from .plan import HORIZON
 
 __all__ = [
-    "AROUSAL_DELAY", "LATENCY", "LEAST_FACE", "LEAST_LOOK_AHEAD", "LOOK_AHEAD", "MOUTH_WAITS", "USUAL", "Foresight", "foresee",
+    "AROUSAL_DELAY", "DECISION", "LATENCY", "LEAST_FACE", "LEAST_LOOK_AHEAD", "LOOK_AHEAD", "MOUTH_WAITS", "USUAL", "Foresight",
+    "foresee",
 ]  # fmt: skip
 
 LOOK_AHEAD = HORIZON + LEVEL_DELAY + PEAK_DELAY + 0.15 + TICK
@@ -30,6 +31,8 @@ LEAST_FACE = 0.2
 """The shortest of a session of the face alone, in seconds (ours: lips close by what is heard 0.17 s later)."""
 _FACE_TICK = 0.05  # seconds between two decisions where less is heard ahead (ours: frames wait less for each other)
 _SHORT_PEAK = 0.03  # seconds after a peak of the envelope until it counts as an accent (ours: the flank has begun to fall)
+_WAIT, _SHORT_WAIT = 1 / 30, 1 / 50
+"""Seconds; see `Foresight.wait` (ours: a third of a tick, as of who pushes thirty times a second; usual small pieces)."""
 _MARGIN = 0.02  # seconds: a row of the envelope, and one of the peak's right-hand side
 _PLANNED = 0.6  # seconds from a decision to an accent in which most preparations and half a stroke find room (ours)
 
@@ -66,10 +69,26 @@ class Foresight:
         return self.look_ahead - self.level_delay
 
     @property
-    def latency(self) -> float:
-        """Seconds of sound at 16 kHz after a frame's time until the frame is given, at most: what it depends on, in whole
+    def decision(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time until the frame is decided, at most: what it depends on, in whole
         ticks, and what the features of a hundredth wait for."""
         return ceil(self.sound_ahead / self.tick - 1e-9) * self.tick + self.level_delay + DELAY
+
+    @property
+    def wait(self) -> float:
+        """Seconds: a piece of sound that is no longer leaves the frames that it decides to the next piece.
+
+        So no piece is both heard and made into frames, and the longest push is shorter. A face alone that looks ahead by little
+        does not wait.
+        """
+        if self.is_usual:
+            return _WAIT
+        return _SHORT_WAIT if self.look_ahead >= LEAST_LOOK_AHEAD else 0.0
+
+    @property
+    def latency(self) -> float:
+        """Seconds of sound at 16 kHz after a frame's time until the frame is given, at most."""
+        return self.decision + self.wait
 
     @property
     def mouth_waits(self) -> float:
@@ -79,10 +98,12 @@ class Foresight:
 
 USUAL = Foresight()
 LATENCY = USUAL.latency
-"""Seconds of sound at 16 kHz after a frame's time until the frame is given, at most (1.595 s)."""
+"""Seconds of sound at 16 kHz after a frame's time until the frame is given, at most (1.628 s)."""
 MOUTH_WAITS = USUAL.mouth_waits
 """See `Foresight.mouth_waits`."""
-AROUSAL_DELAY = LATENCY + LOOKS + 0.15
+DECISION = USUAL.decision
+"""Seconds of sound at 16 kHz after a frame's time until the frame is decided, at most (1.595 s)."""
+AROUSAL_DELAY = DECISION + LOOKS + 0.15
 """Seconds by which others play the arousal late (2.25 s): then it is known whenever they need it, however the speech is
 cut. It is looked at every half second (`cospeech.rules.arousal`), and 0.15 s are for resampling."""
 

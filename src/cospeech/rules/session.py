@@ -174,6 +174,7 @@ class Session(SessionControls):
             InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
         """
         check_speech(chunk)
+        self._make(self.planned_until)  # what the piece before has left
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
         words = shift_times(chunk, self._origin).words or ()
@@ -184,6 +185,8 @@ class Session(SessionControls):
             return self._next_frames()
         samples = self._held.take(samples)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
+            if not self.foresight.is_usual:
+                self._make(self.planned_until)
             self._hear(samples[first : first + SAMPLE_RATE])
             if not self.foresight.is_usual:
                 self._follow()
@@ -193,14 +196,16 @@ class Session(SessionControls):
             self._decide_what_is_certain()
             if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)
-        self._make(self.planned_until)
+        if chunk.duration > self.foresight.wait + 1e-9:
+            self._make(self.planned_until)
         return self._next_frames()
 
     def _follow(self) -> None:
         """With little foresight, what is known at a tick decides over its frames: they are made before more becomes known."""
-        while self.detector.step():
-            self._decide_what_is_certain()
+        while self.detector.is_ready:
             self._make(self.planned_until)
+            self.detector.step()
+            self._decide_what_is_certain()
 
     def _decide_what_is_certain(self) -> None:
         heard = self.detector.certain_until + self.foresight.level_delay

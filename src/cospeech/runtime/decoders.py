@@ -5,6 +5,7 @@ frames with a state                            `CausalStreamDecoder`
 windows that fix their new frames (``hop``)    `OverlapAddDecoder`
 windows whose motion is drawn                  `SampledWindowDecoder`
 windows of another kind                        `SlidingWindowDecoder`
+a mouth, which the face's session plays        `RestingDecoder`
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from .flow.engine import FlowEngine
 from .flow.latent_sources import Transfer, best_transfer
 from .mouth import POSE
 from .network import Network
+from .network_decoder import RestingDecoder
 from .session import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SampledWindowDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
@@ -33,13 +35,18 @@ from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 from .window_layout import check_look_ahead
 
-__all__ = ["needs_stance", "options_for_files", "start_decoder"]
+__all__ = ["is_mouth", "needs_stance", "options_for_files", "start_decoder"]
 
 
 def options_for_files(system: System) -> Mapping[str, Any]:
     """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; and a stance."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
     return ahead | {"stance": needs_stance(system)}
+
+
+def is_mouth(system: System) -> bool:
+    """Whether it makes faces of whole windows, as the mouth of a session of the rules."""
+    return system.pose == POSE and "make" in system.networks
 
 
 def needs_stance(system: System) -> bool:
@@ -86,6 +93,8 @@ def start_decoder(
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
     common = system, network, style, options.seeds, silence
     scales: Any = {"temperature": options.temperature, "intensity": options.intensity}
+    if is_mouth(system):
+        return RestingDecoder(*common, **scales)
     if live:
         return CausalStreamDecoder(*common, ahead=_frames(options.look_ahead, system), **scales)
     if system.draws:
@@ -97,11 +106,17 @@ def start_decoder(
 
 
 def _network(system: System, seconds: float | None) -> Network:
-    """The one that plays: that of frames, where there is one and no look-ahead is asked for that it does not have."""
+    """The one that plays: that of frames, where there is one, unless the other's windows lie within the look-ahead."""
     make, live = system.networks.get("make"), system.networks.get("live")
-    if live is not None and (make is None or seconds is None or seconds * system.fps <= live.signature.look_ahead):
-        return live
-    return system.main_network
+    if live is None or (make is not None and seconds is not None and seconds * system.fps >= _waits(make)):
+        return system.main_network
+    return live
+
+
+def _waits(network: Network) -> int:
+    """Frames of speech, from its own on, that a frame of a network of windows waits for, at least."""
+    signature = network.signature
+    return signature.look_ahead if signature.hop is None else sections(signature).waits
 
 
 def _flow(

@@ -27,7 +27,7 @@ from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
 from ..rules.streaming import check_speech, stream_motion
 from .conditioning import NOTHING, Conditioning, read_conditioning
-from .decoders import needs_stance, options_for_files, start_decoder
+from .decoders import is_mouth, needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
@@ -119,7 +119,7 @@ class TrainedModel:
             rest = RestInSilence(options.fps, latency_of_body(self.system, frontend, decoder, ()), options.parts)
         if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
             body = latency_of_body(self.system, frontend, decoder, stances)
-            of_face["look_ahead"] = max(body - DELAY, LEAST_FACE)
+            of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
@@ -142,9 +142,7 @@ class TrainedModel:
     def _speaking(self, style: object) -> RuleBasedModel:
         """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
         system = self.system
-        if system.pose != POSE or "make" not in system.networks:
-            return self._rules
-        return RuleBasedModel(lambda: BundleMouth(system, style))
+        return RuleBasedModel(lambda: BundleMouth(system, style)) if is_mouth(system) else self._rules
 
     def _start(
         self, resolved_style: ResolvedStyle, options: GenerationOptions, conditioning: Conditioning = NOTHING

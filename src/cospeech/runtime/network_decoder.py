@@ -14,7 +14,7 @@ from .styles.embedding import StyleMixture
 from .styles.track import SpokenStyleTrack, StyleTrack
 from .system import System
 
-__all__ = ["NetworkDecoder"]
+__all__ = ["NetworkDecoder", "RestingDecoder"]
 
 
 class NetworkDecoder:
@@ -90,3 +90,20 @@ class NetworkDecoder:
     def _none(self) -> Array:
         """(N, 0, D)."""
         return np.zeros((self.takes, 0, self.width), np.float32)
+
+
+class RestingDecoder(NetworkDecoder):
+    """Mean poses, at once, of a network that is played elsewhere: that of a mouth, which the face's session plays."""
+
+    @property
+    def latency(self) -> float:
+        """See `Decoder`."""
+        return 1 / self._system.fps
+
+    def push(self, rows: Array) -> Array:
+        """See `Decoder`."""
+        return np.zeros((self.takes, len(rows), self.width), np.float32)
+
+    def finish(self, silence: Array) -> Array:
+        """See `Decoder`."""
+        return self._none()

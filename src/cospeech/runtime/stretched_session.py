@@ -13,7 +13,7 @@ from ..audio.speech import Speech
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from ..rules.foresight import LATENCY
+from ..rules.foresight import DECISION
 from ..rules.options import GenerationOptions
 from ..rules.plan_edits import Plan, Setting
 from ..rules.streaming import check_speech
@@ -45,7 +45,7 @@ class StretchedSession:
                 f"{what}: a trained model plays no listed gestures", "only `rules` does; stretches are for all models"
             )
         settings = plan.settings()
-        changes = [(each.time, each, False) for each in settings] + [(each.time + LATENCY, each, True) for each in settings]
+        changes = [(each.time, each, False) for each in settings] + [(each.time + DECISION, each, True) for each in settings]
         self._plan, self._settings = plan, deque(sorted(changes, key=lambda change: change[0]))
         self._holds = self._faces_hold = Setting(0.0, plan.style, plan.emotion, plan.intensity, plan.seed)
         seeds = dict.fromkeys([plan.seed, *(each.seed for each in settings)])

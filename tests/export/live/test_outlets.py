@@ -154,6 +154,59 @@ def test_pages_of_other_places_cannot_connect():
     wire.close()
 
 
+GARBAGE = (b"", b"\0" * 4096, bytes(range(256)) * 40, b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 500, b"GET /\r\n\r\n", b"\r\n" * 99)
+
+
+def test_peers_that_send_garbage_disturb_nobody():
+    wire = WebSocketServer("127.0.0.1", 0)
+    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=pytest.fail)
+    outlet.send(frames()[0])
+    hello = b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    upgraded = hello + b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    with connect(f"ws://127.0.0.1:{wire.port}") as good:
+        assert json.loads(good.recv(timeout=10))["type"] == "start"
+        peers = [socket.create_connection(("127.0.0.1", wire.port), timeout=5) for _ in range(2 * len(GARBAGE))]
+        for peer, data in zip(peers, [*GARBAGE, *(upgraded + each for each in GARBAGE)], strict=True):
+            peer.sendall(data)
+        for frame in frames()[1:]:
+            outlet.send(frame)
+        got = [json.loads(good.recv(timeout=10))["frame"]]  # the first frame, or the next one, if that was sent before
+        while got[-1] < 19:
+            got.append(json.loads(good.recv(timeout=10))["frame"])
+        assert got == list(range(got[0], 20))
+        assert got[0] <= 1
+        for peer in peers:
+            peer.close()
+        outlet.close()
+        assert json.loads(good.recv(timeout=10))["type"] == "end"
+
+
+@pytest.mark.parametrize(
+    "answer", [b"", b"\0" * 512, b"HTTP/1.1 200 OK\r\n\r\nhello", b"HTTP/1.1 101 Switching\r\n\r\n" + b"\xff" * 512]
+)
+def test_a_server_of_theirs_that_answers_garbage_is_told_of_and_holds_up_nothing(answer):
+    listening = socket.create_server(("127.0.0.1", 0))
+
+    def reply() -> None:
+        while True:
+            try:
+                peer, _ = listening.accept()
+            except OSError:
+                return
+            with peer:
+                peer.recv(4096)
+                peer.sendall(answer)
+
+    threading.Thread(target=reply, daemon=True).start()
+    notes: list[str] = []
+    began = time.monotonic()
+    outlet = run(WebSocketWire(f"ws://127.0.0.1:{listening.getsockname()[1]}"), notes)
+    listening.close()
+    assert outlet.sent == 0
+    assert len(notes) == 1
+    assert time.monotonic() - began < 10
+
+
 def test_a_server_of_theirs_is_reached_again_after_it_went():
     got: queue.Queue = queue.Queue()
 

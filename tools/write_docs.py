@@ -34,6 +34,7 @@ COMMANDS = (
     "prepare",
     "synthesise",
     "evaluate",
+    "studio",
     "study",
     "study make",
     "study serve",

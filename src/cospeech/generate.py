@@ -39,7 +39,7 @@ from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
 
-__all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path"]
+__all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path", "writer_keywords"]
 
 if TYPE_CHECKING:
     from .runtime.live_session import LiveSession
@@ -117,7 +117,7 @@ def generate_files(
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
-        keywords = _writer_keywords(files, audio, avatar, special or {}, source.words)
+        keywords = writer_keywords(files, audio, avatar, special or {}, source.words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
@@ -303,7 +303,7 @@ def _write_all(
     return set(counts)
 
 
-def _writer_keywords(
+def writer_keywords(
     files: Sequence[Path],
     audio: File,
     avatar: File | None,

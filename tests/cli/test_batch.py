@@ -236,7 +236,9 @@ def test_no_help_is_cut(columns):
         assert max(map(len, plain)) <= columns, command
 
 
-COMMANDS = "generate\nstream\nconvert\nrender\nrobot\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle\nstudy"
+COMMANDS = (
+    "generate\nstream\nconvert\nrender\nrobot\nlist\ndemo\nbench\nprepare\nsynthesise\nevaluate\ntrain\nbundle\nstudio\nstudy"
+)
 
 
 def test_several_processes_make_what_one_makes(cli, place):

@@ -54,10 +54,10 @@ def make_tiny_study(folder: Path, systems: int, stimuli: int, **options: Any) ->
 
 
 @contextmanager
-def running(app: Any) -> Iterator[int]:
+def running(app: Any, **options: Any) -> Iterator[int]:
     """Serve an application in a thread; yields the port."""
     listening = open_socket("127.0.0.1", 0)
-    server = server_of(app)
+    server = server_of(app, **options)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     try:

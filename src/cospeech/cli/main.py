@@ -25,6 +25,7 @@ from . import corpora as cli_corpora
 from . import evaluate as cli_evaluate
 from . import robot as cli_robot
 from . import stream as cli_stream
+from . import studio as cli_studio
 from . import study as cli_study
 from . import train as cli_train
 from .options import (  # fmt: skip
@@ -232,6 +233,7 @@ cli_evaluate.register(app)
 cli_robot.register(app)
 cli_stream.register(app)
 cli_study.register(app)
+cli_studio.register(app)
 cli_train.register(app)
 
 

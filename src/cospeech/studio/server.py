@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import re
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from importlib import import_module
 from typing import Any
@@ -30,6 +31,8 @@ MESSAGE_BYTES = 1 << 20
 """Of a request or a message of a WebSocket; ours: an answer has some hundred bytes."""
 REQUEST_SECONDS = 10.0
 """Until a request is complete; ours: some hundred bytes take no time on the slowest line."""
+MOST_HELD = 256 << 20
+"""Bytes of all requests that are held at once; ours: what a small machine can spare."""
 CONNECTIONS = 400
 """At once; ours: below the 1024 open files that systems usually allow. Others are answered 503."""
 COOKIE = "cospeech-token"
@@ -47,6 +50,7 @@ HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
+_HOST = re.compile(r"[A-Za-z0-9.:\[\]_-]{1,255}")
 
 
 def load_web(module: str) -> Any:
@@ -88,12 +92,16 @@ class Guard:
             come, but only one that calls this machine by a name of its own (against DNS rebinding).
         limit: bytes of a request.
         seconds: until a request is complete.
+        headers: of every answer; in the policy, ``{host}`` stands for the address by which the client calls this server.
+        takes_files: whether the application reads the body of a request itself, piece by piece, with limits of its own.
     """
 
     def __init__(
-        self, app: App, *, token: str | None = None, limit: int = MESSAGE_BYTES, seconds: float = REQUEST_SECONDS
-    ) -> None:
+        self, app: App, *, token: str | None = None, limit: int = MESSAGE_BYTES, seconds: float = REQUEST_SECONDS,
+        headers: Mapping[str, str] = HEADERS, takes_files: Callable[[Scope], bool] = lambda scope: False,
+    ) -> None:  # fmt: skip
         self._app, self._token, self._limit, self._seconds = app, token, limit, seconds
+        self._headers, self._takes_files, self._held = headers, takes_files, 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -101,6 +109,7 @@ class Guard:
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         refused = self._refuse(scope, headers)
+        send_on = send if scope["type"] == "websocket" else _with_headers(send, self._headers, headers.get("host", ""))
         if scope["type"] == "websocket":
             if refused or "origin" not in headers:
                 await receive()
@@ -110,13 +119,19 @@ class Guard:
             return
         if refused is None and self._brings_token(scope):
             cookie = f"{COOKIE}={self._token}; Path=/; HttpOnly; SameSite=Strict"
-            await _answer(send, 303, "", {"location": _without_token(scope), "set-cookie": cookie})
+            await _answer(send_on, 303, "", {"location": _without_token(scope), "set-cookie": cookie})
+            return
+        if refused is None and self._takes_files(scope):
+            await self._app(scope, receive, send_on)
             return
         body: bytes | tuple[int, str] = refused or await self._body(headers, receive)
         if isinstance(body, tuple):
-            await _answer(send, *body)
+            await _answer(send_on, *body)
             return
-        await self._app(scope, _replay(body, receive), _with_headers(send))
+        try:
+            await self._app(scope, _replay(body, receive), send_on)
+        finally:
+            self._held -= len(body)
 
     def _refuse(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
         """Why a request is refused, by status and words; None: it is not."""
@@ -147,7 +162,7 @@ class Guard:
             return 400, "the length cannot be read"
         if int(length) > self._limit:
             return 413, f"at most {self._limit} bytes"
-        held, more = bytearray(), True
+        held, more, kept = bytearray(), True, False
         try:
             async with asyncio.timeout(self._seconds):
                 while more:
@@ -155,11 +170,17 @@ class Guard:
                     if message["type"] == "http.disconnect":
                         return 400, "the request is not complete"
                     held += message.get("body", b"")
+                    self._held += len(message.get("body", b""))
                     more = message.get("more_body", False)
                     if len(held) > self._limit:
                         return 413, f"at most {self._limit} bytes"
+                    if self._held > MOST_HELD:
+                        return 503, "the server is busy"
+            kept = True
         except TimeoutError:
             return 408, "the request is too slow"
+        finally:
+            self._held -= 0 if kept else len(held)
         return bytes(held)
 
 
@@ -204,11 +225,14 @@ def _replay(body: bytes, receive: Receive) -> Receive:
     return again
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, headers: Mapping[str, str], host: str) -> Send:
+    """A ``send`` that adds the headers of every answer; a host of other characters than hosts have is left out."""
+    known = host if _HOST.fullmatch(host) else ""
+
     async def more(message: Message) -> None:
         if message["type"] == "http.response.start":
-            raw = [(name, value) for name, value in message.get("headers", []) if name.decode("latin-1").lower() not in HEADERS]
-            raw += [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            raw = [(name, value) for name, value in message.get("headers", []) if name.decode("latin-1").lower() not in headers]
+            raw += [(name.encode(), value.replace("{host}", known).encode()) for name, value in headers.items()]
             message = {**message, "headers": raw}
         await send(message)
 
@@ -219,7 +243,6 @@ async def _answer(send: Send, status: int, text: str, headers: dict[str, str] | 
     """A short answer of the guard; the connection ends, because the rest of the request may still come."""
     own = {"content-type": "text/plain; charset=utf-8", "content-length": str(len(text.encode())), "connection": "close"}
     raw = [(name.encode(), value.encode("latin-1")) for name, value in (own | (headers or {})).items()]
-    send = _with_headers(send)
     await send({"type": "http.response.start", "status": status, "headers": raw})
     await send({"type": "http.response.body", "body": text.encode()})
 
@@ -249,8 +272,15 @@ def open_socket(host: str, port: int) -> socket.socket:
     return made
 
 
-def server_of(app: App) -> Any:
-    """The server of an application, which runs with ``run(sockets=[…])`` and ends when ``should_exit`` is set."""
+def server_of(app: App, *, websockets: bool = False) -> Any:
+    """The server of an application, which runs with ``run(sockets=[…])`` and ends when ``should_exit`` is set.
+
+    Args:
+        app: the application.
+        websockets: whether it talks over WebSockets, whose messages have `MESSAGE_BYTES` at most.
+    """
+    if websockets:
+        load_web("websockets")
     uvicorn = load_web("uvicorn")
     base = import_module("uvicorn.protocols.http.h11_impl").H11Protocol
 
@@ -263,22 +293,23 @@ def server_of(app: App) -> Any:
 
         def look(self, before: Any) -> None:
             """Close the connection if nothing was completed since the last look; ``before``: the request of that time."""
-            if self.transport is None or self.transport.is_closing():
-                return
+            if self.transport is None or self.transport.is_closing() or self.transport.get_protocol() is not self:
+                return  # it is closed, or has become a WebSocket
             if before is self.cycle and (self.cycle is None or self.cycle.response_complete):
                 self.transport.close()
             else:
                 self.loop.call_later(REQUEST_SECONDS, self.look, self.cycle)
 
     config = uvicorn.Config(
-        app, http=Protocol, ws="none", loop="asyncio", lifespan="off", interface="asgi3", log_config=None, access_log=False,
+        app, http=Protocol, ws="websockets-sansio" if websockets else "none", ws_max_size=MESSAGE_BYTES,
+        ws_per_message_deflate=False, loop="asyncio", lifespan="off", interface="asgi3", log_config=None, access_log=False,
         server_header=False, date_header=False, proxy_headers=False, limit_concurrency=CONNECTIONS, timeout_keep_alive=30,
         timeout_graceful_shutdown=2, h11_max_incomplete_event_size=1 << 15,
     )  # fmt: skip
     return uvicorn.Server(config)
 
 
-def run_server(app: App, listening: socket.socket) -> None:
-    """Serve an application until the program is interrupted."""
+def run_server(app: App, listening: socket.socket, *, websockets: bool = False) -> None:
+    """Serve an application until the program is interrupted; for ``websockets`` see `server_of`."""
     with listening:
-        server_of(app).run(sockets=[listening])
+        server_of(app, websockets=websockets).run(sockets=[listening])

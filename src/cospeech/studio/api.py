@@ -1,0 +1,322 @@
+"""The calls of the studio's page over HTTP. `cospeech.studio.messages` has what is asked and answered."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from asyncio import CancelledError
+from collections.abc import Awaitable, Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from ..errors import CospeechError, InputError, nearest
+from ..export import FORMATS, reads_body
+from ..files import parse_json
+from ..limits import PLAN_VALUES
+from ..rules.plan_edits import Plan
+from ..rules.plan_model import parse_plan, words_of
+from .catalogue import check_emotion, check_plan, check_style, find_model
+from .messages import (  # fmt: skip
+    ChangedPlan,
+    ClipStyle,
+    CreatedTake,
+    MessageWords,
+    MixedStyle,
+    NamedStyle,
+    PlanEditRequest,
+    StudioProblem,
+    TakeRequest,
+    UploadedClip,
+)
+from .server import load_web
+from .speeches import add_words, hold_example, hold_speech, label_of, rename_error
+from .state import HeldClip, StudioState
+from .takes import HeldTake, QueueFull
+from .uploads import UploadRefused
+from .worker import JobCancelled
+
+__all__ = ["StudioApi", "answer_errors", "parse_message"]
+
+MOST_FRAMES = 120_000
+"""Of a take; ours: half an hour at 60 frames per second, and 130 MB."""
+_FILE_SECONDS = 600.0  # until a file must be written; ours: a video of some minutes
+_MOST_FILE_JOBS = 8  # downloads that wait for each other; ours
+_ENTRY = re.compile(r"([a-z_]+(?:\[\d+\]|\.\w+)*): ")
+"""The entry of a request or a plan with which a message of ours begins."""
+
+M = TypeVar("M", bound=BaseModel)
+Endpoint = Callable[[Any], Awaitable[Any]]
+
+
+class _Refused(Exception):
+    """A request that cannot be served now."""
+
+    def __init__(self, status: int, problem: str, hint: str = "") -> None:
+        super().__init__(problem)
+        self.status, self.problem, self.hint = status, problem, hint
+
+
+def _answer(message: BaseModel, status: int = 200) -> Any:
+    return load_web("starlette.responses").Response(
+        message.model_dump_json(by_alias=True), status, media_type="application/json"
+    )
+
+
+def _refuse(status: int, problem: str, hint: str = "") -> Any:
+    """An answer with a problem. The connection ends, because the rest of the request may still come."""
+    found = _ENTRY.match(problem)
+    answer = _answer(StudioProblem(problem=problem, hint=hint, entry=found[1] if found else None), status)
+    answer.headers["connection"] = "close"
+    return answer
+
+
+def answer_errors(call: Endpoint) -> Endpoint:
+    """The same endpoint, whose errors are answers."""
+
+    async def handle(request: Any) -> Any:
+        try:
+            return await call(request)
+        except (_Refused, UploadRefused) as refused:
+            return _refuse(refused.status, refused.problem, refused.hint)
+        except QueueFull:
+            return _refuse(429, "too many takes wait", "wait until some of them are done, or cancel them")
+        except InputError as error:
+            return _refuse(422, error.problem, error.hint)
+        except LookupError:
+            return _refuse(404, "there is no such thing", "the oldest ones go when too many are kept; send it again")
+        except CospeechError as error:
+            return _refuse(500, error.problem, error.hint)
+        except (JobCancelled, CancelledError):
+            return _refuse(503, "the server ends")
+
+    return handle
+
+
+def parse_message(kind: type[M], body: bytes | str) -> M:
+    """A message of the page. A plan in it is read as a file of a plan is, with the same errors.
+
+    Raises:
+        InputError: it is none of this kind; the problem names the entry.
+    """
+    values = parse_json(body, "the message", PLAN_VALUES)
+    if not isinstance(values, dict):
+        raise InputError("the message is no object", "see docs/guides/studio.md")
+    if values.get("plan") is not None:
+        values["plan"] = parse_plan(Plan, values["plan"], "")
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{place}: {first['msg']}"[:300], "see docs/guides/studio.md") from None
+
+
+async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:
+    """The value of a call that takes long; when the server ends, nobody waits for it."""
+    return await import_module("anyio.to_thread").run_sync(call, *arguments, abandon_on_cancel=True)
+
+
+class StudioApi:
+    """The endpoints.
+
+    Args:
+        state: what the server holds.
+    """
+
+    def __init__(self, state: StudioState) -> None:
+        self._state = state
+
+    # ------------------------------------------------------------------------------------------------ what there is
+
+    async def catalogue(self, request: Any) -> Any:
+        """``GET /api/catalogue``."""
+        return _answer(await _in_thread(self._state.list_catalogue))
+
+    async def mannequin(self, request: Any) -> Any:
+        """``GET /api/mannequin``."""
+        return _send_file(await _in_thread(self._state.find_mannequin), "model/gltf-binary")
+
+    # ------------------------------------------------------------------------------------------------ speech and clips
+
+    async def add_speech(self, request: Any) -> Any:
+        """``POST /api/speech?name=``: a file of sound."""
+        name, folder = self._state.speeches.make_folder()
+        label = label_of(request.query_params.get("name", ""), "speech")
+        try:
+            await self._receive(request, folder / "upload")
+            held = await _in_thread(hold_speech, folder, folder / "upload", label)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self._state.speeches.put(name, held)
+        return _answer(held.describe(name))
+
+    async def add_example(self, request: Any) -> Any:
+        """``POST /api/speech/example``."""
+        name, folder = self._state.speeches.make_folder()
+        held = await _in_thread(hold_example, folder)
+        self._state.speeches.put(name, held)
+        return _answer(held.describe(name))
+
+    async def set_transcript(self, request: Any) -> Any:
+        """``PUT /api/speech/{speech}/transcript?name=``."""
+        held = self._state.speeches.find(request.path_params["speech"])
+        label = label_of(request.query_params.get("name", ""), "transcript.txt")
+        path = held.folder / f"transcript-{id(request):x}"
+        await self._receive(request, path)
+        await _in_thread(add_words, held, path, label)
+        return _answer(MessageWords(words=list(words_of(held.words))))
+
+    async def give_sound(self, request: Any) -> Any:
+        """``GET /api/speech/{speech}/sound``."""
+        return _send_file(self._state.speeches.find(request.path_params["speech"]).sound, "audio/wav")
+
+    async def add_clip(self, request: Any) -> Any:
+        """``POST /api/clips?name=``: a motion file."""
+        label = label_of(request.query_params.get("name", ""), "clip.bvh")
+        suffix = Path(label).suffix.lower()
+        known = [each for each, entry in FORMATS.items() if reads_body(entry)]
+        if suffix not in known:
+            raise InputError(f"{label!r} is no example of style", f"motion files: {' '.join(known)}")
+        name, folder = self._state.clips.make_folder()
+        path = folder / f"clip{suffix}"
+        try:
+            await self._receive(request, path)
+            read = await self._write("clip", {"path": str(path)})
+        except InputError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise rename_error(error, path, label) from None
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self._state.clips.put(name, HeldClip(folder, path))
+        return _answer(UploadedClip(clip=name, name=label, seconds=read["seconds"]))
+
+    async def _receive(self, request: Any, path: Path) -> None:
+        disconnect = load_web("starlette.requests").ClientDisconnect
+        try:
+            await self._state.uploads.receive(request.stream(), request.headers.get("content-length"), path)
+        except disconnect:
+            raise _Refused(400, "the file is not complete") from None
+
+    # ------------------------------------------------------------------------------------------------ takes
+
+    async def add_take(self, request: Any) -> Any:
+        """``POST /api/takes``."""
+        asked = parse_message(TakeRequest, await request.body())
+        catalogue = await _in_thread(self._state.list_catalogue)
+        model, held = find_model(catalogue, asked.model), self._state.speeches.find(asked.speech)
+        check_emotion(asked.emotion)
+        style = self._find_style(asked)
+        if not isinstance(asked.style, ClipStyle):
+            check_style(model, style)
+        elif not model.takes_example:
+            raise InputError(f"{model.name} takes no example of style", "stylised-flow does")
+        options: dict[str, Any] = {"fps": asked.fps, "parts": asked.parts}
+        if asked.plan is None:
+            options |= {
+                "style": style, "emotion": asked.emotion, "intensity": asked.intensity, "seed": asked.seed,
+                "temperature": asked.temperature,
+            }  # fmt: skip
+        else:
+            check_plan(model, asked.plan)
+        if held.seconds * asked.fps > MOST_FRAMES:
+            raise InputError(f"the take has more than {MOST_FRAMES:,} frames", "fewer frames per second, or a shorter speech")
+        name, folder = self._state.takes.make_folder()
+        job = {
+            "folder": str(folder), "sound": str(held.upload), "words": [(w.text, w.start, w.end) for w in held.words],
+            "model": model.name, "plan": None if asked.plan is None else asked.plan.model_dump(mode="json", by_alias=True),
+            "most_frames": MOST_FRAMES + 240, "options": options,
+        }  # fmt: skip
+        try:
+            self._state.queue.add(name, folder, held, job)
+        except QueueFull:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        return _answer(CreatedTake(take=name))
+
+    def _find_style(self, asked: TakeRequest) -> str | None:
+        """The style as text; that of a clip is its path, which was made here."""
+        if isinstance(asked.style, NamedStyle):
+            return asked.style.name
+        if isinstance(asked.style, MixedStyle):
+            return ",".join(f"{name}:{weight:g}" for name, weight in asked.style.mix.items())
+        return str(self._state.clips.find(asked.style.clip).path) if asked.style is not None else None
+
+    async def drop_take(self, request: Any) -> Any:
+        """``DELETE /api/takes/{take}``."""
+        await _in_thread(self._state.queue.cancel, request.path_params["take"])
+        return load_web("starlette.responses").Response(status_code=204)
+
+    def _find_take(self, request: Any) -> HeldTake:
+        take = self._state.takes.find(request.path_params["take"])
+        if take.event.type != "done":
+            raise _Refused(409, "the take is not done", "wait for its event")
+        return take
+
+    async def give_motion(self, request: Any) -> Any:
+        """``GET /api/takes/{take}/motion``."""
+        return _send_file(self._find_take(request).motion, "application/octet-stream")
+
+    async def give_plan(self, request: Any) -> Any:
+        """``GET /api/takes/{take}/plan``."""
+        path = self._find_take(request).folder / "plan.json"
+        if not path.is_file():
+            raise _Refused(404, "this take has no plan", "no plan can say the style of a clip")
+        return _send_file(path, "application/json")
+
+    async def give_report(self, request: Any) -> Any:
+        """``GET /api/takes/{take}/report``."""
+        return _send_file(self._find_take(request).folder / "report.json", "application/json")
+
+    async def give_file(self, request: Any) -> Any:
+        """``GET /api/takes/{take}/file?suffix=``: a download."""
+        take, suffix = self._find_take(request), request.query_params.get("suffix", "")
+        if suffix not in FORMATS:
+            raise InputError(f"no format has the suffix {suffix[:20]!r}", nearest(suffix[:20], FORMATS))
+        path = take.folder / f"take{suffix}"
+        if not path.is_file():
+            values = {"motion": str(take.motion), "target": str(path), "sound": str(take.speech.upload)}
+            parts = take.job["options"]["parts"]
+            try:
+                await self._write("file", values | {"words": take.job["words"], "parts": parts})
+            except InputError as error:
+                raise rename_error(error, path, f"{take.label}{suffix}") from None
+        return _send_file(path, "application/octet-stream", f"{take.label}{suffix}")
+
+    async def _write(self, job: str, values: dict[str, Any]) -> dict[str, Any]:
+        """A job of the process that reads and writes files."""
+        state = self._state
+        if state.file_jobs >= _MOST_FILE_JOBS:
+            raise _Refused(503, "too many files are being written", "try again in a minute")
+        state.file_jobs += 1
+        try:
+            made: dict[str, Any] = await _in_thread(lambda: state.writer.run(job, timeout=_FILE_SECONDS, **values))
+            return made
+        finally:
+            state.file_jobs -= 1
+
+    # ------------------------------------------------------------------------------------------------ plans
+
+    async def edit_plan(self, request: Any) -> Any:
+        """``POST /api/plans/edit``."""
+        body = await request.body()
+        return _answer(await _in_thread(self._edit, body))
+
+    def _edit(self, body: bytes) -> ChangedPlan:
+        asked = parse_message(PlanEditRequest, body)
+        plan, values = asked.plan, asked.edit.model_dump(exclude_unset=True)
+        if asked.speech is not None and not plan.words:
+            plan = plan.with_words(self._state.speeches.find(asked.speech).words)
+        edit = getattr(plan, values.pop("kind"))  # a name of the messages, so it is an edit
+        return ChangedPlan(plan=edit(**values))
+
+
+def _send_file(path: Path, kind: str, label: str | None = None) -> Any:
+    """A file of ours; with a label, as a download of this name."""
+    if not path.is_file():
+        raise LookupError
+    return load_web("starlette.responses").FileResponse(path, media_type=kind, filename=label)

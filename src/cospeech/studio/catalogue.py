@@ -1,0 +1,104 @@
+"""What the studio offers, and whether a name that a page sends is one of them.
+
+Models, styles and emotions are compared with the catalogue before a model sees them. A model takes the path of a file in the
+place of some of these names, and a name from outside must never become a path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from .. import __version__
+from ..audio.emotions import EMOTIONS
+from ..errors import InputError, nearest
+from ..export import FORMATS
+from ..models import DEFAULT
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT
+from ..rules.lexicon import LEXICON
+from ..rules.plan_edits import Plan
+from ..rules.repertoire import FORMS, LEXICAL_FORMS
+from .messages import Catalogue, FormatRow, FormRow, ModelRow, StudioLimits
+from .speeches import MINUTES
+from .uploads import UPLOAD_BYTES
+
+__all__ = ["MOST_TAKES", "check_emotion", "check_plan", "check_style", "find_model", "make_catalogue"]
+
+MOST_TAKES = 32
+"""That are kept; ours: four times what is shown side by side."""
+
+
+def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
+    """The catalogue.
+
+    Args:
+        models: rows as `cospeech.studio._jobs.Jobs.describe` gives them.
+    """
+    skeleton = humanoid()
+    forms = {**LEXICAL_FORMS, **FORMS}
+    words = {name: [word for word, form in LEXICON.items() if form == name] for name in forms}
+    form_rows = [{"name": name, "hands": form.hands, "words": words[name]} for name, form in forms.items()]
+    return Catalogue(
+        version=__version__, default_model=DEFAULT, models=[ModelRow.model_validate(row) for row in models],
+        emotions=["auto", *EMOTIONS],
+        forms=[FormRow.model_validate(row) for row in form_rows],
+        formats=[
+            FormatRow.model_validate({"suffix": suffix, "title": entry.what, "parts": entry.holds})
+            for suffix, entry in FORMATS.items()
+        ],
+        joints=list(skeleton.names), parents=list(skeleton.parents), rest=skeleton.offsets.tolist(),
+        weights=list(ARKIT),
+        limits=StudioLimits(upload_bytes=UPLOAD_BYTES, minutes=MINUTES, takes=MOST_TAKES),
+    )  # fmt: skip
+
+
+def find_model(catalogue: Catalogue, name: str) -> ModelRow:
+    """A model by its name.
+
+    Raises:
+        InputError: there is none.
+    """
+    for row in catalogue.models:
+        if row.name == name:
+            return row
+    raise InputError(f"no model is called {name[:60]!r}", nearest(name[:60], [row.name for row in catalogue.models]))
+
+
+def check_style(model: ModelRow, style: str | None) -> None:
+    """Whether a style is one of a model, or a mixture of them: ``calm:0.7,lively:0.3``.
+
+    Raises:
+        InputError: it names something else.
+    """
+    for part in style.split(",") if style is not None else ():
+        name = part.partition(":")[0].strip()
+        if name not in model.styles:
+            raise InputError(f"{model.name} has no style called {name[:60]!r}", nearest(name[:60], model.styles))
+
+
+def check_emotion(emotion: str) -> None:
+    """Whether an emotion is "auto" or one that there is.
+
+    Raises:
+        InputError: it is not.
+    """
+    known = ("auto", *EMOTIONS)
+    if emotion not in known:
+        raise InputError(f"no emotion is called {emotion[:40]!r}", nearest(emotion[:40], known))
+
+
+def check_plan(model: ModelRow, plan: Plan) -> None:
+    """Whether the styles of a plan, and of its stretches, are those of a model.
+
+    Raises:
+        InputError: one is not; the message names the entry.
+    """
+    places: Iterable[tuple[str, str | None]] = [
+        ("style", plan.style), *((f"stretches[{k}].style", each.style) for k, each in enumerate(plan.stretches)),
+    ]  # fmt: skip
+    for place, style in places:
+        try:
+            check_style(model, style)
+        except InputError as error:
+            raise InputError(f"{place}: {error.problem}", error.hint) from None

@@ -1,0 +1,69 @@
+"""Events of takes, from any thread to every page that listens."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from contextlib import suppress
+
+from .messages import TakeEvent
+
+__all__ = ["EventHub", "Listener"]
+
+_MOST = 500  # events that may wait for a page; ours: half a minute of a busy server
+
+
+class Listener:
+    """The events that wait for one page; it belongs to one event loop."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        self._waiting: deque[TakeEvent] = deque()
+        self._changed = asyncio.Event()
+        self.is_behind = False
+        """Whether the page has taken no event for so long that some are lost."""
+
+    def put(self, event: TakeEvent) -> None:
+        """Queue an event; progress takes the place of progress of the same take. Called by the loop."""
+        last = self._waiting[-1] if self._waiting else None
+        if last is not None and last.type == event.type == "progress" and last.take == event.take:
+            self._waiting.pop()
+        if len(self._waiting) >= _MOST:
+            self.is_behind = True
+        else:
+            self._waiting.append(event)
+        self._changed.set()
+
+    async def take(self) -> TakeEvent:
+        """The next event."""
+        while not self._waiting:
+            self._changed.clear()
+            await self._changed.wait()
+        return self._waiting.popleft()
+
+
+class EventHub:
+    """Gives events to all listeners. `publish` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._listeners: set[Listener] = set()
+        self._lock = threading.Lock()
+
+    def publish(self, event: TakeEvent) -> None:
+        """Tell everybody who listens."""
+        with self._lock:
+            listeners = list(self._listeners)
+        for listener in listeners:
+            with suppress(RuntimeError):  # its loop has ended
+                listener.loop.call_soon_threadsafe(listener.put, event)
+
+    def add(self, listener: Listener) -> None:
+        """From now on it hears all events."""
+        with self._lock:
+            self._listeners.add(listener)
+
+    def remove(self, listener: Listener) -> None:
+        """It hears nothing more."""
+        with self._lock:
+            self._listeners.discard(listener)

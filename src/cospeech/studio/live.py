@@ -1,0 +1,237 @@
+"""Live sessions of the studio: a microphone in the page comes in, frames go to the page and to other receivers.
+
+A session runs in threads of its own, so that the server goes on. Sound that waits and frames that wait are bounded: who sends
+too much loses sound, and who takes too little loses frames.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from ..audio.live_sources import PIECE, decode_pcm, pace_pieces
+from ..errors import CospeechError, InputError
+from ..export.live.outlets import WAITING, Outlet
+from ..export.live.pacing import MARGIN, FramePacer, Pace
+from ..export.live.targets import StreamSettings, open_outlet
+from ..generate import open_live_session
+from ..models import PARTS, load
+from ..motion.motion import Motion
+from ..runtime.live_control import apply_control
+from .messages import ChangeLive, InterruptLive, LiveStatus, StartLive, TargetStatus
+from .motion_bytes import frame_bytes
+
+if TYPE_CHECKING:
+    from ..models import Model
+    from ..runtime.live_session import LiveSession
+
+__all__ = ["MOST_LIVE", "FrameBox", "LiveModels", "LivePlayer", "SoundBox"]
+
+MOST_LIVE = 4
+"""Live sessions at once; ours: two cores play about so many."""
+_AHEAD = 10.0  # seconds of sound that may wait; ours: more than a browser sends at once
+_SILENCE = 3.0  # seconds of silence after which the rules idle, as of `cospeech stream`
+
+
+class LiveModels:
+    """Models by name, each loaded once."""
+
+    def __init__(self) -> None:
+        self._models: dict[str, Model] = {}
+        self._lock = threading.Lock()
+
+    def find(self, name: str) -> Model:
+        """A model of the catalogue."""
+        with self._lock:
+            if name not in self._models:
+                self._models[name] = load(name)
+            return self._models[name]
+
+
+class SoundBox:
+    """Sound between the page and the session: blocks of samples, at most `_AHEAD` seconds of them.
+
+    Args:
+        rate: samples per second.
+    """
+
+    def __init__(self, rate: int) -> None:
+        self._most, self._count = round(_AHEAD * rate), 0
+        self._blocks: deque[np.ndarray] = deque()
+        self._changed, self._over = threading.Condition(), False
+
+    def put(self, samples: np.ndarray) -> None:
+        """Add a block; the oldest ones go where there are too many samples."""
+        with self._changed:
+            self._blocks.append(samples[-self._most :])
+            self._count += len(self._blocks[-1])
+            while self._count > self._most:
+                self._count -= len(self._blocks.popleft())
+            self._changed.notify()
+
+    def close(self) -> None:
+        """No more sound comes."""
+        with self._changed:
+            self._over = True
+            self._changed.notify()
+
+    def blocks(self) -> Iterator[np.ndarray]:
+        """The blocks as they come, until it is closed."""
+        while True:
+            with self._changed:
+                while not self._blocks and not self._over:
+                    self._changed.wait()
+                if self._over:
+                    return
+                block = self._blocks.popleft()
+                self._count -= len(block)
+            yield block
+
+
+class FrameBox:
+    """Frames between the session and the page: the newest ones, as bytes. It belongs to one event loop.
+
+    Args:
+        fps: frames per second; as many seconds of them wait as of any other receiver.
+    """
+
+    name = "page"
+
+    def __init__(self, fps: float) -> None:
+        self._loop, self._changed = asyncio.get_running_loop(), asyncio.Event()
+        self._frames: deque[bytes] = deque(maxlen=max(1, round(WAITING * fps)))
+        self.dropped = 0
+
+    def send(self, frame: Motion) -> None:
+        """Queue one frame; called by the thread of the pacing."""
+        data = frame_bytes(frame)
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self.put, data)
+
+    def put(self, data: bytes) -> None:
+        """Queue the bytes of a frame; the oldest frame goes where too many wait. Called by the loop."""
+        self.dropped += len(self._frames) == self._frames.maxlen
+        self._frames.append(data)
+        self._changed.set()
+
+    async def take(self) -> bytes:
+        """The next frame."""
+        while not self._frames:
+            self._changed.clear()
+            await self._changed.wait()
+        return self._frames.popleft()
+
+
+class LivePlayer:
+    """One live session at work.
+
+    Args:
+        start: what the page asks for; its names are checked already.
+        models: where its model comes from.
+        box: takes the frames for the page.
+        on_end: called once from the thread of the session when it is over, with the problem or None.
+    """
+
+    def __init__(
+        self, start: StartLive, models: LiveModels, box: FrameBox, on_end: Callable[[CospeechError | None], None]
+    ) -> None:
+        self._start, self._models, self._box, self._on_end = start, models, box, on_end
+        self._sound = SoundBox(start.rate)
+        self._controls: SimpleQueue[str] = SimpleQueue()
+        self._problems: dict[str, str] = {}
+        self._outlets: list[Outlet] = []
+        self._pace = Pace()
+        self._latency, self._look_ahead = 0.0, 0.0
+        self._stopped = threading.Event()
+        self.problem: CospeechError = InputError("")
+        """The last control that was refused."""
+        self._thread = threading.Thread(target=self._run, name="cospeech studio live", daemon=True)
+        self._thread.start()
+
+    def hear(self, data: bytes) -> None:
+        """Samples of 16 bits; half a sample at the end is left out."""
+        self._sound.put(decode_pcm(data[: len(data) - len(data) % 2], "s16"))
+
+    def steer(self, message: ChangeLive | InterruptLive) -> None:
+        """Change or interrupt what is spoken, before the next piece of sound."""
+        values = message.model_dump(exclude={"type"}, exclude_none=True)
+        if isinstance(message, InterruptLive):
+            values = {"interrupt": True}
+        if values:
+            self._controls.put(json.dumps(values))
+
+    def stop(self) -> None:
+        """End at once; ``on_end`` follows."""
+        self._stopped.set()
+        self._sound.close()
+
+    def status(self, *, running: bool) -> LiveStatus:
+        """How it goes."""
+        targets = [
+            TargetStatus(url=outlet.name, sent=outlet.sent, problem=self._problems.get(outlet.name, ""))
+            for outlet in self._outlets
+        ]
+        return LiveStatus(
+            running=running, latency=self._latency, look_ahead=self._look_ahead, late=self._pace.late,
+            dropped=self._box.dropped, targets=targets, problem=self.problem.problem, hint=self.problem.hint,
+        )  # fmt: skip
+
+    def _run(self) -> None:
+        """In a thread."""
+        ended: CospeechError | None = None
+        try:
+            with ExitStack() as stack:
+                self._play(stack)
+        except CospeechError as error:
+            ended = error
+        except Exception as error:
+            ended = CospeechError(f"a failure of ours: {type(error).__name__}", str(error)[:200])
+        self._stopped.set()
+        self._sound.close()
+        self._on_end(ended)
+
+    def _play(self, stack: ExitStack) -> None:
+        asked = self._start
+        session = open_live_session(
+            self._models.find(asked.model), style=asked.style, emotion=asked.emotion, intensity=asked.intensity, fps=asked.fps,
+            idle_after=_SILENCE,
+        )  # fmt: skip
+        session.warm_up()
+        self._look_ahead, self._latency = session.look_ahead, session.latency + PIECE + MARGIN
+        settings = StreamSettings(asked.fps, self._latency, PARTS)
+        for address in asked.targets:
+            outlet = open_outlet(address, settings, lambda text, name=address: self._note(name, text))  # type: ignore[misc]
+            stack.callback(outlet.close, 0.5)
+            self._outlets.append(outlet)
+        pacer = FramePacer([*self._outlets, cast(Outlet, self._box)], self._latency)
+        stack.callback(pacer.close, drop=True)
+        self._pace = pacer.pace
+        for piece in pace_pieces(self._sound.blocks(), asked.rate):
+            if self._stopped.is_set():
+                return
+            if not pacer.is_started:
+                pacer.begin(float(piece.duration))
+            self._apply_controls(session)
+            for motion in session.push(piece):
+                pacer.push(motion)
+
+    def _apply_controls(self, session: LiveSession) -> None:
+        """Do what was asked for; what is refused is told with the next status, and the session goes on."""
+        while not self._controls.empty():
+            try:
+                apply_control(session, self._controls.get())
+                self.problem = InputError("")
+            except InputError as error:
+                self.problem = error
+
+    def _note(self, name: str, text: str) -> None:
+        """What an outlet tells of its receiver."""
+        self._problems[name] = "" if text.endswith("is back") else text

@@ -1,0 +1,396 @@
+"""All messages between the studio's server and its page: requests, answers, events, and those of a live session.
+
+The models are the source; ``tools/write_types.py`` makes the page's types from them.
+Seconds are seconds of the speech, unless a field says otherwise. A message with a field that is not here is refused.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..rules.options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
+from ..rules.plan_edits import Plan
+from ..rules.plan_model import HeardWord
+
+__all__ = [
+    "AddGesture", "Catalogue", "ChangeGesture", "ChangeLive", "ChangedPlan", "ClipStyle", "CreatedTake", "FormRow",
+    "FormatRow", "InterruptLive", "LiveMessage", "LiveStatus", "LockStretch", "MessageWords", "MixedStyle", "ModelRow",
+    "MotionHeader", "MoveGesture", "NamedStyle", "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch",
+    "SetStretch", "StartLive", "StopLive", "StudioLimits", "StudioProblem", "TakeEvent", "TakeRequest", "TargetStatus",
+    "UnlockAll", "UploadedClip", "UploadedSpeech",
+]  # fmt: skip
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Intensity = Annotated[float, Field(ge=INTENSITY_RANGE[0], le=INTENSITY_RANGE[1], allow_inf_nan=False)]
+Temperature = Annotated[float, Field(ge=TEMPERATURE_RANGE[0], le=TEMPERATURE_RANGE[1], allow_inf_nan=False)]
+Seed = Annotated[int, Field(ge=0, lt=SEEDS)]
+FrameRate = Annotated[float, Field(ge=1, le=240, allow_inf_nan=False)]
+"""Frames per second; ours: a page draws at 240 Hz at most."""
+Token = Annotated[str, Field(max_length=64)]
+"""Name that the server has made: random letters and digits."""
+ShortText = Annotated[str, Field(max_length=200)]
+Part = Literal["face", "body", "hands"]
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StudioProblem(_Message):
+    """What went wrong, and how to mend it: the body of every answer with a status from 400 on."""
+
+    problem: str
+    hint: str = ""
+    entry: str | None = None
+    """The entry of the request or the plan that is wrong: ``gestures[2].stroke``, ``intensity``."""
+
+
+# what there is --------------------------------------------------------------------------------------------------------
+
+
+class ModelRow(_Message):
+    """A model that can be played."""
+
+    name: str
+    title: str
+    styles: list[str]
+    parts: list[Part]
+    takes_gestures: bool
+    """Whether its plan may list gestures; a plan of the others has seeds, styles, emotions and stretches alone."""
+    takes_example: bool
+    """Whether it follows the manner of a clip."""
+    latency: float
+    """Seconds that a frame of a live session comes after its sound, before the margin of the pacing."""
+
+
+class FormRow(_Message):
+    """A form of gesture."""
+
+    name: str
+    hands: Literal["one", "both", "any"]
+    words: list[str]
+    """Words of the lexicon that call for it."""
+
+
+class FormatRow(_Message):
+    """A file format of a download."""
+
+    suffix: str
+    title: str
+    parts: list[Part]
+
+
+class StudioLimits(_Message):
+    """What the server takes."""
+
+    upload_bytes: int
+    minutes: float
+    """Of a speech, after decoding."""
+    takes: int
+    """That are kept; the oldest one goes."""
+
+
+class Catalogue(_Message):
+    """Everything that the page offers."""
+
+    version: str
+    default_model: str
+    models: list[ModelRow]
+    emotions: list[str]
+    forms: list[FormRow]
+    formats: list[FormatRow]
+    joints: list[str]
+    """Names of the joints of our humanoid, in the order of the rotations."""
+    parents: list[int]
+    """Index of the parent of each joint; −1 of the root."""
+    rest: list[tuple[float, float, float]]
+    """Of each joint, its place from its parent in metres, in the T-pose."""
+    weights: list[str]
+    """The 52 names of ARKit, in the order of the face."""
+    limits: StudioLimits
+
+
+# speech and clips -----------------------------------------------------------------------------------------------------
+
+
+class UploadedSpeech(_Message):
+    """A speech that the server holds."""
+
+    speech: str
+    name: str
+    seconds: float
+    peaks: list[float]
+    """Largest sample of each piece, 0 … 1: 50 pieces a second, and 6,000 pieces at most."""
+    words: list[HeardWord]
+
+
+class MessageWords(_Message):
+    """Words of a transcript."""
+
+    words: list[HeardWord]
+
+
+class UploadedClip(_Message):
+    """A motion that the server holds, as an example of a style."""
+
+    clip: str
+    name: str
+    seconds: float
+
+
+# takes ----------------------------------------------------------------------------------------------------------------
+
+
+class NamedStyle(_Message):
+    """A style by its name."""
+
+    name: ShortText
+
+
+class ClipStyle(_Message):
+    """The manner of a clip that was uploaded."""
+
+    clip: Token
+
+
+class MixedStyle(_Message):
+    """A mixture of styles: name → weight."""
+
+    mix: Annotated[
+        dict[ShortText, Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)]], Field(min_length=1, max_length=32)
+    ]
+
+
+Style = NamedStyle | ClipStyle | MixedStyle
+
+
+class TakeRequest(_Message):
+    """Motion for a speech is wanted."""
+
+    speech: Token
+    model: ShortText
+    style: Style | None = None
+    emotion: ShortText = "auto"
+    intensity: Intensity = 1.0
+    seed: Seed = 0
+    temperature: Temperature = 1.0
+    parts: Annotated[list[Part], Field(min_length=1, max_length=3)] = ["face", "body", "hands"]
+    fps: FrameRate = 30.0
+    plan: Plan | None = None
+    """Played in the place of style, emotion, intensity, seed and temperature, which are its own."""
+
+
+class CreatedTake(_Message):
+    """A take that waits for its turn."""
+
+    take: str
+
+
+class MotionHeader(_Message):
+    """The beginning of a motion.
+
+    Bytes: the length of this header as uint32, the header as JSON, blanks up to a multiple of 4 of all bytes before; then
+    float32 root (frames, 3), rotations (frames, joints, 4) as xyzw, and face (frames, 52). All numbers are little-endian.
+    """
+
+    fps: float
+    frames: int
+    joints: list[str]
+    weights: list[str]
+
+
+class TakeEvent(_Message):
+    """What happens to a take."""
+
+    type: Literal["queued", "progress", "done", "error", "cancelled"]
+    take: str
+    done: float = 0.0
+    """Seconds of motion that are made."""
+    total: float | None = None
+    """Seconds of motion in all, where it is known."""
+    seconds: float = 0.0
+    """Of work so far, by the clock."""
+    problem: str = ""
+    hint: str = ""
+    realtime_factor: float | None = None
+    """Seconds of work for a second of motion, when it is done."""
+
+
+# plans ----------------------------------------------------------------------------------------------------------------
+
+
+class _GestureFields(_Message):
+    """Fields of `cospeech.rules.plan_model.PlannedGesture`, which checks them; only those that are given are changed."""
+
+    start: Number | None = None
+    end: Number | None = None
+    hold: Number | None = None
+    hands: Literal["left", "right", "both"] | None = None
+    size: Number = 1.0
+    place: tuple[Number, Number, Number] | None = None
+    score: Number = 0.1
+    seed: Seed | None = None
+
+
+class AddGesture(_GestureFields):
+    """`cospeech.Plan.add`: a form at a time, or on a word of the transcript."""
+
+    kind: Literal["add"]
+    form: ShortText
+    at: Number | None = None
+    word: ShortText | None = None
+
+
+class RemoveGesture(_Message):
+    """`cospeech.Plan.remove`."""
+
+    kind: Literal["remove"]
+    gesture: ShortText
+
+
+class MoveGesture(_Message):
+    """`cospeech.Plan.move`: to a time of the stroke."""
+
+    kind: Literal["move"]
+    gesture: ShortText
+    to: Number
+
+
+class ChangeGesture(_GestureFields):
+    """`cospeech.Plan.change`."""
+
+    kind: Literal["change"]
+    gesture: ShortText
+    form: ShortText = "beat"
+    stroke: Number = 0.0
+    word: ShortText = ""
+
+
+class _StretchOfTime(_Message):
+    start: Number
+    end: Number
+
+
+class ReseedStretch(_StretchOfTime):
+    """`cospeech.Plan.reseed`: another performance of a stretch."""
+
+    kind: Literal["reseed"]
+    seed: Seed | None = None
+
+
+class SetStretch(_StretchOfTime):
+    """`cospeech.Plan.set`: values of a stretch; only those that are given are set."""
+
+    kind: Literal["set"]
+    style: ShortText | None = None
+    emotion: ShortText | None = None
+    intensity: Intensity | None = None
+    seed: Seed | None = None
+    open: bool = False
+
+
+class LockStretch(_StretchOfTime):
+    """`cospeech.Plan.lock`."""
+
+    kind: Literal["lock"]
+
+
+class UnlockAll(_Message):
+    """`cospeech.Plan.unlock`."""
+
+    kind: Literal["unlock"]
+
+
+PlanEdit = Annotated[
+    AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | LockStretch | UnlockAll,
+    Field(discriminator="kind"),
+]
+
+
+class PlanEditRequest(_Message):
+    """An edit of a plan. The words of the speech are added to a plan that has none."""
+
+    plan: Plan
+    speech: Token | None = None
+    edit: PlanEdit
+
+
+class ChangedPlan(_Message):
+    """The plan after an edit."""
+
+    plan: Plan
+
+
+# live -----------------------------------------------------------------------------------------------------------------
+
+
+class StartLive(_Message):
+    """Opens a live session; binary messages of int16 samples, one channel, little-endian, follow."""
+
+    type: Literal["start"]
+    model: ShortText
+    style: ShortText | None = None
+    emotion: ShortText = "auto"
+    intensity: Intensity = 1.0
+    fps: FrameRate = 30.0
+    targets: Annotated[list[ShortText], Field(max_length=8)] = []
+    """Addresses as of ``cospeech stream --to``."""
+    rate: Annotated[int, Field(ge=8_000, le=192_000)]
+    """Samples per second."""
+
+
+class ChangeLive(_Message):
+    """Steers a live session; only what is given changes."""
+
+    type: Literal["change"]
+    style: ShortText | None = None
+    emotion: ShortText | None = None
+    intensity: Intensity | None = None
+    parts: Annotated[list[Part], Field(max_length=3)] | None = None
+
+
+class InterruptLive(_Message):
+    """The character stops speaking at once."""
+
+    type: Literal["interrupt"]
+
+
+class StopLive(_Message):
+    """Ends the live session; the connection stays, and another one may be started."""
+
+    type: Literal["stop"]
+
+
+LiveMessage = Annotated[StartLive | ChangeLive | InterruptLive | StopLive, Field(discriminator="type")]
+
+
+class TargetStatus(_Message):
+    """A receiver of a live session."""
+
+    url: str
+    sent: int
+    """Frames."""
+    problem: str
+
+
+class LiveStatus(_Message):
+    """How a live session goes; sent when it starts, once a second, when something goes wrong, and when it ends.
+
+    A frame is sent as bytes: float64 time in seconds, then float32 root (3), rotations (joints, 4) and face (52).
+    """
+
+    type: Literal["status"] = "status"
+    running: bool
+    latency: float
+    """Seconds by which frames leave after their sound."""
+    look_ahead: float
+    """Seconds of sound on which a frame depends."""
+    late: int
+    """Frames that left late."""
+    dropped: int
+    """Frames that this client was too slow for."""
+    targets: list[TargetStatus]
+    problem: str = ""
+    hint: str = ""

@@ -1,0 +1,99 @@
+"""What the studio keeps for its page: things with random names, each with a folder, and the oldest one goes."""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+import threading
+from pathlib import Path
+from typing import Generic, Protocol, TypeVar
+
+__all__ = ["Kept", "Shelf"]
+
+
+class Kept(Protocol):
+    """Something that a `Shelf` keeps."""
+
+    folder: Path
+
+    @property
+    def in_use(self) -> bool:
+        """Whether it may not go now."""
+        ...
+
+
+T = TypeVar("T", bound=Kept)
+
+
+class Shelf(Generic[T]):
+    """Things by their names. Names are made here, so that a name from outside is never a path.
+
+    Args:
+        parent: an existing folder; each thing has a folder in it.
+        most: things that are kept.
+        most_bytes: of the files of all things; a thing that is larger alone is kept until the next one comes.
+    """
+
+    def __init__(self, parent: Path, most: int, most_bytes: int) -> None:
+        self._parent, self._most, self._most_bytes = parent, most, most_bytes
+        self._things: dict[str, T] = {}
+        self._lock = threading.Lock()
+        parent.mkdir()
+
+    def make_folder(self) -> tuple[str, Path]:
+        """A new name, and an empty folder for what it is going to name."""
+        name = secrets.token_hex(8)
+        folder = self._parent / name
+        folder.mkdir()
+        return name, folder
+
+    def put(self, name: str, thing: T) -> list[str]:
+        """Keep a thing under a name of `make_folder`; returns the names of those that went."""
+        with self._lock:
+            self._things[name] = thing
+            gone = self._choose_oldest(name)
+            removed = [self._things.pop(each) for each in gone]
+        for each in removed:
+            shutil.rmtree(each.folder, ignore_errors=True)
+        return gone
+
+    def find(self, name: str) -> T:
+        """A thing by its name.
+
+        Raises:
+            LookupError: there is none.
+        """
+        with self._lock:
+            return self._things[name]
+
+    @property
+    def things(self) -> list[T]:
+        """All things, the oldest one first."""
+        with self._lock:
+            return list(self._things.values())
+
+    def remove(self, name: str) -> None:
+        """Forget a thing, and delete its files.
+
+        Raises:
+            LookupError: there is none.
+        """
+        with self._lock:
+            thing = self._things.pop(name)
+        shutil.rmtree(thing.folder, ignore_errors=True)
+
+    def _choose_oldest(self, new: str) -> list[str]:
+        """Names of the things that must go, so that the limits hold."""
+        sizes = {name: _count_bytes(thing.folder) for name, thing in self._things.items()}
+        gone: list[str] = []
+        for name, thing in self._things.items():
+            if len(sizes) <= self._most and sum(sizes.values()) <= self._most_bytes:
+                break
+            if name != new and not thing.in_use:
+                gone.append(name)
+                del sizes[name]
+        return gone
+
+
+def _count_bytes(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.glob("*") if path.is_file())

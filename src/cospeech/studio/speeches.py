@@ -1,0 +1,144 @@
+"""Speech that was sent to the studio: kept as it came for the models, and as a WAV file for the page."""
+
+from __future__ import annotations
+
+import shutil
+import wave
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..audio.speech import SpeechSource, Word, example, open_speech
+from ..audio.transcripts import load_words
+from ..errors import InputError
+from ..rules.plan_model import words_of
+from .messages import UploadedSpeech
+
+__all__ = ["MINUTES", "HeldSpeech", "add_words", "hold_example", "hold_speech", "label_of", "rename_error"]
+
+MINUTES = 30.0
+"""Of a speech, after decoding; ours: a talk. It takes 86 MB as sound for the page."""
+_RATE = 24_000  # Hz of the sound for the page; ours: speech has little above 12 kHz, and half an hour takes 86 MB
+_PEAKS = 50  # a second
+_MOST_PEAKS = 6000
+_TRANSCRIPTS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
+_LONGEST_LABEL = 120
+
+
+@dataclass
+class HeldSpeech:
+    """A speech in a folder of its own."""
+
+    folder: Path
+    label: str
+    """The name of its file, for people. It is never a path."""
+    upload: Path
+    """The file as it came."""
+    seconds: float
+    peaks: list[float]
+    words: tuple[Word, ...] = ()
+    in_use: bool = field(default=False, init=False)
+
+    @property
+    def sound(self) -> Path:
+        """WAV of 16 bits at 24 kHz."""
+        return self.folder / "sound.wav"
+
+    def describe(self, name: str) -> UploadedSpeech:
+        """What the page is told."""
+        words = list(words_of(self.words))
+        return UploadedSpeech(speech=name, name=self.label, seconds=self.seconds, peaks=self.peaks, words=words)
+
+
+def label_of(name: str, usual: str) -> str:
+    """A name from outside as a label: without folders and characters that cannot be printed.
+
+    >>> label_of("../../etc/passwd", "talk")
+    'passwd'
+    """
+    last = name.replace("\\", "/").rpartition("/")[2]
+    return "".join(mark for mark in last if mark.isprintable()).strip(". ")[:_LONGEST_LABEL] or usual
+
+
+def rename_error(error: InputError, path: Path, label: str) -> InputError:
+    """The same error about the label, where it names a file of the server."""
+    return InputError(*(text.replace(str(path), label).replace(path.name, label) for text in (error.problem, error.hint)))
+
+
+def hold_speech(folder: Path, upload: Path, label: str) -> HeldSpeech:
+    """Read a file of sound, and write its WAV.
+
+    Args:
+        folder: of the speech; ``upload`` lies in it.
+        upload: the file.
+        label: how people call it.
+
+    Raises:
+        InputError: it is no sound, or longer than `MINUTES`. A length that the file states is checked before decoding.
+    """
+    try:
+        with open_speech(upload, rate=_RATE) as source:
+            _check_length(source.expected_seconds or 0.0)
+            peaks = _write_sound(source, folder / "sound.wav")
+            assert source.seconds is not None
+            return HeldSpeech(folder, label, upload, source.seconds, peaks)
+    except InputError as error:
+        raise rename_error(error, upload, label) from None
+
+
+def hold_example(folder: Path) -> HeldSpeech:
+    """The speech that comes with cospeech, with its words."""
+    sound, words = example()
+    upload = Path(shutil.copyfile(sound, folder / "upload"))
+    held = hold_speech(folder, upload, sound.name)
+    held.words = load_words(words, speech_seconds=held.seconds)
+    return held
+
+
+def add_words(held: HeldSpeech, transcript: Path, label: str) -> None:
+    """Give a speech the words of a transcript. Plain text is aligned to the sound.
+
+    Args:
+        held: the speech.
+        transcript: the file, in the folder of the speech.
+        label: how people call it; its suffix says what it is, as far as we know it.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    suffix = Path(label).suffix.lower()
+    named = transcript.rename(transcript.with_suffix(suffix if suffix in _TRANSCRIPTS else ".txt"))
+    try:
+        with open_speech(held.upload, transcript=named) as source:
+            held.words = source.words or ()
+    except InputError as error:
+        raise rename_error(error, named, label) from None
+    finally:
+        named.unlink(missing_ok=True)
+
+
+def _check_length(seconds: float) -> None:
+    if seconds > 60 * MINUTES:
+        raise InputError(f"the speech has {seconds / 60:.1f} minutes", f"{MINUTES:g} at most; cut it into pieces")
+
+
+def _write_sound(source: SpeechSource, path: Path) -> list[float]:
+    """Decode a speech into a WAV file; returns the largest sample of each piece, see `UploadedSpeech`."""
+    size, rest, found, count = _RATE // _PEAKS, np.zeros(0, np.float32), list[np.ndarray](), 0
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(_RATE)
+        for block in source.blocks():
+            count += len(block)
+            _check_length(count / _RATE)
+            file.writeframes((np.clip(block, -1, 1) * 32767).astype("<i2").tobytes())
+            heard = np.concatenate([rest, np.abs(block)])
+            whole = len(heard) - len(heard) % size
+            found.append(heard[:whole].reshape(-1, size).max(axis=1))
+            rest = heard[whole:]
+    peaks = np.concatenate([*found, [rest.max(initial=0.0)]] if len(rest) else found)
+    wide = -(-len(peaks) // _MOST_PEAKS)
+    joined = np.pad(peaks, (0, -len(peaks) % wide)).reshape(-1, wide).max(axis=1)
+    return [round(float(peak), 4) for peak in np.clip(joined, 0, 1)]

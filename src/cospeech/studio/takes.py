@@ -1,0 +1,164 @@
+"""The takes of the studio: a queue, one process that makes them, and what becomes of each."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import CospeechError
+from .messages import TakeEvent
+from .shelf import Shelf
+from .speeches import HeldSpeech
+from .worker import JobCancelled, StudioWorker
+
+__all__ = ["MOST_WAITING", "HeldTake", "QueueFull", "TakeQueue"]
+
+MOST_WAITING = 16
+"""Takes that wait for their turn; ours: two pages that ask for eight each."""
+
+
+class QueueFull(Exception):
+    """Too many takes wait."""
+
+
+@dataclass
+class HeldTake:
+    """A take, wanted or made, in a folder of its own."""
+
+    name: str
+    folder: Path
+    speech: HeldSpeech
+    job: dict[str, Any]
+    """What the worker process is asked for; see `cospeech.studio._jobs.Jobs.take`."""
+    event: TakeEvent
+    """The last thing that happened to it."""
+
+    @property
+    def in_use(self) -> bool:
+        """Whether it waits or is being made."""
+        return self.event.type in ("queued", "progress")
+
+    @property
+    def label(self) -> str:
+        """How people call it: as its speech, without the suffix."""
+        return Path(self.speech.label).stem
+
+    @property
+    def motion(self) -> Path:
+        """See `cospeech.studio.motion_bytes`."""
+        return self.folder / "motion.bin"
+
+
+class TakeQueue:
+    """Makes takes one after the other, in a thread that waits for the worker process.
+
+    Args:
+        shelf: where takes are kept.
+        worker: makes them; it is closed with the queue.
+        publish: told what happens to each take.
+    """
+
+    def __init__(self, shelf: Shelf[HeldTake], worker: StudioWorker, publish: Callable[[TakeEvent], None]) -> None:
+        self._shelf, self._worker, self._publish = shelf, worker, publish
+        self._waiting: deque[HeldTake] = deque()
+        self._running: HeldTake | None = None
+        self._changed, self._closed = threading.Condition(), False
+        self._thread = threading.Thread(target=self._work, name="cospeech takes", daemon=True)
+        self._thread.start()
+
+    def add(self, name: str, folder: Path, speech: HeldSpeech, job: dict[str, Any]) -> None:
+        """Queue a take.
+
+        Raises:
+            QueueFull: `MOST_WAITING` takes wait already.
+        """
+        take = HeldTake(name, folder, speech, job, TakeEvent(type="queued", take=name))
+        with self._changed:
+            if len(self._waiting) >= MOST_WAITING:
+                raise QueueFull
+            self._waiting.append(take)
+            self._shelf.put(name, take)
+            self._publish(take.event)
+            self._changed.notify()
+
+    def cancel(self, name: str) -> None:
+        """Cancel a take that waits or is being made; forget one that is over.
+
+        Raises:
+            LookupError: there is no such take.
+        """
+        take = self._shelf.find(name)
+        with self._changed:
+            if take in self._waiting:
+                self._waiting.remove(take)
+                self._tell(take, "cancelled")
+            elif take is self._running and take.in_use:
+                self._tell(take, "cancelled")
+                self._worker.cancel()
+                return  # its folder goes when the process has left it
+        self._shelf.remove(name)
+
+    def close(self) -> None:
+        """End the worker process and the thread; takes that wait are not made."""
+        with self._changed:
+            self._closed = True
+            self._waiting.clear()
+            self._changed.notify()
+        self._worker.close()
+        self._thread.join(5)
+
+    def _tell(self, take: HeldTake, kind: str, **facts: Any) -> None:
+        take.event = TakeEvent.model_validate({"type": kind, "take": take.name, **facts})
+        self._publish(take.event)
+
+    def _work(self) -> None:
+        while (take := self._next()) is not None:
+            self._make(take)
+            with self._changed:
+                self._running = None
+            if take.event.type == "cancelled":
+                self._shelf.remove(take.name)
+            if self._worker.process_id is None:
+                self._warm_up()
+
+    def _next(self) -> HeldTake | None:
+        with self._changed:
+            while not self._waiting and not self._closed:
+                self._changed.wait()
+            self._running = None if self._closed else self._waiting.popleft()
+            return self._running
+
+    def _make(self, take: HeldTake) -> None:
+        began = time.perf_counter()
+
+        def progress(done: float, total: float | None) -> None:
+            with self._changed:
+                if take.in_use:
+                    self._tell(take, "progress", done=done, total=total, seconds=time.perf_counter() - began)
+
+        kind, facts = "error", dict[str, Any]()
+        try:
+            made = self._worker.run("take", progress, **take.job)
+            kind, facts = (
+                "done",
+                {"done": made["seconds"], "total": made["seconds"], "realtime_factor": made["realtime_factor"]},
+            )
+        except JobCancelled:
+            kind = "cancelled"
+        except CospeechError as error:
+            facts = {"problem": error.problem, "hint": error.hint}
+        with self._changed:
+            if take.event.type != "cancelled":
+                self._tell(take, kind, seconds=time.perf_counter() - began, **facts)
+
+    def _warm_up(self) -> None:
+        """Start the process again, so that the next take need not wait for it."""
+        try:
+            self._worker.run("warm")
+        except (CospeechError, JobCancelled):
+            return  # the next take tells

@@ -1,0 +1,123 @@
+"""The processes that do the studio's heavy work, from the server's side: one job at a time, and they may die."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from ..audio.worker import TooLong, Worker, WorkerEnded, worker_command
+from ..errors import InputError, InternalError
+
+__all__ = ["JobCancelled", "StudioWorker"]
+
+_LONGEST = 1 << 24  # bytes of an answer; ours: a report has some kB
+_PATIENCE = 0.7  # seconds until a job that is cancelled must have ended; ours: the page is told within a second
+
+Progress = Callable[[float, float | None], None]
+
+
+class JobCancelled(Exception):
+    """The job was cancelled."""
+
+
+class StudioWorker:
+    """A process that is started at its first job, keeps its models, and is started again when it has ended.
+
+    Methods may be called from any thread; jobs wait for each other.
+    """
+
+    def __init__(self) -> None:
+        self._turn, self._state = threading.Lock(), threading.Lock()
+        self._worker: Worker | None = None
+        self._numbers, self._running, self._cancelled = count(1), 0, 0
+        self._closed = False
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the process; None where none runs."""
+        worker = self._worker
+        return None if worker is None else worker.process.pid
+
+    def run(self, job: str, progress: Progress | None = None, *, timeout: float | None = None, **values: Any) -> dict[str, Any]:
+        """Do a job of `cospeech.studio._jobs`.
+
+        Args:
+            job: its name.
+            progress: called with seconds done and in all.
+            timeout: seconds that the process may say nothing.
+            values: of the job; they travel as JSON.
+
+        Raises:
+            InputError: something given cannot be used.
+            InternalError: the process has ended, or failed.
+            JobCancelled: `cancel` was called.
+        """
+        with self._turn:
+            with self._state:
+                if self._closed:
+                    raise JobCancelled
+                if self._worker is None:
+                    command = worker_command(Path(__file__).with_name("_jobs.py"))
+                    self._worker = Worker(command, {"OMP_NUM_THREADS": "1"})
+                worker, number = self._worker, next(self._numbers)
+                self._running = number
+            worker.request(b"J", json.dumps({"job": job, "number": number, **values}).encode())
+            try:
+                return self._follow(worker, progress, timeout)
+            except (WorkerEnded, TooLong) as error:
+                worker.close()
+                with self._state:
+                    self._worker = None
+                    if self._cancelled == number or self._closed:
+                        raise JobCancelled from None
+                raise InternalError(f"the worker process has ended ({error})", "it was started again; try once more") from None
+            finally:
+                with self._state:
+                    self._running = 0
+
+    def cancel(self) -> None:
+        """End the job that runs; a process that does not listen is killed."""
+        with self._state:
+            worker, number = self._worker, self._running
+            if worker is None or not number:
+                return
+            self._cancelled = number
+        worker.request(b"C", json.dumps(number).encode())
+        timer = threading.Timer(_PATIENCE, self._kill, (worker, number))
+        timer.daemon = True
+        timer.start()
+
+    def close(self) -> None:
+        """End the process, and what it does; no job is taken any more."""
+        with self._state:
+            self._closed, worker = True, self._worker
+        if worker is not None:
+            worker.process.kill()
+            worker.process.wait()
+            with self._turn:
+                worker.close()
+
+    def _kill(self, worker: Worker, number: int) -> None:
+        with self._state:
+            if self._running == number and self._worker is worker:
+                worker.process.kill()
+
+    def _follow(self, worker: Worker, progress: Progress | None, timeout: float | None) -> dict[str, Any]:
+        """The answer to a job."""
+        while True:
+            kind, payload = worker.receive(_LONGEST, timeout)
+            values: dict[str, Any] = json.loads(payload)
+            if kind == b"D":
+                return values
+            if kind == b"X":
+                raise (InternalError if values["ours"] else InputError)(values["problem"], values["hint"])
+            if kind == b"C":
+                raise JobCancelled
+            if progress is not None:
+                with suppress(RuntimeError):  # the loop that listens has ended
+                    progress(values["done"], values["total"])

@@ -1,0 +1,492 @@
+"""The studio's server: what it makes is right, and nobody can break out of it, fill it or stop it."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import os
+import signal
+import socket
+import struct
+import time
+import wave
+
+import numpy as np
+import pytest
+
+pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
+pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
+pytest.importorskip("websockets", reason="the studio needs websockets (the studio extra)")
+
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from cospeech import Motion, Plan
+from cospeech.errors import InputError
+from cospeech.export import FORMATS
+from cospeech.generate import generate_files
+from cospeech.studio.catalogue import check_style, make_catalogue
+from cospeech.studio.live import FrameBox, SoundBox
+from cospeech.studio.messages import ModelRow
+from cospeech.studio.motion_bytes import read_motion
+from cospeech.studio.speeches import label_of
+from cospeech.studio.uploads import UPLOAD_BYTES, UploadRefused, Uploads
+from tests.studio.test_server import PAYLOADS, raw_get
+from tests.support.studio_server import ask_json, connected, list_files, studio, wait_for
+from tests.support.study_raters import ask
+
+RULES = ModelRow(
+    name="rules", title="", styles=["natural", "calm"], parts=["face"], takes_gestures=True, takes_example=False, latency=1
+)
+
+
+def sound_file(seconds: float = 2.0, rate: int = 16_000) -> bytes:
+    """A voice-like hum as WAV."""
+    times = np.arange(round(seconds * rate)) / rate
+    samples = np.sin(2 * np.pi * 140 * times) * (0.5 + 0.5 * np.sin(2 * np.pi * 4 * times)) * 0.5
+    held = io.BytesIO()
+    with wave.open(held, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(rate)
+        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    return held.getvalue()
+
+
+@pytest.fixture(scope="module")
+def served():
+    with studio() as (port, state):
+        yield port, state
+
+
+@pytest.fixture(scope="module")
+def speech(served):
+    port, _ = served
+    return ask_json(port, "/api/speech?name=hum.wav", sound_file())
+
+
+@pytest.fixture(scope="module")
+def take(served, speech):
+    port, state = served
+    made = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "rules", "seed": 3})["take"]
+    assert wait_for(state, made).type == "done"
+    return made
+
+
+# what it makes --------------------------------------------------------------------------------------------------------
+
+
+def test_a_speech_is_told_and_heard(served, speech):
+    port, _ = served
+    assert (speech["name"], speech["seconds"], len(speech["peaks"])) == ("hum.wav", 2.0, 100)
+    assert 0.4 < max(speech["peaks"]) <= 0.51
+    path = f"/api/speech/{speech['speech']}/sound"
+    status, headers, sound = ask(port, path)
+    assert (status, headers["content-type"]) == (200, "audio/wav")
+    with wave.open(io.BytesIO(sound)) as file:
+        assert file.getnframes() / file.getframerate() == 2.0
+    assert ask(port, path, range="bytes=4-7")[::2] == (206, sound[4:8])
+    words = ask_json(port, f"/api/speech/{speech['speech']}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
+    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9}]}
+
+
+@pytest.mark.slow
+def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(served, speech, take, tmp_path):
+    port, state = served
+    data = ask(port, f"/api/takes/{take}/motion")[2]
+    (length,) = struct.unpack_from("<I", data)
+    header = json.loads(data[4 : 4 + length])
+    assert (header["frames"], header["fps"], len(header["joints"]), len(header["weights"])) == (60, 30, 55, 52)
+    assert len(data) == 4 + length + 4 * 60 * (3 + 55 * 4 + 52)
+    sound, words = tmp_path / "hum.wav", tmp_path / "words.tsv"
+    sound.write_bytes(sound_file())
+    held = state.takes.find(take)
+    words.write_text("".join(f"{start}\t{end}\t{text}\n" for text, start, end in held.job["words"]))
+    transcript = words if held.job["words"] else None
+    generate_files(sound, [tmp_path / "talk.bvh", tmp_path / "talk.glb"], transcript=transcript, seed=3)
+    for suffix in (".bvh", ".glb"):
+        status, headers, content = ask(port, f"/api/takes/{take}/file?suffix={suffix}")
+        assert status == 200
+        assert headers["content-disposition"] == f'attachment; filename="hum{suffix}"'
+        (tmp_path / f"got{suffix}").write_bytes(content)
+        got, expected = (Motion.load(tmp_path / f"{name}{suffix}") for name in ("got", "talk"))
+        np.testing.assert_allclose(got.rotations, expected.rotations, atol=1e-6)
+        np.testing.assert_allclose(got.root, expected.root, atol=1e-6)
+    assert (tmp_path / "got.bvh").read_bytes() == (tmp_path / "talk.bvh").read_bytes()
+    for suffix in (".vrma", ".csv", ".json", ".npz"):
+        path = tmp_path / f"got{suffix}"
+        path.write_bytes(ask(port, f"/api/takes/{take}/file?suffix={suffix}")[2])
+        assert FORMATS[suffix].readable
+        assert len(Motion.load(path)) == 60
+    assert len(read_motion(held.motion)) == 60
+    assert ask_json(port, f"/api/takes/{take}/report")["frames"] == 60
+    plan = ask_json(port, f"/api/takes/{take}/plan")
+    again = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "rules", "plan": plan})["take"]
+    assert wait_for(state, again).type == "done"
+    assert ask(port, f"/api/takes/{again}/motion")[2] == data
+
+
+@pytest.mark.slow
+def test_the_catalogue_and_the_mannequin(served):
+    port, _ = served
+    told = ask_json(port, "/api/catalogue")
+    assert told["default_model"] == "rules"
+    assert {row["name"] for row in told["models"]} >= {"rules", "mix-stage", "stylised-flow"}
+    assert all(row["styles"] and row["latency"] > 0 for row in told["models"])
+    assert len(told["joints"]) == len(told["parents"]) == len(told["rest"]) == 55
+    assert ask(port, "/api/mannequin")[2][:4] == b"glTF"
+
+
+EDITS = [
+    ({"kind": "add", "form": "big", "at": 4.0}, lambda plan: plan.add("big", at=4.0)),
+    ({"kind": "add", "form": "point", "word": "there", "size": 1.3}, lambda plan: plan.add("point", word="there", size=1.3)),
+    ({"kind": "remove", "gesture": "a1"}, lambda plan: plan.remove("a1")),
+    ({"kind": "move", "gesture": "a1", "to": 3.0}, lambda plan: plan.move("a1", 3.0)),
+    ({"kind": "change", "gesture": "a1", "size": 0.5}, lambda plan: plan.change("a1", size=0.5)),
+    (
+        {"kind": "change", "gesture": "a1", "hands": None, "form": "toss"},
+        lambda plan: plan.change("a1", hands=None, form="toss"),
+    ),
+    ({"kind": "reseed", "start": 1.0, "end": 3.0}, lambda plan: plan.reseed(1.0, 3.0)),
+    ({"kind": "set", "start": 1.0, "end": 3.0, "style": "calm"}, lambda plan: plan.set(1.0, 3.0, style="calm")),
+    ({"kind": "lock", "start": 1.0, "end": 3.0}, lambda plan: plan.lock(1.0, 3.0)),
+    ({"kind": "unlock"}, lambda plan: plan.unlock()),
+]
+
+
+@pytest.mark.parametrize(("edit", "same"), EDITS)
+def test_every_edit_is_that_of_the_plan(served, edit, same):
+    port, _ = served
+    plan = Plan.model_validate({"words": [{"text": "there", "start": 1.0, "end": 1.5}]}).add("huge", at=2.0)
+    sent = plan.model_dump(mode="json", by_alias=True)
+    told = ask_json(port, "/api/plans/edit", {"plan": sent, "edit": edit})
+    assert Plan.model_validate(told["plan"]) == same(plan)
+
+
+WRONG = {"id": "a", "form": "x", "stroke": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "entry"),
+    [
+        ("plans/edit", {"plan": {"cospeech_plan": 1, "gestures": [WRONG]}, "edit": {"kind": "unlock"}}, "gestures[0].form"),
+        ("plans/edit", {"plan": {"cospeech_plan": 1}, "edit": {"kind": "explode"}}, "edit"),
+        ("plans/edit", {"plan": {}, "edit": {"kind": "unlock"}}, None),
+        ("takes", {"speech": "x", "model": "rules", "intensity": 9}, "intensity"),
+        ("takes", {"speech": "x", "model": "rules", "fps": 1e9}, "fps"),
+        ("takes", b"[" * 100_000, None),
+        ("takes", b"\xff\xfe{", None),
+        ("takes", [], None),
+    ],
+)  # fmt: skip
+def test_a_wrong_message_is_told_with_its_entry(served, path, body, entry):
+    status, _, content = ask(served[0], f"/api/{path}", body)
+    told = json.loads(content)
+    assert status == 422
+    assert told["problem"]
+    assert told["entry"] == entry
+
+
+# paths ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_no_path_reaches_the_file_system(served, speech, take):
+    port, state = served
+    before = list_files(state.place)
+    for prefix in ("/", "/assets/", "/api/speech/", "/api/takes/", "/api/clips/"):
+        for payload in PAYLOADS:
+            for suffix in ("", "/motion", "/sound"):
+                if prefix == "/" and payload == "?":
+                    continue  # the page itself, with an empty query
+                got = raw_get(port, prefix + payload + suffix)
+                assert got.split(b" ", 2)[1] in (b"400", b"404", b"405"), (prefix, payload, got[:200])
+                assert b"root:" not in got
+                assert str(state.place).encode() not in got
+    base = {"speech": speech["speech"], "model": "rules"}
+    for payload in PAYLOADS:
+        named = payload + ".bvh"
+        bad = [{"style": {"name": named}}, {"style": {"clip": named[:60]}}, {"style": {"mix": {named: 1}}}, {"model": named}]
+        bad += [{"speech": payload[:60]}, {"emotion": payload + ".csv"}]
+        bad += [{"plan": {"cospeech_plan": 1, "style": named}}]
+        bad += [{"plan": {"cospeech_plan": 1, "stretches": [{"from": 0.0, "to": 1.0, "style": named}]}}]
+        for more in bad:
+            assert ask(port, "/api/takes", base | more)[0] in (404, 422), more
+        for query in (f"suffix={payload}", f"suffix=.bvh/../../{payload}"):
+            got = raw_get(port, f"/api/takes/{take}/file?{query}".replace(" ", "%20"))
+            assert got.split(b" ", 2)[1] in (b"400", b"422"), query
+    assert list_files(state.place) == before
+
+
+def test_a_name_of_a_file_is_a_label_alone(served):
+    port, state = served
+    for name in ("..%2f..%2f..%2ftmp%2fowned.wav", "%00", "a%0d%0aset-cookie:%20x", "%2e%2e", "%E2%80%AEvaw.exe"):
+        told = ask_json(port, f"/api/speech?name={name}", sound_file(0.2))
+        assert "/" not in told["name"]
+        assert told["name"].isprintable()
+        assert all(path.endswith(("upload", "sound.wav")) for path in list_files(state.place / "speeches"))
+    assert label_of("C:\\a\\b.wav", "") == "b.wav"
+
+
+@pytest.mark.parametrize("style", ["../clip.bvh", "natural:1,/etc/passwd:0", "calm:0.5,clip.glb", "", "hand_height:0.9"])
+def test_a_style_is_a_name_of_the_model(style):
+    with pytest.raises(InputError, match="no style"):
+        check_style(RULES, style)
+    check_style(RULES, "natural:0.3, calm:0.7")
+
+
+# uploads --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/api/speech?name=a.wav", "/api/clips?name=a.bvh"])
+@pytest.mark.parametrize("body", [b"", b"no sound", b"RIFF\xff\xff\xff\xffWAVEfmt ", b"HIERARCHY\nROOT x\n{" * 50, bytes(5000)])
+def test_malformed_files_are_refused_and_leave_nothing(served, path, body):
+    port, state = served
+    before = list_files(state.place)
+    status, _, content = ask(port, path, body)
+    assert status == 422
+    assert str(state.place) not in content.decode()
+    assert list_files(state.place) == before
+
+
+@pytest.mark.parametrize("length", [str(UPLOAD_BYTES + 1), "9" * 30, "minus one"])
+def test_a_large_file_is_refused_before_it_is_read(served, length):
+    began = time.monotonic()
+    assert ask(served[0], "/api/speech", b"", content_length=length)[0] in (400, 413)
+    assert time.monotonic() - began < 1
+
+
+def test_a_file_that_is_shorter_than_it_says_leaves_nothing(served):
+    port, state = served
+    before = list_files(state.place)
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as line:
+        line.sendall(f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 90000\r\n\r\nRIFF".encode())
+        until = time.monotonic() + 5
+        while list_files(state.place) == before and time.monotonic() < until:
+            time.sleep(0.01)
+        assert list_files(state.place) != before
+    until = time.monotonic() + 5
+    while list_files(state.place) != before and time.monotonic() < until:
+        time.sleep(0.02)
+    assert list_files(state.place) == before
+
+
+def test_a_long_speech_is_refused(served, monkeypatch):
+    monkeypatch.setattr("cospeech.studio.speeches.MINUTES", 0.02)
+    status, _, content = ask(served[0], "/api/speech", sound_file(2))
+    assert status == 422
+    assert "minutes" in json.loads(content)["problem"]
+
+
+def receive(pieces, tmp_path, *, length=None, uploads=None):
+    """What comes of an upload: its bytes, or the status of its refusal."""
+
+    async def send():
+        for piece in pieces:
+            if isinstance(piece, float):
+                await asyncio.sleep(piece)
+            else:
+                yield piece
+
+    try:
+        return asyncio.run((uploads or Uploads()).receive(send(), length, tmp_path / "file"))
+    except UploadRefused as refused:
+        assert not (tmp_path / "file").exists()
+        return refused.status
+
+
+def test_limits_of_uploads(tmp_path, monkeypatch):
+    assert receive([b"ab", b"c"], tmp_path) == 3
+    assert receive([b"a", 0.5, b"b"], tmp_path, uploads=Uploads(grace=0.05)) == 408
+    assert receive([b"a", *[0.02, b"b"] * 20], tmp_path, uploads=Uploads(grace=0.1)) == 408
+    monkeypatch.setattr("cospeech.studio.uploads.UPLOAD_BYTES", 10)
+    assert receive([b"123456", b"78901"], tmp_path) == 413
+    monkeypatch.setattr("cospeech.studio.uploads.MOST_UPLOADS", 5)
+    assert receive([b"123456"], tmp_path) == 503
+
+
+# who may ask ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/api/events", "/api/live"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
+def test_a_page_from_elsewhere_gets_no_socket(served, path, origin):
+    with pytest.raises(InvalidStatus), connected(served[0], path, origin=origin):
+        pass
+
+
+def test_hosts_origins_and_policies(served):
+    port, _ = served
+    assert ask(port, "/api/takes", {}, origin="http://evil.example")[0] == 403
+    assert ask(port, "/api/catalogue", host="evil.example")[0] == 421
+    headers = ask(port, "/")[1]
+    policy = headers["content-security-policy"]
+    assert f"connect-src 'self' blob: data: ws://127.0.0.1:{port};" in policy
+    assert "unsafe" not in policy
+    assert headers["permissions-policy"] == "camera=(), geolocation=(), microphone=(self)"
+    sent = raw_get(port, "/ HTTP/1.1\r\nHost: localhost;evil\r\nX:")
+    assert b"evil" not in sent.partition(b"\r\n\r\n")[0]
+
+
+def test_without_the_token_nothing_is_served():
+    with studio(token="secrettoken") as (port, _):
+        assert ask(port, "/api/plans/edit", {})[0] == 401
+        with pytest.raises(InvalidStatus), connected(port, "/api/events"):
+            pass
+        status, headers, _ = ask(port, "/?token=secrettoken")
+        assert (status, headers["location"]) == (303, "./")
+        cookie = headers["set-cookie"].partition(";")[0]
+        assert ask(port, "/", cookie=cookie)[0] == 200
+        with connected(port, "/api/events", additional_headers={"cookie": cookie}):
+            pass
+
+
+# load and faults ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/api/events", "/api/live"])
+def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
+    port, _ = served
+    with connected(port, path) as one, connected(port, path) as other:
+        one.send(b"x" * ((1 << 20) + 1))
+        with pytest.raises(ConnectionClosed):
+            list(one)
+        other.ping().wait(5)
+    assert ask(port, "/")[0] == 200
+
+
+@pytest.mark.slow
+def test_a_thousand_connections_come_and_go(served):
+    port, state = served
+    for _ in range(900):
+        socket.create_connection(("127.0.0.1", port), timeout=10).close()
+    for _ in range(100):
+        with connected(port, "/api/events", close_timeout=5):
+            pass
+    until = time.monotonic() + 10
+    while state.hub._listeners and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not state.hub._listeners
+    assert ask(port, "/")[0] == 200
+
+
+def test_fifty_slow_uploads_stop_nobody(served):
+    port, state = served
+    head = f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {UPLOAD_BYTES}\r\n\r\nRIFF".encode()
+    lines = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(50)]
+    try:
+        for line in lines:
+            line.sendall(head)
+        began = time.monotonic()
+        assert ask(port, "/")[0] == 200
+        assert time.monotonic() - began < 1
+        assert state.uploads._bytes <= 50 * 4
+    finally:
+        for line in lines:
+            line.close()
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_costs_its_take_alone(served, speech):
+    port, state = served
+    body = {"speech": speech["speech"], "model": "chain-of-generation"}
+    long = ask_json(port, "/api/speech?name=long.wav", sound_file(60))["speech"]
+    first = ask_json(port, "/api/takes", body | {"speech": long})["take"]
+    second = ask_json(port, "/api/takes", body | {"model": "rules"})["take"]
+    until = time.monotonic() + 30
+    while (state.takes.find(first) is not state.queue._running or not state.maker._running) and time.monotonic() < until:
+        time.sleep(0.01)
+    os.kill(state.maker.process_id, signal.SIGKILL)
+    event = wait_for(state, first)
+    assert (event.type, event.problem[:28]) == ("error", "the worker process has ended")
+    assert wait_for(state, second).type == "done"
+
+
+@pytest.mark.slow
+def test_cancelling_takes_less_than_a_second(served):
+    port, state = served
+    long = ask_json(port, "/api/speech?name=long.wav", sound_file(120))["speech"]
+    takes = [ask_json(port, "/api/takes", {"speech": long, "model": "rules"})["take"] for _ in range(2)]
+    until = time.monotonic() + 30
+    while not state.maker._running and time.monotonic() < until:
+        time.sleep(0.01)
+    with connected(port, "/api/events") as events:
+        for name in (takes[1], takes[0]):  # one that waits, and the one that is made
+            began = time.monotonic()
+            assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
+            while (told := json.loads(events.recv(timeout=5)))["type"] != "cancelled" or told["take"] != name:
+                pass
+            assert time.monotonic() - began < 1
+    while state.maker._running and time.monotonic() < began + 5:
+        time.sleep(0.01)
+    assert not state.maker._running
+    assert time.monotonic() - began < 1.5
+    until = time.monotonic() + 5
+    while any((state.place / "takes" / name).exists() for name in takes) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert not any((state.place / "takes" / name).exists() for name in takes)
+
+
+def test_too_many_takes_are_refused(served, speech, monkeypatch):
+    port, state = served
+    monkeypatch.setattr("cospeech.studio.takes.MOST_WAITING", 0)
+    before = list_files(state.place)
+    assert ask(port, "/api/takes", {"speech": speech["speech"], "model": "rules"})[0] == 429
+    assert list_files(state.place) == before
+
+
+# live -----------------------------------------------------------------------------------------------------------------
+
+
+def test_who_sends_or_takes_too_much_loses_sound_or_frames():
+    box = SoundBox(100)
+    for k in range(50):
+        box.put(np.full(100, k, np.float32))
+    taken = box.blocks()
+    assert [int(next(taken)[0]) for _ in range(10)] == list(range(40, 50))
+    box.close()
+    assert list(taken) == []
+
+    async def slow():
+        frames = FrameBox(30)
+        for k in range(100):
+            frames.put(bytes([k]))
+        return frames.dropped, await frames.take()
+
+    assert asyncio.run(slow()) == (40, bytes([40]))
+
+
+@pytest.mark.slow
+def test_a_live_session_sends_frames_and_is_steered(served):
+    port, state = served
+    start = {"type": "start", "model": "rules", "rate": 16_000, "fps": 20, "targets": ["vmc://127.0.0.1:9"]}
+    with connected(port, "/api/live") as line:
+        line.send(json.dumps({"type": "change", "intensity": 1}))
+        assert "no live session" in json.loads(line.recv(timeout=10))["problem"]
+        for wrong in ({"model": "/tmp/x.cospeech"}, {"style": "x.bvh"}, {"emotion": "x.csv"}, {"targets": ["-"]}):
+            line.send(json.dumps(start | wrong))
+            assert json.loads(line.recv(timeout=30))["problem"]
+        line.send(json.dumps(start))
+        line.send(np.zeros(16_000, "<i2").tobytes())
+        frames, until = [], time.monotonic() + 30
+        while len(frames) < 5 and time.monotonic() < until:
+            got = line.recv(timeout=30)
+            frames += [got] if isinstance(got, bytes) else []
+        assert {len(frame) for frame in frames} == {8 + 4 * (3 + 55 * 4 + 52)}
+        times = [struct.unpack_from("<d", frame)[0] for frame in frames]
+        np.testing.assert_allclose(np.diff(times), 1 / 20, atol=1e-6)
+        line.send(json.dumps({"type": "stop"}))
+        last = {}
+        while last.get("running", True):
+            got = line.recv(timeout=10)
+            last = last if isinstance(got, bytes) else json.loads(got)
+        assert last["targets"][0]["url"] == "vmc://127.0.0.1:9"
+        assert last["latency"] > 1
+    assert state.live_sessions == 0
+
+
+def test_the_catalogue_holds_every_form():
+    told = make_catalogue([RULES.model_dump()])
+    assert {"beat", "big", "point"} <= {row.name for row in told.forms}
+    assert next(row for row in told.forms if row.name == "big").words
+    assert told.emotions[0] == "auto"

@@ -3,7 +3,8 @@
 python tools/measure_stretch.py [TAKE.bvh ...]
 
 For each part the greatest stretch of an edge in any frame, and the share of the edges that are ever stretched by more than
-30 %. Six frames a second are looked at.
+30 %. Six frames a second are looked at. All edges count that are longer than 0.1 mm, against their length in the T-pose, which
+is the mesh that files hold. A viewer sees cloth and skin that are longer than that mesh, not edges that are shorter.
 """
 
 from __future__ import annotations

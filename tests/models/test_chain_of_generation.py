@@ -22,6 +22,7 @@ from cospeech.models.nn.contrast import info_nce  # noqa: E402
 from cospeech.models.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.recurrent import BothWays, Forwards  # noqa: E402
+from cospeech.models.nn.speed_distance import speed_distance  # noqa: E402
 from cospeech.models.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
 from cospeech.models.nn.words import SubwordTable, word_embedding  # noqa: E402
 from cospeech.models.speech_classifier import SpeechClassifier, SpeechClassifierConfig  # noqa: E402
@@ -687,3 +688,13 @@ def test_the_recipe_of_the_paper_is_at_the_values_of_the_paper():
     assert build(ChainConfig, found.config, "model") == ChainConfig()
     assert (found.data.pose, found.data.fps) == ("euler", 15)
     assert (found.train.batch, found.train.lr) == (512, 2.5e-4)
+
+
+def test_a_pause_costs_speed_and_the_shape_of_a_stroke_does_not():
+    time = torch.arange(40) / 15
+    moving, other = torch.sin(6 * time).expand(2, 4, -1), -torch.sin(6 * time).expand(2, 4, -1)
+    assert speed_distance(other, moving).item() == pytest.approx(0, abs=1e-6)
+    assert speed_distance(torch.zeros_like(moving), moving).item() == pytest.approx(1, abs=0.05)
+    net = chain(speed_envelope=2.0).train()
+    terms = net.gesture_loss(batch(net), 0)
+    assert terms["speed_envelope"].item() > 0

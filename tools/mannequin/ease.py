@@ -18,15 +18,16 @@ from cospeech.motion.skeleton import Skeleton
 __all__ = ["ease"]
 
 # All ours, by trial: what stretches least without a joint that loses its volume.
-_FREE = 0.12  # stretch that costs nothing
+_FREE = 0.15  # stretch that costs nothing
+_STEEP, _POWER = 100.0, 4  # pull of an edge by its stretch beyond that: the worst edges weigh most
 _PRESSED = 0.5  # length, of that in the T-pose, below which an edge counts as pressed; folds may be pressed
-_KEEP = 0.002  # price of a weight that differs from the modelled one, against that of stretch
+_PUSH = 0.3  # push of such an edge by what it lacks
 _SMOOTH = 2  # rounds of averaging over neighbours that make the change of the weights smooth
-_STEP = 0.003  # change of a weight in a step of Adam (Kingma and Ba 2015) at first; it falls to a twentieth
-_RINGS = 4  # edges from a point to those whose joints it may follow
+_STEP = 0.006  # change of a weight in a step of Adam (Kingma and Ba 2015) at first; it falls to a twentieth
+_RINGS = 8  # edges from a point to those whose joints it may follow
 
 
-def ease(part: Part, skeleton: Skeleton, poses: Array, free: Array, rounds: int = 250) -> Part:
+def ease(part: Part, skeleton: Skeleton, poses: Array, free: Array, rounds: int = 400) -> Part:
     """The part with weights (V, 4) that stretch its edges less.
 
     Args:
@@ -51,7 +52,7 @@ def ease(part: Part, skeleton: Skeleton, poses: Array, free: Array, rounds: int 
     for k in range(rounds):
         if k == rounds // 2:
             may = _four_largest(weights) > 0
-        slope = _slope(weights, moved, edges, lengths) / len(moved) + _KEEP * (weights - old)
+        slope = _slope(weights, moved, edges, lengths)
         slope = np.where(may, slope, 0)
         slope = np.where(may, slope - slope.sum(1, keepdims=True) / may.sum(1, keepdims=True), 0)
         for _ in range(_SMOOTH):
@@ -88,7 +89,7 @@ def _slope(weights: Array, moved: Array, edges: csr_matrix, lengths: Array) -> A
         between = edges @ np.einsum("vj,jva->va", weights, pose)
         now = np.linalg.norm(between, axis=1)
         ratio = now / lengths
-        price = 3 * np.maximum(ratio - 1 - _FREE, 0) ** 2 - np.maximum(_PRESSED - ratio, 0)
+        price = _STEEP * np.maximum(ratio - 1 - _FREE, 0) ** _POWER - _PUSH * np.maximum(_PRESSED - ratio, 0)
         pull = between * (price / np.maximum(now, 1e-9))[:, None]
         total += np.einsum("va,jva->vj", edges.T @ pull, pose)
     return total

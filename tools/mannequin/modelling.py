@@ -17,7 +17,7 @@ from .features import Piece, brows, ears, eyeball, hair, teeth, tongue
 from .hands import hands
 from .head import NOSTRIL, Head, head_net, head_normals
 from .net import smoothstep
-from .poses import build_poses
+from .poses import GESTURING, build_leg_poses, build_poses
 from .sculpture import DARK, SKIN, make_part, mirror_part, srgb, weights_of
 
 __all__ = ["sculpt"]
@@ -96,8 +96,9 @@ def _face_parts() -> list[Part]:
 
 
 def _ease_parts(parts: list[Part]) -> list[Part]:
-    """The parts with bare skin, with weights that stretch it less; cloth keeps its folds, and thighs their girth."""
+    """The parts with bare skin and the trousers, with weights that stretch them less; the shirt's weights are searched ones."""
     body, poses, found = humanoid(), build_poses(), {part.name: part for part in parts}
+    legs = np.concatenate([build_leg_poses(), poses[GESTURING::4]])
     rise, out = ({p.name: p.vertices[:, axis] for p in parts} for axis in (1, 0))
     wrist = body.tpose[body.index["leftHand"]][0]
     free = {
@@ -105,6 +106,8 @@ def _ease_parts(parts: list[Part]) -> list[Part]:
         "leftHand": smoothstep(wrist - 0.10, wrist - 0.04, out["leftHand"]),  # the forearm stays in its sleeve
     }
     found |= {name: ease(found[name], body, poses, share) for name, share in free.items()}
+    under_belt = smoothstep(0.999, 0.965, rise["trousers"])
+    found["trousers"] = ease(found["trousers"], body, legs, under_belt)
     found["rightHand"] = mirror_part(found["leftHand"], "rightHand")
     return list(found.values())
 

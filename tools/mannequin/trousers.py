@@ -17,7 +17,10 @@ from .solids import Solid, land, union
 __all__ = ["trousers"]
 
 LEG = 18  # points around a trouser leg
-KNEE = 0.10  # metres above and below the knee over which a leg bends; ours
+HIP = (1.00, 0.70)  # heights between which the trousers pass from the pelvis to a thigh, metres; ours: the least stretch
+MELT = 0.14  # metres over which the weights flow into one another; ours: the least stretch
+WAIST = 0.990  # metres: what lies higher follows the pelvis and the spine as the shirt does; ours
+KNEE = 0.14  # metres above and below the knee over which a leg bends; ours
 LEATHER, BRASS, CLOTH = srgb("4f3426"), srgb("b9a27a"), srgb("2f3648")
 BELT = ((1.034, -0.012), (1.032, 0.0062), (1.003, 0.0062), (1.000, 0.0045))  # height, stands off; metres
 BUCKLE = ((0.0, 0.0), (0.002, 0.0), (0.007, 1.0), (0.013, 1.0), (0.014, 0.3))  # ours: from its border inwards, stands off
@@ -75,15 +78,14 @@ def _fit_trousers(net: Net, solid: Solid) -> Part:
     index = humanoid().index
     for sign, side in ((1, "left"), (-1, "right")):
         mine = p[:, 0] * sign > 1e-6
-        thigh = smoothstep(1.00, 0.62, p[:, 1] + 1.6 * np.maximum(0, 0.06 - np.abs(p[:, 0])))
-        thigh = np.where(mine, thigh, 0)
+        thigh = smoothstep(*HIP, p[:, 1]) * mine
         shin = smoothstep(0.495 + KNEE, 0.495 - KNEE, p[:, 1]) * mine
         foot = smoothstep(0.12, 0.05, p[:, 1]) * mine * 0.5
         weights *= (1 - thigh)[:, None]
         weights[:, index[side + "UpperLeg"]] += thigh * (1 - shin)
         weights[:, index[side + "LowerLeg"]] += thigh * shin * (1 - foot)
         weights[:, index[side + "Foot"]] += thigh * shin * foot
-    weights = net.spread(weights, 0.080, np.ones(len(p), bool))
+    weights = net.spread(weights, MELT, p[:, 1] < WAIST)  # the belt stays on the shirt
     colour = np.tile(CLOTH, (len(p), 1))
     colour[p[:, 1] > 0.9995] = LEATHER
     first = len(p)

@@ -94,6 +94,14 @@ Variation = Annotated[
         help="How much tempo, amplitude and preferred hand vary from take to take, 0 … 2. It is not audible.",
     ),
 ]
+Silence = Annotated[
+    float,
+    Option(
+        "--silence",
+        metavar="SHARE",
+        help="How much of a take is silence that is put into the speech, 0 … 0.8. The hands rest there.",
+    ),
+]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and no summary.")]
 
 
@@ -173,6 +181,7 @@ def _add_synthesise(app: typer.Typer) -> None:
         neutral: Calm = False,
         coupling: Coupling = None,
         variation: Variation = 1.0,
+        silence: Silence = 0.0,
         quiet: Quiet = False,
         debug: Debug = False,
     ) -> None:
@@ -199,6 +208,7 @@ def _add_synthesise(app: typer.Typer) -> None:
                 neutral=neutral,
                 coupling=coupling,
                 variation=variation,
+                silence=silence,
                 progress=tell,
             )
         if not quiet:

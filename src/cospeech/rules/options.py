@@ -59,6 +59,9 @@ class GenerationOptions:
     """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`). Files of `cospeech generate`
     and frames of `cospeech stream` have it. In Python it is there only when it is asked for: `generate` gives what the network
     makes, which metrics measure."""
+    calibrated: bool = True
+    """Whether a trained model plays what was measured when it was bundled: means and amplitudes of its styles, the size of its
+    noise, and hands that rest in silence. Without it, its network plays alone."""
     face: MotionLike = None
     """A face that moves body and hands, or a file of one; for chains."""
     continue_from: MotionLike = None
@@ -85,8 +88,9 @@ class GenerationOptions:
         check_range("seed", self.seed, (0, SEEDS - int(self.takes)))
         for name in ("intensity", "temperature", "fps"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        if not isinstance(self.stance, bool):
-            raise InputError(f"stance is {self.stance!r}", "True or False")
+        for name in ("stance", "calibrated"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} is {getattr(self, name)!r}", "True or False")
         for name in ("seed", "takes"):
             object.__setattr__(self, name, int(getattr(self, name)))
         object.__setattr__(self, "parts", parts)

@@ -61,7 +61,7 @@ _QUICK, _PER, _GAINS = np.radians(19.0), np.radians(5.0), (0.3, 1.8)
 """Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]:
 the heads of people turn by 19 to 27 degrees per second)."""
 _REMEMBERS = 10.0  # seconds over which the speed of the own head counts ([ours])
-_HEAD = 0.35  # share of what the chest does that the head goes along with (gaze stabilisation; as in the rules)
+_HEAD = 0.5  # share of what the chest does that the head goes along with ([ours]: so the flow's goes with the hands)
 _OWN = 0.6  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
 

@@ -107,7 +107,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.12, head=1.06),
         "lively": Style(
-            "wide and quick gestures, never still: a show host",
+            "many wide and quick gestures with short rests: a show host",
             rate=0.71,
             amplitude=1.25,
             height=0.06,
@@ -126,7 +126,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"spread": 2.0, "offer": 1.4, "toss": 2.0, "sweep": 1.6},
         ),
         "calm": Style(
-            "few, small, slow gestures close to the body; long rests",
+            "fewer and smaller gestures close to the body; the hands are folded between them",
             rate=0.66,
             amplitude=0.95,
             height=-0.03,
@@ -162,13 +162,13 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"precision": 3.0, "frame": 2.5, "count": 3.0, "point": 1.2, "chop": 1.6, "spread": 0.4},
         ),
         "orator": Style(
-            "large, slow, high gestures with held poses: a politician",
+            "large and high gestures that chop, point and push: a politician",
             rate=0.76,
             amplitude=1.3,
             height=0.08,
             breadth=0.02,
             forward=0.05,
-            tempo=1.0,
+            tempo=1.02,
             hold=0.95,
             hand=0.75,
             both=0.6,
@@ -181,7 +181,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"chop": 2.5, "point": 2.0, "push": 1.6, "frame": 1.5, "fist": 2.0, "offer": 1.5},
         ),
         "southpaw": Style(
-            "left-handed, body turned to one side; the right hand hardly moves",
+            "left-handed, body turned to one side; the right hand rests most of the time",
             rate=0.86,
             amplitude=1.05,
             hand=0.06,
@@ -238,7 +238,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             repertoire={"sweep": 2.5, "arc": 2.5, "gather": 2.0, "push": 1.6, "toss": 1.4, "bowl": 1.8},
         ),
         "seated": Style(
-            "relaxed on a chair, hands in the lap between phrases",
+            "relaxed on a chair, hands above the lap between phrases",
             rate=0.74,
             amplitude=1.22,
             height=-0.02,
@@ -255,7 +255,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             exempt=_SEATED_ROWS,
         ),
         "restless": Style(
-            "fast, small, low beat gestures; shifts the weight from foot to foot",
+            "short, small, low beat gestures; shifts the weight from foot to foot",
             rate=0.72,
             amplitude=0.8,
             height=-0.04,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from os import PathLike
 from typing import Any
@@ -31,12 +32,13 @@ from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
+from .rest_in_silence import RestInSilence
 from .session import PIECE, Decoder, ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .stretched_session import StretchedSession
 from .styles.space import style_space
 from .styles.style import Styles
-from .system import System, open_bundle
+from .system import System, open_bundle, without_calibration
 
 __all__ = ["BundleGesturer", "MotionLike", "TrainedModel"]
 
@@ -64,7 +66,7 @@ class TrainedModel:
         self._transfer, self._space = transfer, style_space(system)
         self._styles = Styles(system, self._space)
         self.for_files = options_for_files(system)
-        self._rules = RuleBasedModel(mouth)
+        self._rules, self._mouth = RuleBasedModel(mouth), mouth
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> TrainedModel:
@@ -74,6 +76,10 @@ class TrainedModel:
             InputError: it cannot be read, or is no bundle of ours.
         """
         return cls(open_bundle(path))
+
+    @cached_property
+    def _bare(self) -> TrainedModel:
+        return TrainedModel(without_calibration(self.system), self._transfer, self._mouth)
 
     @cached_property
     def _usual(self) -> TrainedSession:
@@ -94,6 +100,8 @@ class TrainedModel:
         options = GenerationOptions.of(options, keywords)
         if options.plan is not None:
             return StretchedSession(self.session, options)  # type: ignore[return-value]  # it does all that this one does
+        if not options.calibrated:
+            return self._bare.session(replace(options, calibrated=True))
         if options.takes > _MOST_TAKES:
             raise InputError(f"{options.takes} takes in one session are too many", f"1 … {_MOST_TAKES}")
         resolved_style, conditioning = (
@@ -106,17 +114,21 @@ class TrainedModel:
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
         stances = self._stances(options)
+        rest = None
+        if self.system.rests and self.system.pose != POSE:
+            rest = RestInSilence(options.fps, latency_of_body(self.system, frontend, decoder, ()), options.parts)
         if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
             body = latency_of_body(self.system, frontend, decoder, stances)
             of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
-        for each in (frontend, *faces):
+        for each in (frontend, *([] if rest is None else [rest]), *faces):
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=stances,
+            rest=rest,
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
@@ -175,6 +187,8 @@ class TrainedModel:
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
                 weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
+            calibrated: False plays the network alone, without means, amplitudes and noise measured when it was bundled, and
+                without hands that rest in silence.
             continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for
                 the same.
 

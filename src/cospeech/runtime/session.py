@@ -32,6 +32,7 @@ from .crossfade import Crossfade
 from .face_override import FaceOverride
 from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
+from .rest_in_silence import RestInSilence
 from .session_frames import WaitingFrames, eye_joints, resting_joints, select_parts
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
@@ -135,6 +136,7 @@ class TrainedSession:
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
         stances: what carries the body of each take; none for a body that has legs of its own.
+        rest: what lets the hands rest in silence, if anything does.
     """
 
     def __init__(
@@ -151,8 +153,9 @@ class TrainedSession:
         intensity: float = 1.0,
         before: Motion | None = None,
         stances: Sequence[StanceLayer] = (),
+        rest: RestInSilence | None = None,
     ) -> None:
-        self._stances = stances
+        self._stances, self._rest = stances, rest
         self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
@@ -285,6 +288,8 @@ class TrainedSession:
         for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
             made = self._decoder.push(self._frontend.push(piece))
+            if self._rest is not None:
+                self._rest.push(piece)
             for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
                 self._see(kept, face.push(piece))
             self._keep(made)
@@ -304,6 +309,8 @@ class TrainedSession:
         self._over = True
         for face in self._faces:
             face.hear_rest()
+        if self._rest is not None:
+            self._rest.finish()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
@@ -344,8 +351,13 @@ class TrainedSession:
         if not self._rows:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
+        shares = np.zeros(rows.shape[1])
+        if self._rest is not None:
+            rows, later, shares = self._rest.split(rows)
+            self._rows = [later] if later.shape[1] else []
         for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
             rotations, root = self._poses[take].push(vectors)
+            rotations = rotations if self._rest is None else self._rest.lead(rotations, shares)
             if "body" not in self._parts or "hands" not in self._parts:
                 rotations, root = select_parts(rotations, root, self._parts)
             rotations = signs.push(rotations)

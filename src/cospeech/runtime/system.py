@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from os import PathLike, fsdecode
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from .flow.graph import build_graphs
 from .flow.weights import FlowSizes, pack_weights
 from .network import Network
 
-__all__ = ["System", "open_bundle", "open_system", "write_flow", "write_networks"]
+__all__ = ["System", "open_bundle", "open_system", "without_calibration", "write_flow", "write_networks"]
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,20 @@ def open_system(spec: BundleSpec) -> System:
     except InputError as error:
         raise InputError(f"{spec.name!r}: {error.problem}", error.hint) from error
     return System(**known, networks=networks, flow=flow)
+
+
+def without_calibration(system: System) -> System:
+    """The system with nothing of what was measured when it was bundled: its networks' own poses, noise of size 1, no rest.
+
+    A flow keeps the means and deviations of its speakers, without which it has no poses, and the factor on fed-back poses.
+    """
+    s = system.statistics
+    bare = replace(
+        s, model_mean=s.speaker_mean, live_model_mean=s.speaker_mean, style_gain=np.ones_like(s.style_gain),
+        live_style_gain=np.ones_like(s.live_style_gain), noise_gain=np.ones_like(s.noise_gain),
+        free_mean=np.zeros_like(s.free_mean), free_std=np.ones_like(s.free_std),
+    )  # fmt: skip
+    return replace(system, statistics=bare, rests=False)
 
 
 def open_bundle(path: str | PathLike[str]) -> System:

@@ -26,6 +26,7 @@ from ...rules import EMOTIONS, Gesture, RuleBasedModel, Style
 from .. import CORPORA
 from ..clip import SPLITS, Clip, Semantic
 from .acting import Actor, act
+from .silences import add_silences
 from .speakers import Speaker, choose_speakers, vary_take
 from .speech_splits import SPLIT_SENTENCES, split_of, split_recordings
 from .voices import Voice, find_voices, pieces_of, reader_of, recordings, repeat, say, vary_voice
@@ -46,6 +47,7 @@ class Layout:
         acted: whether speakers have voices of their own, which act the emotion.
         calm: whether all takes are neutral.
         variation: of the style from take to take.
+        silence: share of a take that is silence put into the speech.
     """
 
     fps: float
@@ -56,6 +58,7 @@ class Layout:
     acted: bool = False
     calm: bool = False
     variation: float = 1.0
+    silence: float = 0.0
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -116,6 +119,7 @@ def synthesise(
     neutral: bool = False,
     coupling: float | None = None,
     variation: float = 1.0,
+    silence: float = 0.0,
     progress: Callable[[float, float | None], None] | None = None,
 ) -> SynthesisReport:
     """Make a synthetic corpus.
@@ -134,6 +138,7 @@ def synthesise(
         neutral: whether all takes are neutral, so that everything in the motion can be heard or is by chance.
         coupling: how closely brows, nods and blinks go along with strokes, 0 … 1; that of the styles where not given.
         variation: of tempo, amplitude and preferred hand from take to take (`vary_take`), 0 … 2; not audible.
+        silence: share of a take that is silence put into the speech, 0 … 0.8 (`silences.add_silences`).
         progress: called with seconds done and seconds in all.
 
     Returns:
@@ -147,7 +152,7 @@ def synthesise(
         raise InputError(f"no layout is called {layout!r}", nearest(layout, LAYOUTS))
     if not 0 < hours <= 1000:
         raise InputError(f"{hours} hours", "more than 0, at most 1000")
-    for name, value, most in (("coupling", 0.0 if coupling is None else coupling, 1), ("variation", variation, 2)):
+    for name, value, most in (("coupling", coupling or 0.0, 1), ("variation", variation, 2), ("silence", silence, 0.8)):
         if not 0 <= value <= most:
             raise InputError(f"{name} {value}", f"0 … {most}")
     target, chosen = Path(raw), LAYOUTS[layout]
@@ -165,7 +170,7 @@ def synthesise(
         raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    performed = replace(chosen, acted=chosen.acted and act, calm=neutral, variation=variation)
+    performed = replace(chosen, acted=chosen.acted and act, calm=neutral, variation=variation, silence=silence)
     clips = _clips(performed, layout, people, pools, hours * 3600, (seed, gestures), made, progress)
     write = import_module(CORPORA[layout].module).write
     try:
@@ -293,6 +298,7 @@ def _clips(
             own = _take_seed(seed, who, k)
             if chosen.acted:
                 speech = act(speech, actor.acting(emotion, own), own)
+            speech = add_silences(speech, chosen.silence, own)
             moved = _take_seed(seed, who, k, gestures) if gestures else own
             style = vary_take(person.style, moved, chosen.variation)
             clip = perform(speech, style, emotion=emotion, seed=moved, fps=chosen.fps)

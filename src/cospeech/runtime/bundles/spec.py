@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -68,6 +68,8 @@ class BundleFacts:
     card: str
     """Markdown."""
     statistics: Statistics
+    rests: bool = field(default=False, kw_only=True)
+    """Whether hands come to rest in silence (`cospeech.runtime.rest_in_silence`)."""
 
     @property
     def speakers(self) -> tuple[str, ...]:
@@ -232,7 +234,11 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
     words = bundle.fact("vocabulary", list) if "vocabulary" in bundle.manifest else None
     if words is not None and not all(isinstance(word, str) for word in words):
         raise InputError("the vocabulary holds something else than words", "is the bundle damaged?")
+    rests = bundle.manifest.get("rests", False)
+    if not isinstance(rests, bool):
+        raise InputError(f"the manifest of {bundle.name!r} says rests={str(rests)[:40]!r}", "true or false")
     return {
+        "rests": rests,
         "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
         "style_space": space, "controls": tuple(controls),
         "vocabulary": None if words is None else {word: row for row, word in enumerate(words, 1)},

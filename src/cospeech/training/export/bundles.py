@@ -42,6 +42,7 @@ def bundle_run(
     smooth: int = 1,
     card: str = "",
     style: str | None = None,
+    rests: bool = False,
     progress: Tell | None = None,
 ) -> None:
     """Make a bundle of a run.
@@ -56,6 +57,7 @@ def bundle_run(
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
             of a network that hears none the first.
+        rests: whether hands come to rest in silence (`cospeech.runtime.rest_in_silence`).
         progress: is told how much is done, of how much, and what is being done.
 
     Raises:
@@ -90,6 +92,7 @@ def bundle_run(
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
         "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]), "pose": store["pose"],
         "fps": float(store["fps"]), "audio": audio, "smooth": smooth, "controls": list(model.controls),
+        "rests": rests,
     }  # fmt: skip
     said = card or _card(facts, early=stands_for(folder, which) != which)
     if exported is None:

@@ -127,6 +127,33 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
 
 
 @pytest.mark.slow
+def test_trained_models_make_takes_by_name_by_mixture_and_by_example(served, speech):
+    port, state = served
+    longer = ask_json(port, "/api/speech?name=longer.wav", sound_file(8))
+    shown = ask_json(port, "/api/takes", {"speech": longer["speech"], "model": "rules"})["take"]
+    assert wait_for(state, shown).type == "done"
+    clip = ask_json(port, "/api/clips?name=other.bvh", ask(port, f"/api/takes/{shown}/file?suffix=.bvh")[2])
+    assert clip["seconds"] == 8.0
+    made = {}
+    for row in ask_json(port, "/api/catalogue")["models"]:
+        if row["takes_gestures"]:
+            continue
+        wanted = {"speech": speech["speech"], "model": row["name"], "parts": row["parts"]}
+        styles = [None] if not row["styles"] else [{"name": row["styles"][-1]}, {"mix": dict.fromkeys(row["styles"][:2], 0.5)}]
+        styles += [{"clip": clip["clip"]}] if row["takes_example"] else []
+        for k, style in enumerate(styles):
+            asked = ask_json(port, "/api/takes", {**wanted, "style": style})["take"]
+            event = wait_for(state, asked)
+            assert event.type == "done", (row["name"], style, event.problem, event.hint)
+            made[row["name"], k] = ask(port, f"/api/takes/{asked}/motion")[2]
+            report = ask_json(port, f"/api/takes/{asked}/report")
+            assert (report["model"], report["frames"]) == (row["name"], 60)
+            assert (report["style"] == "example") == (style is not None and "clip" in style)
+    assert len({name for name, _ in made}) == 4
+    assert len(set(made.values())) == len(made)
+
+
+@pytest.mark.slow
 def test_the_catalogue_and_the_mannequin(served):
     port, _ = served
     told = ask_json(port, "/api/catalogue")

@@ -86,6 +86,11 @@ class TrainedModel:
         return self.session()
 
     @property
+    def takes_example(self) -> bool:
+        """Whether a clip of motion can be its style."""
+        return self.system.flow is not None or "style" in self.system.networks
+
+    @property
     def latency(self) -> float:
         """Of a session with the usual options; see `TrainedSession.latency`."""
         return self._usual.latency

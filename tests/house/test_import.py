@@ -190,18 +190,20 @@ def pinned(name: str) -> dict[str, str]:
     return found
 
 
-def test_what_pip_installs_is_what_the_lock_says():
-    assert pinned("core.txt")
-    assert all(set(version.split()) <= set(locked()[name].split()) for name, version in pinned("core.txt").items())
+@pytest.mark.parametrize("name", ["core.txt", "node.txt"])
+def test_what_pip_installs_is_what_the_lock_says(name):
+    assert pinned(name)
+    assert all(set(version.split()) <= set(locked()[package].split()) for package, version in pinned(name).items())
 
 
-def test_core_txt_is_made_from_the_lock(tmp_path):
+@pytest.mark.parametrize(("name", "command"), [("core.txt", "EXPORT"), ("node.txt", "NODE")])
+def test_lists_for_pip_are_made_from_the_lock(name, command):
     uv = Path(sys.executable).with_name("uv")
     if not uv.is_file():
         pytest.skip("needs uv beside this Python (`make test` installs it)")
-    export = re.search(r'^EXPORT = "(.*)"$', (ROOT / "tools" / "lock.py").read_text("utf-8"), re.M)[1].split()
+    export = re.search(rf'^{command} = "(.*)"$', (ROOT / "tools" / "lock.py").read_text("utf-8"), re.M)[1].split()
     done = subprocess.run([uv, *export, "--offline"], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout == (ROOT / "requirements" / "core.txt").read_text("utf-8"), "run `make lock`"
+    assert done.stdout == (ROOT / "requirements" / name).read_text("utf-8"), "run `make lock`"
 
 
 def test_the_core_has_no_torch_and_is_small():

@@ -1,0 +1,81 @@
+"""The page of a study in headless Chromium: a rater who watches and clicks, and nobody who is shut out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cospeech.studio.study.answers import Answers
+from cospeech.studio.study.make import make_study
+from cospeech.studio.study.plan import load_plan
+from cospeech.studio.study.session import make_session
+from tests.support.browser import find_violations, open_chromium, wait_until
+from tests.support.study_raters import as_sent, right_answers, serving
+
+pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
+pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
+av = pytest.importorskip("av", reason="videos need PyAV (the av extra)")
+
+pytestmark = pytest.mark.slow
+WATCH = """async () => { for (const video of document.querySelectorAll('video')) { video.muted = true; video.playbackRate = 4;
+    await video.play(); await new Promise(done => video.addEventListener('ended', done, { once: true })); } }"""
+
+
+def write_webm(path) -> None:
+    """Eight grey pictures in a codec that every Chromium has."""
+    with av.open(str(path), "w", format="webm") as container:
+        video = container.add_stream("libvpx", rate=10)
+        video.width = video.height = 64
+        video.pix_fmt = "yuv420p"
+        for k in range(8):
+            picture = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 30 * k, np.uint8), format="rgb24")
+            container.mux(video.encode(picture))
+        container.mux(video.encode(None))
+
+
+@pytest.fixture
+def study(tmp_path):
+    for system in "ab":
+        (tmp_path / system).mkdir()
+        for k in range(2):
+            write_webm(tmp_path / system / f"speech_{k}.webm")
+    make_study([tmp_path / "a", tmp_path / "b"], tmp_path / "study", template="preference", stimuli_each=2, checks=1, seed=1)
+    return tmp_path / "study"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_rater_takes_part_in_the_page(study, scheme):
+    plan = load_plan(study)
+    trials = make_session(plan, 0)
+    with serving(study) as port, open_chromium() as browser:
+        page = browser.new_context(color_scheme=scheme).new_page()
+        wrong: list[str] = []
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.goto(f"http://127.0.0.1:{port}/")
+        wait_until(page, "document.querySelector('h1')?.textContent === 'Before you start'")
+        assert find_violations(page) == []
+        page.click("button")
+        wait_until(page, "document.getElementById('status').textContent.startsWith('Tick the box')")
+        page.check("#agree")
+        page.keyboard.press("Enter")
+        for number, trial in enumerate(trials):
+            wait_until(page, f"document.querySelector('h1').textContent === 'Page {number + 1} of {len(trials)}'")
+            if number == 0:
+                assert find_violations(page) == []
+                page.click("button[type=submit]", force=True)  # it is called disabled, and says why
+                assert "watch every video" in page.inner_text("#status")
+            page.evaluate(WATCH)
+            if number == 0:
+                page.click("button[type=submit]")
+                assert "answer every question" in page.inner_text("#status")
+            for (name, place), value in right_answers(plan, trial).items():
+                page.check(f"fieldset[data-name='{name}'][data-place='{place}'] input[value='{value}']")
+            page.click("button[type=submit]")
+        wait_until(page, "document.querySelector('h1').textContent === 'Thank you'")
+        assert find_violations(page) == []
+        assert not wrong
+    with Answers(study, plan) as answers:
+        ((_, shown, given, seconds),) = answers.sessions()
+    assert shown == list(trials)
+    assert [as_sent(plan, given[k]) for k in range(len(trials))] == [as_sent(plan, right_answers(plan, t)) for t in trials]
+    assert all(value > 0 for value in seconds.values())

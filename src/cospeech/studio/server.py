@@ -7,6 +7,7 @@ for a token where the server is open to a network, and adds the headers that kee
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import ipaddress
 import re
 import secrets
@@ -19,7 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from ..errors import InputError, InternalError
 
-__all__ = ["Guard", "is_loopback", "load_web", "make_token", "open_socket", "run_server", "server_of"]
+__all__ = ["Guard", "is_loopback", "load_web", "make_token", "name_cookie", "open_socket", "run_server", "server_of"]
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -35,7 +36,6 @@ MOST_HELD = 256 << 20
 """Bytes of all requests that are held at once; ours: what a small machine can spare."""
 CONNECTIONS = 400
 """At once; ours: below the 1024 open files that systems usually allow. Others are answered 503."""
-COOKIE = "cospeech-token"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -78,6 +78,11 @@ def make_token() -> str:
     return secrets.token_urlsafe(16)
 
 
+def name_cookie(token: str) -> str:
+    """How the cookie that holds a token is called: each server of a machine has one of its own, since cookies know no ports."""
+    return f"cospeech-{hashlib.sha256(token.encode()).hexdigest()[:8]}"
+
+
 def _host_name(host: str) -> str:
     """The name in a ``Host`` header, without its port."""
     return (urlsplit(f"//{host}").hostname or "") if host else ""
@@ -118,7 +123,7 @@ class Guard:
                 await self._app(scope, receive, send)
             return
         if refused is None and self._brings_token(scope):
-            cookie = f"{COOKIE}={self._token}; Path=/; HttpOnly; SameSite=Strict"
+            cookie = f"{name_cookie(self._token or '')}={self._token}; Path=/; HttpOnly; SameSite=Strict"
             await _answer(send_on, 303, "", {"location": _without_token(scope), "set-cookie": cookie})
             return
         if refused is None and self._takes_files(scope):
@@ -147,8 +152,10 @@ class Guard:
             return 403, "this page may not ask this server"
         if scope.get("method") not in (None, "GET", "HEAD") and headers.get("sec-fetch-site", "none") == "cross-site":
             return 403, "this page may not ask this server"
-        if self._token is not None and not any(secrets.compare_digest(t, self._token) for t in _tokens(scope, headers)):
-            return 401, "the address lacks the token that the server has printed"
+        if self._token is not None:
+            brought = _tokens(scope, headers, name_cookie(self._token))
+            if not any(secrets.compare_digest(each, self._token) for each in brought):
+                return 401, "the address lacks the token that the server has printed"
         return None
 
     def _brings_token(self, scope: Scope) -> bool:
@@ -198,12 +205,12 @@ def _without_token(scope: Scope) -> str:
     return f"./{kept}"
 
 
-def _tokens(scope: Scope, headers: dict[str, str]) -> list[str]:
+def _tokens(scope: Scope, headers: dict[str, str], name: str) -> list[str]:
     """All that a client offers as the token."""
     found = _query(scope).get("token", [])[:1]
     try:
         cookie = SimpleCookie(headers.get("cookie", ""))
-        found += [cookie[COOKIE].value] if COOKIE in cookie else []
+        found += [cookie[name].value] if name in cookie else []
     except CookieError:
         pass
     scheme, _, value = headers.get("authorization", "").partition(" ")

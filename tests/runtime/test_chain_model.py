@@ -72,7 +72,9 @@ def test_pieces_do_not_show_at_another_rate():
         assert same(Motion.concatenate(list(gesturer().stream(cut(speech, edges), style=VOICE))), whole)
 
 
-@pytest.mark.parametrize(("look_ahead", "frames"), [(None, LOOK_AHEAD + 1), (0.2, LOOK_AHEAD + 1), (0.3, 12), (inf, 12)])
+@pytest.mark.parametrize(
+    ("look_ahead", "frames"), [(None, LOOK_AHEAD + 1), (0.2, LOOK_AHEAD + 1), (0.3, LOOK_AHEAD + 1), (0.8, 12), (inf, 12)]
+)
 def test_it_is_as_late_as_it_says(look_ahead, frames):
     speech, session = talk(8.0), gesturer().session(parts=BODY, look_ahead=look_ahead)
     heard, made, late = 0, 0, []

@@ -37,7 +37,7 @@ def measure_voice(voice: Features) -> Array | None:
     energy = np.asarray(voice.energy, float)
     if len(energy) < _LEAST_SPOKEN:
         return None
-    loud = quantile(np.sort(energy), _LOUD_SHARE)
+    (loud,) = _quantiles(energy, _LOUD_SHARE)
     spoken = energy > loud - _SPOKEN
     voiced = spoken & (voice.voicing > 0.5) & (voice.pitch > 0)
     if spoken.sum() < _LEAST_SPOKEN or voiced.sum() < _LEAST_VOICED or (voiced[1:] & voiced[:-1]).sum() < _LEAST_VOICED // 3:

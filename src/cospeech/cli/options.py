@@ -13,7 +13,7 @@ from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Jobs",
-    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Quiet", "ReportFile", "Retarget", "Seed",
+    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget", "Seed",
     "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
 ]  # fmt: skip
 
@@ -173,5 +173,6 @@ Jobs = Annotated[
     int, option("--jobs", metavar="NUMBER", parser=whole, help="How many speeches are generated at the same time, 1 … 64.")
 ]
 Json = Annotated[bool, option("--json", help="Print JSON, for programs.")]
+Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]
 Debug = Annotated[bool, option("--debug", help="Show the traceback of an error.")]
 Quiet = Annotated[bool, option("--quiet", "-q", help="Print no progress bar and no list of files.")]

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from .options import Debug, option, whole
+from .options import Debug, Port, option
 
 __all__ = ["register"]
 
@@ -22,7 +22,6 @@ Host = Annotated[
         "printed address.",
     ),
 ]
-Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]
 Token = Annotated[
     str | None,
     option("--token", metavar="TEXT", help="Secret that every client must bring. Default: a random one where one is needed."),
@@ -52,7 +51,7 @@ def studio(
     cospeech studio --port 0 --no-browser
     """
     from ..errors import InputError
-    from ..studio.server import is_loopback, load_web, make_token, open_socket, run_server
+    from ..studio.server import is_loopback, load_web, make_token, name_address, open_socket, run_server
 
     for module in ("starlette.applications", "uvicorn", "websockets"):
         load_web(module)
@@ -64,8 +63,7 @@ def studio(
     from ..studio.app import make_app
     from ..studio.state import StudioState
 
-    shown = f"[{host}]" if ":" in host else host
-    address = f"http://{shown}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
+    address = name_address(host, listening, token)
     with StudioState() as state:
         app = make_app(state, token=token)
         state.start_warm_up()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from .options import Debug, Json, Quiet, Seed, option, whole
+from .options import Debug, Json, Port, Quiet, Seed, option, whole
 from .progress import show_progress
 
 __all__ = ["register"]
@@ -65,7 +65,6 @@ Host = Annotated[
         "the printed address with its token.",
     ),
 ]
-Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]
 Sessions = Annotated[int, option("--sessions", metavar="NUMBER", parser=whole, help="Different orders in the page, 1 … 5000.")]
 Tables = Annotated[
     Path | None, option("--tables", metavar="FOLDER", help="Also write the answers as CSV files, votes in GENEA's layout.")
@@ -124,7 +123,7 @@ def serve(study: Study, host: Host = "127.0.0.1", port: Port = 8766, debug: Debu
     cospeech study serve study
     cospeech study serve study --host 0.0.0.0 --port 8000
     """
-    from ..studio.server import is_loopback, load_web, make_token, open_socket, run_server
+    from ..studio.server import is_loopback, load_web, make_token, name_address, open_socket, run_server
     from ..studio.study.answers import Answers
     from ..studio.study.app import make_app
     from ..studio.study.plan import load_plan
@@ -135,9 +134,7 @@ def serve(study: Study, host: Host = "127.0.0.1", port: Port = 8766, debug: Debu
     with Answers(study, plan) as answers:
         app = make_app(study, plan, answers, token=token)
         listening = open_socket(host, port)
-        shown = f"[{host}]" if ":" in host else host
-        address = f"http://{shown}:{listening.getsockname()[1]}/"
-        typer.echo(f"the study is at {address}{f'?token={token}' if token else ''}  (Ctrl-C ends)")
+        typer.echo(f"the study is at {name_address(host, listening, token)}  (Ctrl-C ends)")
         run_server(app, listening)
 
 

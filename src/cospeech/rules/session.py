@@ -186,11 +186,9 @@ class Session(SessionControls):
         samples = self._held.take(samples)
         for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
             if not self.foresight.is_usual:
-                self._make(self.planned_until)
-            self._hear(samples[first : first + SAMPLE_RATE])
-            if not self.foresight.is_usual:
-                self._follow()
+                self._follow(samples[first : first + SAMPLE_RATE])
                 continue
+            self._hear(samples[first : first + SAMPLE_RATE])
             while self.detector.step():
                 pass
             self._decide_what_is_certain()
@@ -200,8 +198,10 @@ class Session(SessionControls):
             self._make(self.planned_until)
         return self._next_frames()
 
-    def _follow(self) -> None:
+    def _follow(self, samples: Array) -> None:
         """With little foresight, what is known at a tick decides over its frames: they are made before more becomes known."""
+        self._make(self.planned_until)
+        self._hear(samples)
         while self.detector.is_ready:
             self._make(self.planned_until)
             self.detector.step()

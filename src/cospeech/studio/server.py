@@ -20,7 +20,17 @@ from urllib.parse import parse_qs, urlsplit
 
 from ..errors import InputError, InternalError
 
-__all__ = ["Guard", "is_loopback", "load_web", "make_token", "name_cookie", "open_socket", "run_server", "server_of"]
+__all__ = [
+    "Guard",
+    "is_loopback",
+    "load_web",
+    "make_token",
+    "name_address",
+    "name_cookie",
+    "open_socket",
+    "run_server",
+    "server_of",
+]
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -277,6 +287,12 @@ def open_socket(host: str, port: int) -> socket.socket:
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot listen at {host} port {port}: {why}", "choose another --port, or 0 for any") from None
     return made
+
+
+def name_address(host: str, listening: socket.socket, token: str | None) -> str:
+    """Where a browser finds what is served at a listening socket; a token that is needed is in it."""
+    shown = f"[{host}]" if ":" in host else host
+    return f"http://{shown}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
 
 
 def server_of(app: App, *, websockets: bool = False) -> Any:

@@ -6,6 +6,7 @@ import inspect
 import os
 import re
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -16,8 +17,10 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # As many workers as cores: torch and BLAS with threads of their own would stand in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# librosa is compiled when it is first called. Two workers that write one cache can spoil it, and what reads it then crashes.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba" / os.environ.get("PYTEST_XDIST_WORKER", "alone")))
+# librosa is compiled when it is first called. Two workers that write one cache spoil it, and what reads it then crashes. A worker
+# inherits the environment of the process that starts it, so each one names a folder of its own, which ends with it.
+_numba_cache = tempfile.TemporaryDirectory(prefix="cospeech-numba-", ignore_cleanup_errors=True)
+os.environ["NUMBA_CACHE_DIR"] = _numba_cache.name
 
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

@@ -14,8 +14,8 @@ import pytest
 __all__ = ["type_command"]
 
 
-def type_command(line: str, place: Path, code: int = 0) -> str:
-    """Run ``cospeech …`` in a folder, as tests/cli/test_process.py starts it as a program; give what it says.
+def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:
+    """Run ``cospeech …`` in a folder, as tests/cli/test_process.py starts it as a program; give what it says, and its errors and notes.
 
     Whatever it sets for its own process (signals, the folder, its arguments) is put back.
 
@@ -34,4 +34,4 @@ def type_command(line: str, place: Path, code: int = 0) -> str:
         ended = stack.enter_context(pytest.raises(SystemExit))
         main()
     assert int(ended.value.code or 0) == code, f"{line}\n{told.getvalue()}"
-    return said.getvalue()
+    return said.getvalue(), told.getvalue()

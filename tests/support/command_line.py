@@ -15,7 +15,9 @@ __all__ = ["type_command"]
 
 
 def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:
-    """Run ``cospeech …`` in a folder, as tests/cli/test_process.py starts it as a program; give what it says, and its errors and notes.
+    """Run ``cospeech …`` in a folder; give what it says, and its errors and notes.
+
+    That the same line works as a program is for tests/cli/test_process.py.
 
     Whatever it sets for its own process (signals, the folder, its arguments) is put back.
 

@@ -111,13 +111,17 @@ class Network:
 
 def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
     """Inputs or outputs of a graph have the names, types and shapes that are due."""
-    for end in found:
-        port = due.get(end.name, ())
-        fits = len(end.shape) == len(port) and all(
-            isinstance(size, str) or size == wanted for size, wanted in zip(port, end.shape, strict=False)
+    try:
+        ends = [(end.name, end.shape, end.type) for end in found]
+    except UnicodeDecodeError as error:  # onnxruntime reads names when they are asked for
+        raise InputError("a graph has a name that is no text", _HINT) from error
+    for name, shape, kind in ends:
+        port = due.get(name, ())
+        fits = len(shape) == len(port) and all(
+            isinstance(size, str) or size == wanted for size, wanted in zip(port, shape, strict=False)
         )
-        if not fits or end.type != "tensor(float)":
-            raise InputError(f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], _HINT)
+        if not fits or kind != "tensor(float)":
+            raise InputError(f"{name!r} of a graph is {kind} of shape {shape}"[:200], _HINT)
     if len(found) != len(due):
         raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", _HINT)
 

@@ -20,16 +20,21 @@ LIBRARIES = re.compile(
 MUTANTS = 60  # of each bundle; a tenth of them opens, a quarter is refused by onnxruntime itself
 
 
-def damaged(bundle: Bundle, rng: np.random.Generator, path: Path) -> Path:
-    """A bundle with some bytes of one of its graphs changed, and the right hash for them."""
+def with_graph(bundle: Bundle, graph: str, data: bytes, path: Path) -> Path:
+    """The bundle with another graph, and the right hash for it."""
     members = {name: data for name, data in bundle.members.items() if name != MANIFEST}
-    graph = rng.choice(sorted(name for name in members if name.endswith(".onnx")))
-    data = bytearray(members[graph])
+    manifest = {name: value for name, value in bundle.manifest.items() if name not in ("format", "members")}
+    write_bundle(path, manifest, members | {graph: data})
+    return path
+
+
+def damaged(bundle: Bundle, rng: np.random.Generator, path: Path) -> Path:
+    """A bundle with some bytes of one of its graphs changed."""
+    graph = str(rng.choice(sorted(name for name in bundle.members if name.endswith(".onnx"))))
+    data = bytearray(bundle.members[graph])
     for place in rng.integers(len(data), size=rng.integers(1, 5)):
         data[place] = rng.integers(256)
-    manifest = {name: value for name, value in bundle.manifest.items() if name not in ("format", "members")}
-    write_bundle(path, manifest, members | {graph: bytes(data)})
-    return path
+    return with_graph(bundle, graph, bytes(data), path)
 
 
 @pytest.mark.slow
@@ -46,6 +51,21 @@ def test_a_damaged_graph_is_told_in_our_words_and_nothing_is_printed(tmp_path, c
     assert [str(error) for error in refusals if LIBRARIES.search(str(error)) or "'mine.cospeech'" not in str(error)] == []
     causes = [str(error.__cause__.__cause__) for error in refusals if error.__cause__]
     assert any(LIBRARIES.search(cause) for cause in causes)  # what onnxruntime said is kept for --debug
+    assert capfd.readouterr() == ("", "")
+
+
+GRAPHS = [("chain-of-generation", "live", b"rows"), ("chain-of-generation", "make", b"poses"), ("mix-stage", "make", b"rows"),
+          ("stylised-flow", "speech", b"windows"), ("stylised-flow", "frame", b"history")]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "graph", "end"), GRAPHS)
+def test_a_name_in_a_graph_that_is_no_text_is_told_in_our_words(tmp_path, capfd, name, graph, end):
+    bundle = read_bundle(SHIPPED / f"{name}{BUNDLE}")
+    data = bundle.members[f"{graph}.onnx"].replace(end, b"\xea" * len(end))
+    path = with_graph(bundle, f"{graph}.onnx", data, tmp_path / "mine.cospeech")
+    with pytest.raises(InputError, match=r"^'mine\.cospeech': a graph has a name that is no text"):
+        cospeech.load(str(path))
     assert capfd.readouterr() == ("", "")
 
 

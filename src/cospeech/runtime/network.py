@@ -111,17 +111,13 @@ class Network:
 
 def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
     """Inputs or outputs of a graph have the names, types and shapes that are due."""
-    try:
-        ends = [(end.name, end.shape, end.type) for end in found]
-    except UnicodeDecodeError as error:  # onnxruntime reads names when they are asked for
-        raise InputError("a graph has a name that is no text", _HINT) from error
-    for name, shape, kind in ends:
-        port = due.get(name, ())
-        fits = len(shape) == len(port) and all(
-            isinstance(size, str) or size == wanted for size, wanted in zip(port, shape, strict=False)
+    for end in found:
+        port = due.get(end.name, ())
+        fits = len(end.shape) == len(port) and all(
+            isinstance(size, str) or size == wanted for size, wanted in zip(port, end.shape, strict=False)
         )
-        if not fits or kind != "tensor(float)":
-            raise InputError(f"{name!r} of a graph is {kind} of shape {shape}"[:200], _HINT)
+        if not fits or end.type != "tensor(float)":
+            raise InputError(f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], _HINT)
     if len(found) != len(due):
         raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", _HINT)
 
@@ -162,11 +158,16 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
     try:  # without its fallback, which prints, and without options that a graph names
-        return ort.InferenceSession(
+        session = ort.InferenceSession(
             graph, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
         )
+        for end in (*session.get_inputs(), *session.get_outputs()):
+            _ = end.name, end.shape  # only here are they decoded
+    except UnicodeDecodeError as error:
+        raise InputError("a graph has a name that is no text", _HINT) from error
     except Exception as error:  # onnxruntime raises classes of its own that have no common base
         raise InputError("onnxruntime cannot open a graph", _HINT) from error
+    return session
 
 
 def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:

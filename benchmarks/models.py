@@ -24,7 +24,7 @@ import argparse
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,9 @@ SECONDS = 60
 RUNS = 5
 PIECE, SHARE = 25.0, 0.3  # seconds of a recording before pauses are put into it; share of it that is then pauses
 SHORTEST, AFTER, BEFORE = 1.0, 1.2, 0.8  # s of a pause; s after and before the voice in which hands may move
+SHOWN = ("chain-of-generation", "mix-stage", "stylised-flow")
+Player = tuple[str, Any, dict[str, Any]]
+"""Name of a row, model, and the options that it generates with."""
 BODY = {"parts": ("body", "hands"), "fps": 30.0, "emotion": "neutral"}
 
 
@@ -144,19 +147,23 @@ def describe_gains(model: Any) -> str:
     return ", ".join(texts)
 
 
+def players(bundles: Sequence[str] | None, options: dict[str, Any]) -> Iterator[Player]:
+    """Each bundle (those that ship where none is given) as files have it, and live where it has a network for that."""
+    for file in bundles or [SHIPPED / f"{name}.cospeech" for name in SHOWN]:
+        model: Any = cospeech.load(str(file))
+        two = {"make", "live"} <= set(model.system.networks)
+        yield f"{Path(file).stem}{', offline' if two else ''}", model, options | model.for_files | {"stance": False}
+        if two:
+            yield f"{Path(file).stem}, live", model, options
+
+
 def print_following(chosen: argparse.Namespace) -> None:
     """A row for each model, the rules first."""
     speeches = held_out(Path(chosen.speech), chosen.split, chosen.pauses)
     seconds = sum(speech.seconds for speech in speeches)
     print(f"{len(speeches)} recordings, {seconds / 60:.1f} min with pauses, split {chosen.split}\n")
-    files = chosen.bundle or [SHIPPED / f"{name}.cospeech" for name in ("chain-of-generation", "mix-stage", "stylised-flow")]
-    rows: list[tuple[str, Any, dict[str, Any]]] = [("rules", RuleBasedModel(), {})]
-    for file in files:
-        model: Any = cospeech.load(str(file))
-        two = {"make", "live"} <= set(model.system.networks)
-        bare = {"temperature": chosen.temperature, "calibrated": not chosen.bare}
-        rows.append((f"{Path(file).stem}{', offline' if two else ''}", model, bare | model.for_files | {"stance": False}))
-        rows += [(f"{Path(file).stem}, live", model, bare)] if two else []
+    bare = {"temperature": chosen.temperature, "calibrated": not chosen.bare}
+    rows: list[Player] = [("rules", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
     print("| | silence ratio | beat lift | of the rules' | own | gains |\n|---|---|---|---|---|---|")
     first = 0.0
     for name, model, options in rows:

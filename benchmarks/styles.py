@@ -4,13 +4,14 @@
 
 The rules taught the networks that ship, in the styles of eight speakers. A judge learns these speakers from performances of the
 rules on every other piece of speech in the folder. Then each model performs the rest in each style, and the judge names the
-speaker. It must not see what bundling sets: so every number of a pose is standardised within each window of 8 s, by its own
+speaker. It should not see what bundling sets: so every number of a pose is standardised within each window of 8 s, by its own
 mean and deviation. What is left, and what the judge sees of six parts of the body:
 
 * the shares of five bands of frequency in the velocity;
 * how the parts' speeds correlate, and how the two arms mirror each other;
 * how long a part rests, and how uneven its speed is;
-* which hand does more, as the ratio of both hands' deviations, which no calibration of a single hand tells.
+* which arm does more, as the ratio of both arms' deviations. Bundling bears on this one:
+  its gains scale each number of a pose.
 
 Linear discriminants with a shrunk covariance; the windows of a performance vote, but for its first two seconds. The rules with
 other seeds are the first row: what can be reached. The second row is the control: the styles are drawn by lot.
@@ -25,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from models import BODY, held_out
+from models import BODY, Player, held_out, players
 
 import cospeech
 from cospeech.corpora.synthetic.speakers import Speaker, choose_speakers, vary_take
-from cospeech.models import SHIPPED
+from cospeech.experiments.discriminants import LinearDiscriminants
 from cospeech.motion.poses import find_pose
 from cospeech.rules import RuleBasedModel
 
@@ -37,8 +38,6 @@ SPEAKERS, SEED = 8, 0  # as tools/build_weights.py
 FPS, WINDOW, STEP, WARM = 15, 8.0, 2.0, 2.0  # frames a second; s
 BANDS = (0.0, 0.3, 0.6, 1.2, 2.4, 7.5)  # Hz
 TAKES = 4  # of each piece in each style, that the judge learns from
-SHRINK = 0.3  # share of the covariance that is taken from its mean variance
-SHOWN = ("chain-of-generation", "mix-stage", "stylised-flow")
 TINY = 1e-4  # rad; a number that varies by less is still
 ARM, HAND = ("Shoulder", "UpperArm", "LowerArm"), ("Hand", "Grip")
 PARTS = {"trunk": ("hips", "spine", "chest", "upperChest"), "head": ("neck", "head")} | {
@@ -91,13 +90,7 @@ class Judge:
         self._parts = columns_of(self._pose.names)
         pairs = [(who, self._windows(motion)) for who, motion in performed]
         rows, whose = np.concatenate([own for _, own in pairs]), np.concatenate([[who] * len(own) for who, own in pairs])
-        self._middle, self._scale = rows.mean(0), rows.std(0) + 1e-6
-        rows = (rows - self._middle) / self._scale
-        centres = np.stack([rows[whose == k].mean(0) for k in range(SPEAKERS)])
-        within = np.cov((rows - centres[whose]).T)
-        within = (1 - SHRINK) * within + SHRINK * np.eye(len(within)) * np.trace(within) / len(within)
-        self._weights = np.linalg.solve(within, centres.T)
-        self._bias = -0.5 * (centres * self._weights.T).sum(1)
+        self._discriminants = LinearDiscriminants(rows, whose, SPEAKERS)
 
     def _windows(self, motion: cospeech.Motion) -> np.ndarray:
         poses = self._pose.encode(motion.resample(FPS))[round(WARM * FPS) :]
@@ -107,8 +100,7 @@ class Judge:
 
     def name(self, motion: cospeech.Motion) -> int:
         """The speaker's number."""
-        scores = (self._windows(motion) - self._middle) / self._scale @ self._weights + self._bias
-        return int((scores - np.logaddexp.reduce(scores, 1, keepdims=True)).mean(0).argmax())
+        return int(self._discriminants.vote(self._windows(motion)).argmax())
 
 
 def perform(model: Any, speeches: list[cospeech.Speech], people: list[Speaker], seed: int, **options: Any) -> Any:
@@ -134,15 +126,8 @@ def main() -> None:
     judge = Judge(pair for take in range(TAKES) for pair in perform(RuleBasedModel(), taught, people, 7919 * take + 1))
     print(f"the judge learnt from {len(taught)} pieces; {len(tested)} others in {SPEAKERS} styles\n")
     print("| | named | chance |\n|---|---|---|")
-    rows: list[tuple[str, Any, dict[str, Any]]] = [("rules, other seeds", RuleBasedModel(), {})]
-    for file in chosen.bundle or [
-        SHIPPED / f"{name}.cospeech" for name in ("chain-of-generation", "mix-stage", "stylised-flow")
-    ]:
-        model: Any = cospeech.load(str(file))
-        bare = {"calibrated": not chosen.bare, "stance": False}
-        two = {"make", "live"} <= set(model.system.networks)
-        rows.append((f"{Path(file).stem}{', offline' if two else ''}", model, bare | model.for_files))
-        rows += [(f"{Path(file).stem}, live", model, bare)] if two else []
+    bare = {"calibrated": not chosen.bare, "stance": False}
+    rows: list[Player] = [("rules, other seeds", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
     for name, model, options in rows:
         pairs = [(who, judge.name(motion)) for who, motion in perform(model, tested, people, 50_000, **options)]
         right = np.array([who == said for who, said in pairs])

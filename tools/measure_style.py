@@ -25,6 +25,7 @@ from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.samples import load_stored_clips, sample_of
 from cospeech.corpora.store import Store
+from cospeech.experiments.discriminants import LinearDiscriminants
 from cospeech.metrics import Tools, load_metric
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
@@ -41,7 +42,7 @@ from cospeech.runtime.system import System, open_bundle
 PAGE = Path(__file__).parents[1] / "docs" / "styles.md"
 BLOCK = re.compile(r"(<!-- measured -->\n).*?(<!-- end -->)", re.S)
 SPEAKERS, SPEECHES, EXAMPLE, TALK, WARM = 5, 12, 10.0, 20.0, 2.0  # the last three in seconds
-WINDOW, SHRINK = 8.0, 0.3  # seconds; share of the covariance that is taken from its mean variance
+WINDOW = 8.0  # seconds
 PARTS = ("body", "hands")
 
 
@@ -75,14 +76,7 @@ class SpeakerVotes:
                 rows = self._windows(np.asarray(store.clip(clip)["pose"]))
                 found.append(rows)
                 labels += [store.speakers.index(clip.speaker)] * len(rows)
-        rows, whose = np.concatenate(found), np.array(labels)
-        self._middle, self._scale = rows.mean(0), rows.std(0) + 1e-6
-        rows = (rows - self._middle) / self._scale
-        centres = np.stack([rows[whose == k].mean(0) for k in range(len(store.speakers))])
-        within = np.cov((rows - centres[whose]).T)
-        within = (1 - SHRINK) * within + SHRINK * np.eye(len(within)) * np.trace(within) / len(within)
-        self._weights = np.linalg.solve(within, centres.T)
-        self._bias = -0.5 * (centres * self._weights.T).sum(1)
+        self._discriminants = LinearDiscriminants(np.concatenate(found), np.array(labels), len(store.speakers))
 
     def _windows(self, poses: np.ndarray) -> np.ndarray:
         """(W, 3 D), a window every two seconds."""
@@ -95,8 +89,7 @@ class SpeakerVotes:
     def votes(self, motion: Motion, skip: float = WARM) -> np.ndarray:
         """(S,) mean log-probability of each speaker over the windows after the first seconds."""
         poses = find_pose(self.store.pose).encode(motion)[round(skip * self.store.fps) :]
-        scores = (self._windows(poses) - self._middle) / self._scale @ self._weights + self._bias
-        return (scores - np.logaddexp.reduce(scores, 1, keepdims=True)).mean(0)
+        return self._discriminants.vote(self._windows(poses))
 
 
 def movement(motion: Motion) -> np.ndarray:

@@ -26,7 +26,7 @@ from .flow.latent_sources import Transfer, best_transfer
 from .mouth import POSE
 from .network import Network
 from .network_decoder import RestingDecoder
-from .session import Decoder
+from .decoder import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SampledWindowDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
 from .styles.embedding import StyleMixture

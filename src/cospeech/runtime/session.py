@@ -15,6 +15,7 @@ from fractions import Fraction
 import numpy as np
 
 from ..audio.emotions import Moods, emotion_track
+from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
@@ -235,7 +236,7 @@ class TrainedSession:
         self._check(chunk)
         for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
-            self._hear(self._held.convert(piece))
+            self._hear(piece)
         return self._next_frames()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -246,7 +247,6 @@ class TrainedSession:
         if self._over:
             return self._next_frames()
         self._over = True
-        self._hear(self._held.end())
         self._catch_up()
         for face in self._faces:
             face.hear_rest()
@@ -265,9 +265,11 @@ class TrainedSession:
         return self._next_frames()
 
     def _hear(self, piece: Speech) -> None:
-        """A piece at 16 kHz. The body waits with the face, which decides in ticks, where that makes no frame later."""
+        """A piece. At 16 kHz the body waits with the face, which decides in ticks, where that makes no frame later; what a
+        resampler keeps of other rates is not known here."""
         self._held.hold(piece)
-        waits = self._held.seconds <= self._slack and all(face.waits(self._held.heard) for face in self._faces)
+        waits = piece.rate == SAMPLE_RATE and self._held.seconds <= self._slack
+        waits = waits and all(face.waits(self._held.heard) for face in self._faces)
         made = None if waits else self._hear_held()
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))

@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # As many workers as cores: torch and BLAS with threads of their own would stand in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# librosa is compiled when it is first called. Two workers that write one cache spoil it, and what reads it then crashes. A worker
-# inherits the environment of the process that starts it, so each one names a folder of its own, which ends with it.
+# librosa is compiled when it is first called. Two workers that write one cache spoil it, and what reads it then crashes.
+# A worker inherits the environment of the process that starts it. So each one names a folder of its own, which ends with it.
 _numba_cache = tempfile.TemporaryDirectory(prefix="cospeech-numba-", ignore_cleanup_errors=True)
 os.environ["NUMBA_CACHE_DIR"] = _numba_cache.name
 
@@ -108,7 +108,7 @@ def cli(monkeypatch, capsys):
 
 @pytest.fixture(scope="session")
 def long_speech(tmp_path_factory) -> Path:
-    """Ten minutes of speech: enough to be killed or interrupted in."""
+    """Five minutes of speech: enough to be killed or interrupted in, and to be worked at for some seconds."""
     import soundfile
 
     from cospeech.cli.demo import EXAMPLE
@@ -116,6 +116,6 @@ def long_speech(tmp_path_factory) -> Path:
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     path = tmp_path_factory.mktemp("long") / "long.wav"
     with soundfile.SoundFile(path, "w", rate, 1) as file:
-        for _ in range(int(600 / (len(samples) / rate))):
+        for _ in range(int(300 / (len(samples) / rate))):
             file.write(samples)
     return path

@@ -22,7 +22,7 @@ from cospeech.models.nn.contrast import info_nce  # noqa: E402
 from cospeech.models.nn.gesture_norm import GestureAdaLN, HyperNetwork  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.recurrent import BothWays, Forwards  # noqa: E402
-from cospeech.models.nn.speed_distance import speed_distance  # noqa: E402
+from cospeech.models.nn.speed_distance import speed_distance, timing_distance  # noqa: E402
 from cospeech.models.nn.temporal import CausalConv, Memory, SameConv, TextTcn  # noqa: E402
 from cospeech.models.nn.words import SubwordTable, word_embedding  # noqa: E402
 from cospeech.models.speech_classifier import SpeechClassifier, SpeechClassifierConfig  # noqa: E402
@@ -698,3 +698,20 @@ def test_a_pause_costs_speed_and_the_shape_of_a_stroke_does_not():
     net = chain(speed_envelope=2.0).train()
     terms = net.gesture_loss(batch(net), 0)
     assert terms["speed_envelope"].item() > 0
+
+
+def test_strokes_at_other_times_cost_timing_and_strokes_of_another_size_and_form_do_not():
+    """A pulse of speed every 1.2 s: at the same times in another direction and size, half a period later, and not at all."""
+    time = torch.arange(64) / 15
+
+    def strokes(shift, size):
+        return size * torch.tanh(6 * torch.sin(2 * torch.pi * (time - shift) / 2.4)).expand(2, 4, -1)
+
+    recorded = strokes(0.0, 1.0)
+    assert timing_distance(-0.5 * recorded, recorded).item() < 0.05
+    assert timing_distance(strokes(0.6, 1.0), recorded).item() > 1.3
+    assert timing_distance(torch.zeros_like(recorded), recorded).item() == pytest.approx(1, abs=0.01)
+    net = chain(stroke_timing=2.0).train()
+    gradients = torch.autograd.grad(net.gesture_loss(batch(net), 0)["stroke_timing"], net.objectives()["gestures"].parameters,
+                                    allow_unused=True)  # fmt: skip
+    assert any(each is not None and each.abs().max() > 0 for each in gradients)

@@ -89,7 +89,7 @@ def test_with_all_that_is_ours_off_it_is_the_published_model():
         assert first.loss(data, 0) == second.loss(data, 0)
 
 
-def test_less_reconstruction_and_played_poses_change_what_they_say_and_nothing_else():
+def test_less_reconstruction_played_poses_and_timing_change_what_they_say_and_nothing_else():
     data = batch()
     plain, less, played = (
         extended(**changes).train().generator_loss(data, 0) for changes in ({}, {"reconstruction": 0.25}, {"persistence": 6.0})
@@ -97,6 +97,10 @@ def test_less_reconstruction_and_played_poses_change_what_they_say_and_nothing_e
     assert {name for name in plain if plain[name] != less[name]} == {"rec", "joint"}
     assert less["rec"].item() == pytest.approx(plain["rec"].item() / 4)
     assert {name for name in plain if plain[name] != played[name]} == {"id", "adv"}
+    timed = extended(stroke_timing=3.0).train().generator_loss(data, 0)
+    assert timed.keys() - plain.keys() == {"stroke_timing"}
+    assert all(plain[name] == timed[name] for name in plain)
+    assert 0 < timed["stroke_timing"].item() < 6
 
 
 def test_the_style_joins_the_content_before_or_after_the_unet():

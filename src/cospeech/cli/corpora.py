@@ -76,7 +76,7 @@ Gestures = Annotated[
     ),
 ]
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
-Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions (BEAT's layout only).")]
+Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions. Without it, nobody can hear them.")]
 Calm = Annotated[bool, Option("--neutral", help="Make all takes neutral.")]
 Coupling = Annotated[
     float | None,

@@ -8,13 +8,15 @@ off by default:
     adversarial                  ℓ_D of a discriminator that sees poses, their motion, the speech, speaker and emotion
     motion_statistics            ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
     speed_envelope               ℓ_V = |v(P) − v(P*)|² / |v(P*)|², v: how fast the pose changes, over 0.2 s
+    stroke_timing                ℓ_T = 1 − r of the logarithms of v(P) and v(P*), without what changes over 2 s
     speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
     word_dropout, seed_dropout   clips without words, without seed poses: what may be missing when it plays
     label_conditioning           clips with the style of their labels: style and emotion may be given when it plays
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
-    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_D (D(P) − 1)²,      D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
+    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_D (D(P) − 1)²
+    D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
 What each does for the motion: docs/models/chain_of_generation.md, "Added".
 """
@@ -39,7 +41,7 @@ from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
-from .nn.speed_distance import speed_distance
+from .nn.speed_distance import speed_distance, timing_distance
 from .nn.temporal import Memory
 
 __all__ = ["ChainExtendedConfig", "ChainOfGenerationExtended", "Turn"]
@@ -68,6 +70,9 @@ class ChainExtendedConfig(ChainConfig):
     speed_envelope: float = 0.0
     """Weight of how far the speed of a clip's poses is from the recorded one, frame by frame. The best guess by squares is the
     mean speed at such speech: it says where strokes and pauses are, whatever the strokes look like. [ours]"""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of a clip's poses rises and falls when the recorded one does. It says nothing of the size
+    and form of strokes. [ours]"""
     noise: int = 0
     """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. [ours]"""
     persistence: float = 15.0
@@ -271,6 +276,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
             )
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
+        if c.stroke_timing:
+            terms["stroke_timing"] = c.stroke_timing * timing_distance(made.pose, wanted)
         if self.discriminator is not None:
             terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms

@@ -13,6 +13,8 @@ what is left, the distance to one recording, is least for the mean of all motion
         Z ─┬─► H ──► logits + noise ── softmax ──► Φ ─┐
            └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
 
+    stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
+
 What each does for the motion: docs/models/mix_stage.md, "Added".
 """
 
@@ -29,6 +31,7 @@ from .nn.gumbel import smooth_gumbel
 from .nn.mixture import mix
 from .nn.objective import Batch
 from .nn.pose_discriminator import PoseDiscriminator
+from .nn.speed_distance import timing_distance
 
 __all__ = ["MixStageExtended", "MixStageExtendedConfig"]
 
@@ -45,6 +48,8 @@ class MixStageExtendedConfig(MixStageConfig):
     persistence: float = 0.0
     """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
     that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
 
 
 class MixStageExtended(MixStage):
@@ -87,6 +92,10 @@ class MixStageExtended(MixStage):
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, L_rec and L_joint weighted."""
+        """As of the paper, L_rec and L_joint weighted, and ``stroke_timing``."""
+        self._shared_forward = decoded = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
-        return {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
+        terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
+        if self.config.stroke_timing:
+            terms["stroke_timing"] = self.config.stroke_timing * timing_distance(decoded.judged, batch["pose"].mT)
+        return terms

@@ -1,7 +1,7 @@
 """``cospeech synthesise``: a synthetic corpus in the raw layout of TED, Trinity, PATS or BEAT.
 
-The rule-based model performs real and synthesised speech as several speakers in eight emotions, which in BEAT's layout the
-voices act as well (`acting`). What comes out looks, to every tool that reads the real data set, like that data set; it is there
+The rule-based model performs real and synthesised speech as several speakers in eight emotions, which the voices act as well
+(`acting`). What comes out looks, to every tool that reads the real data set, like that data set; it is there
 to test, to teach and to practise with. It is **synthetic**: a network trained on it learns our rules, not people.
 """
 
@@ -44,7 +44,8 @@ class Layout:
         speakers: how many where the caller does not say.
         neutral: how many takes are neutral for one of each other emotion.
         full: whether an emotion of a speaker and split can run out of places.
-        acted: whether speakers have voices of their own, which act the emotion.
+        voices: whether speakers have voices of their own.
+        acted: whether voices act the emotion.
         calm: whether all takes are neutral.
         variation: of the style from take to take.
         silence: share of a take that is silence put into the speech.
@@ -55,7 +56,8 @@ class Layout:
     speakers: int = 8
     neutral: int = 7
     full: bool = False
-    acted: bool = False
+    voices: bool = False
+    acted: bool = True
     calm: bool = False
     variation: float = 1.0
     silence: float = 0.0
@@ -65,7 +67,7 @@ LAYOUTS: dict[str, Layout] = {
     "ted": Layout(25.0, 12.0),
     "trinity": Layout(60.0, 60.0, speakers=1),
     "pats": Layout(15.0, 15.0),
-    "beat": Layout(120.0, 30.0, neutral=2, full=True, acted=True),
+    "beat": Layout(120.0, 30.0, neutral=2, full=True, voices=True),
 }
 """Layout → frame rate of the real data, and a length of takes as they are there; Trinity has one speaker.
 
@@ -134,7 +136,7 @@ def synthesise(
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
         gestures: seed of the motion alone: with another one the same speakers say the same and move otherwise.
         tts: whether espeak-ng and flite speak, as far as they are installed.
-        act: whether voices act the emotions, in layouts that say which there is (BEAT's).
+        act: whether voices act the emotions. Without it they cannot be heard.
         neutral: whether all takes are neutral, so that everything in the motion can be heard or is by chance.
         coupling: how closely brows, nods and blinks go along with strokes, 0 … 1; that of the styles where not given.
         variation: of tempo, amplitude and preferred hand from take to take (`vary_take`), 0 … 2; not audible.
@@ -170,7 +172,7 @@ def synthesise(
         raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    performed = replace(chosen, acted=chosen.acted and act, calm=neutral, variation=variation, silence=silence)
+    performed = replace(chosen, acted=act, calm=neutral, variation=variation, silence=silence)
     clips = _clips(performed, layout, people, pools, hours * 3600, (seed, gestures), made, progress)
     write = import_module(CORPORA[layout].module).write
     try:
@@ -257,7 +259,7 @@ def _pools(
         number = max(2, int(count * shares[split] / among))
         return _Pool(own, voices, take, number, seed + SPLITS.index(split) * 10_007, split)
 
-    if not layout.acted:
+    if not layout.voices:
         return [{split: pool(split, real[split], engines, 1, seed) for split in splits}] * people
     readers = [*dict.fromkeys(reader_of(speech) for own in real.values() for speech in own)]
     pools = []

@@ -1,13 +1,15 @@
-"""How far the speed of made motion is from that of recorded motion, frame by frame; ours."""
+"""How far the speed of made motion is from that of recorded motion: frame by frame, and in when it rises and falls; ours."""
 
 from __future__ import annotations
 
 from torch import Tensor
 from torch.nn import functional as F
 
-__all__ = ["SMOOTH", "pose_speed", "speed_distance"]
+__all__ = ["SMOOTH", "SPAN", "pose_speed", "speed_distance", "timing_distance"]
 
 SMOOTH = 3  # frames, 0.2 s at 15 a second [ours]: a stroke that comes a frame late is not wrong
+SPAN = 31  # frames, 2 s at 15 a second [ours]: slower changes are the amplitude of a clip and its pauses, not its strokes
+_REST = 0.02  # standard deviations a frame [ours]: a fifth of the mean speed; hands that are slower rest
 _TINY = 1e-6  # [ours] a square whose root has a slope
 
 
@@ -21,3 +23,21 @@ def speed_distance(made: Tensor, recorded: Tensor) -> Tensor:
     """Mean square of the difference of the speeds of (B, D, T) poses, by the mean square of the recorded ones."""
     wanted = pose_speed(recorded)
     return (pose_speed(made) - wanted).square().mean() / wanted.square().mean().clamp_min(_TINY)
+
+
+def timing_distance(made: Tensor, recorded: Tensor) -> Tensor:
+    """1 − r of two speeds of (B, D, T) poses: r correlates their logarithms, less the mean over `SPAN` frames about each.
+
+    Strokes of another size or form have the distance 0, if they come at the same time.
+    """
+    one, other = (_strokes(pose_speed(pose)) for pose in (made, recorded))
+    r = (one * other).sum(1) / (one.square().sum(1) * other.square().sum(1) + _TINY).sqrt()
+    return (1 - r).mean()
+
+
+def _strokes(speed: Tensor) -> Tensor:
+    """(B, T) logarithms of speeds without what changes slowly; the mean of each row is 0."""
+    logs = (speed + _REST).log()
+    slow = F.avg_pool1d(logs.unsqueeze(1), SPAN, 1, SPAN // 2, count_include_pad=False).squeeze(1)
+    fast = logs - slow
+    return fast - fast.mean(1, keepdim=True)

@@ -31,7 +31,6 @@ from .conditioning import Seam
 from .crossfade import Crossfade
 from .decoder import Decoder
 from .face_override import FaceOverride
-from .held_speech import HeldSpeech
 from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
@@ -39,11 +38,12 @@ from .session_frames import WaitingFrames, eye_joints, resting_joints, select_pa
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
+from .waiting_speech import WaitingSpeech
 
 __all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
-_AT_ONCE = 0.2  # seconds of poses that are worth decoding in a quiet moment (ours: they take hardly longer than half of them)
+_AT_ONCE = 0.2  # seconds of poses that are worth decoding in a quiet moment (ours; see `TrainedSession._decode`)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class TrainedSession:
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
-        self._held, self._slack = HeldSpeech(), self._latency - body  # seconds by which the body may be late at no cost
+        self._held, self._slack = WaitingSpeech(), self._latency - body  # seconds by which the body may be late at no cost
         self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
         self._bodies = [WaitingFrames() for _ in faces]
         self._heads = [WaitingFrames() for _ in faces]

@@ -8,13 +8,13 @@ import numpy as np
 
 from ..audio.speech import Speech
 
-__all__ = ["HeldSpeech"]
+__all__ = ["WaitingSpeech"]
 
 
-class HeldSpeech:
+class WaitingSpeech:
     """Pieces of one rate that wait, and are taken as one.
 
-    >>> held = HeldSpeech()
+    >>> held = WaitingSpeech()
     >>> for piece in Speech(np.zeros(1600, np.float32)).chunks(0.02):
     ...     held.hold(piece)
     >>> held.seconds, held.heard, len(held.take()), held.take() is None
@@ -23,8 +23,9 @@ class HeldSpeech:
 
     def __init__(self) -> None:
         self._pieces: list[Speech] = []
-        self._count = self.heard = 0
-        """Samples that were ever held."""
+        self._count = 0
+        self.heard = 0
+        """Samples that came, in all."""
 
     @property
     def seconds(self) -> float:

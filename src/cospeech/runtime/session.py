@@ -270,7 +270,7 @@ class TrainedSession:
         self._held.hold(piece)
         waits = piece.rate == SAMPLE_RATE and self._held.seconds <= self._slack
         waits = waits and all(face.waits(self._held.heard) for face in self._faces)
-        made = None if waits else self._hear_held()
+        made = None if waits else self._push_body()
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))
         if made is not None:
@@ -280,7 +280,7 @@ class TrainedSession:
         elif (made is None or not made.shape[1]) and self._waiting() >= min(_AT_ONCE, self._slack) * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
-    def _hear_held(self) -> Array | None:
+    def _push_body(self) -> Array | None:
         """What the body's network makes of what is held; None where nothing is."""
         piece = self._held.take()
         if piece is None:
@@ -291,7 +291,7 @@ class TrainedSession:
 
     def _catch_up(self) -> None:
         """The body hears all that was pushed, before something changes."""
-        if (made := self._hear_held()) is not None:
+        if (made := self._push_body()) is not None:
             self._keep(made)
 
     def _waiting(self) -> int:

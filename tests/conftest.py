@@ -108,7 +108,7 @@ def cli(monkeypatch, capsys):
 
 @pytest.fixture(scope="session")
 def long_speech(tmp_path_factory) -> Path:
-    """Ten minutes of speech: enough to be killed or interrupted in."""
+    """Five minutes of speech: enough to be killed or interrupted in, and to be worked at for some seconds."""
     import soundfile
 
     from cospeech.cli.demo import EXAMPLE
@@ -116,6 +116,6 @@ def long_speech(tmp_path_factory) -> Path:
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     path = tmp_path_factory.mktemp("long") / "long.wav"
     with soundfile.SoundFile(path, "w", rate, 1) as file:
-        for _ in range(int(600 / (len(samples) / rate))):
+        for _ in range(int(300 / (len(samples) / rate))):
             file.write(samples)
     return path

@@ -45,6 +45,7 @@ from cospeech.training.train import train
 
 ROOT = Path(__file__).parents[1]
 SPEAKERS, SEED, STYLE = 8, 0, "elif"  # the orator: neither the largest nor the smallest
+SILENCE = 0.25  # share of a take: networks that never heard a pause wave in it
 FACE_STYLE = "grid_s1"  # MediaPipe's units are those that apps with ARKit's names expect
 METRICS = ("fgd", "beat_align", "diversity", "l1_div", "jerk", "hellinger_speed", "w1_speed")
 
@@ -136,7 +137,7 @@ rules, not people. Speech: LibriVox (public domain), LJ Speech (public domain), 
 **Network.** {parameters:,} parameters of the streaming one in training, with its discriminator, {theirs:,} of the other;
 16-bit weights, {fps:g} poses per second (interpolated). Trained for {their_steps} and {train_steps} steps of {batch} windows
 on {machine}. Not as published: the speech encoder is our own small one, words are subwords, and besides the paper's losses
-there are a discriminator and the manner of a recording (docs/models/chain_of_generation.md, "Added").
+there are a discriminator, the manner of a recording, and when its strokes come (docs/models/chain_of_generation.md, "Added").
 
 **Speakers**, for `--style NAME`: {names}; without one, whoever is heard. Emotions: `--emotion NAME` or a track; without one,
 as heard.
@@ -336,7 +337,11 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
     """Body and hands, of the synthetic corpus."""
     raw, store, run = chosen.work / "raw-beat", chosen.work / f"store-humanoid{kind.fps}", chosen.work / kind.run
     if not raw.exists():
-        print(synthesise(raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED).summary())
+        print(
+            synthesise(
+                raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED, silence=SILENCE
+            ).summary()
+        )
     if not (store / "index.json").exists():
         print(prepare("beat", raw, store, pose="expmap-humanoid", fps=kind.fps).summary())
     own, more = [f"train.threads={chosen.threads}"], dict[str, Any]()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +12,7 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.training.recipe import SHIPPED, list_recipes, load_recipe
 from tests.house.test_docs import FENCE, ROOT
+from tests.support.command_line import type_command
 
 pytestmark = pytest.mark.slow
 
@@ -31,19 +29,17 @@ def lines() -> list[str]:
     return [line.partition("#")[0].strip() for line in first.splitlines()]
 
 
-def test_the_block_of_the_page_runs(tmp_path):
+def test_the_block_of_the_page_runs(tmp_path, monkeypatch):
     for name in ("torch", "onnx"):
         pytest.importorskip(name, reason=f"training needs {name} (cospeech[train])")
     soundfile.write(tmp_path / "talk.wav", *soundfile.read(EXAMPLE, frames=96_000))
     commands = [line.split()[1] for line in lines()]
     assert commands == ["synthesise", "prepare", "train", "bundle", "generate"]
+    monkeypatch.setenv("PATH", str(tmp_path))  # no espeak-ng, no flite
     for line in lines():
-        command = [sys.executable, "-m", *line.split(), *LESS.get(line.split()[1], "").split()]
-        environment = os.environ | {"PATH": str(tmp_path)}  # no espeak-ng, no flite
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False)
-        assert done.returncode == 0, done.stderr
-        if "synthesise" in command:
-            assert done.stderr.startswith("note: neither espeak-ng nor flite is installed")
+        _, told = type_command(f"{line} {LESS.get(line.split()[1], '')}", tmp_path)
+        if "synthesise" in line:
+            assert told.startswith("note: neither espeak-ng nor flite is installed")
     assert len(Motion.load(tmp_path / "talk.bvh")) == 180
     assert (tmp_path / "talk.glb").stat().st_size > 1000
 

@@ -41,6 +41,12 @@ def said(seconds: float = 6.0, words: bool = True) -> Speech:
     return Speech.load(audio, transcript=transcript if words else None).window(0, seconds)
 
 
+@cache
+def generated(name: str, seconds: float = 6.0, words: bool = True, **options) -> Motion:
+    """The whole that the pieces of several tests are compared with; nobody changes it."""
+    return model(name).generate(said(seconds, words), **options)
+
+
 def pieces_of(speech: Speech, sizes: Iterator[int]) -> Iterator[Speech]:
     """Of these sizes in samples, each with the words that start in it."""
     at, words = 0, list(speech.words or ())
@@ -82,7 +88,7 @@ CUTS = {"17": always(17), "a prime": always(479), "1600": always(1600), "16000":
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize(("fps", "words"), [(60.0, True), (24.0, False)])
 def test_raw_pieces_are_the_whole(name, fps, words, cuts):
-    whole = model(name).generate(said(words=words), fps=fps, seed=3)
+    whole = generated(name, words=words, fps=fps, seed=3)
     made = list(model(name).stream(pieces_of(said(words=words), CUTS[cuts]), fps=fps, seed=3))
     assert len(made) > 1
     assert joined(made) == joined([whole])
@@ -187,7 +193,7 @@ CONSUMERS = [taken_whole, taken_then_left, taken_then_raised, not_taken, taken_f
 @pytest.mark.parametrize("consume", CONSUMERS, ids=lambda c: c.__name__)
 @pytest.mark.parametrize("name", MODELS)
 def test_every_frame_is_given_once(name, consume):
-    whole = model(name).generate(said(), seed=1)
+    whole = generated(name, seed=1)
     session, made = model(name).session(seed=1), []
     for chunk in pieces_of(said(), always(33_000)):
         consume(session, chunk, made)
@@ -226,7 +232,7 @@ def test_sound_is_heard_at_once(name):
             lazy.push(wrong)
         with pytest.raises(InputError):
             lazy.push_takes(wrong)
-    assert joined([*lazy.finish()]) == joined([model(name).generate(said(), seed=1)])  # what was wrong has changed nothing
+    assert joined([*lazy.finish()]) == joined([generated(name, seed=1)])  # what was wrong has changed nothing
     with pytest.raises(InputError, match="the speech is over"):
         lazy.push(said())
     with pytest.raises(InputError, match="no speech"):

@@ -51,12 +51,10 @@ def many(kind: type, config: type, **changes: Any) -> Any:
 
 CASES = {
     "chain": lambda: chain(),
-    "chain with noise": lambda: chain(noise=4),
     "chain without seeds": lambda: chain(seeds=0, noise=2),
     "chain of vectors": lambda: chain(text=300),
     "chain of one layer": lambda: chain(layers=1, latent=8),
-    "chain that is given": lambda: asked(noise=2),
-    "chain that is given, without noise": lambda: asked(),
+    "chain that is given": lambda: asked(),
     "live": lambda: live(),
     "live of one that is given": lambda: live(noise=3, face_teacher_forcing=0.3, seed_dropout=0.7),
     "live with noise": lambda: live(noise=4),

@@ -82,6 +82,8 @@ def _tokens(text: str) -> Iterator[str]:
 
 def bare(token: str) -> str:
     """A token without the punctuation around it."""
+    if token.isalnum():  # most words: nothing is to be taken away
+        return token
     first = next((i for i, c in enumerate(token) if _is_letter(c)), len(token))
     last = next((i for i, c in enumerate(reversed(token)) if _is_letter(c)), 0)
     return token[first : len(token) - last]

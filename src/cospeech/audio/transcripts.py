@@ -106,6 +106,8 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
 
 
 def _tokens(text: str) -> list[str]:
+    if not text:
+        return []
     spoken = NOT_SPOKEN.sub(" ", VARIANT.sub("", CONTROL.sub(" ", text).strip()))
     return [] if spoken.strip().lower() in SILENCES else tokenise(spoken)
 

@@ -1,0 +1,39 @@
+"""Type a command of cospeech in the process of the tests, which has imported everything already."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+import sys
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+__all__ = ["type_command"]
+
+
+def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:
+    """Run ``cospeech …`` in a folder; give what it says, and its errors and notes.
+
+    That the same line works as a program is for tests/cli/test_process.py.
+
+    Whatever it sets for its own process (signals, the folder, its arguments) is put back.
+
+    Raises:
+        AssertionError: it ends with another exit code.
+    """
+    from cospeech.cli.main import main
+
+    said, told, before = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+    arguments = ["cospeech", *line.removeprefix("cospeech ").split()]
+    with contextlib.ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGTERM, before)
+        for context in (contextlib.chdir(place), contextlib.redirect_stdout(said), contextlib.redirect_stderr(told)):
+            stack.enter_context(context)
+        stack.enter_context(mock.patch.object(sys, "argv", arguments))
+        ended = stack.enter_context(pytest.raises(SystemExit))
+        main()
+    assert int(ended.value.code or 0) == code, f"{line}\n{told.getvalue()}"
+    return said.getvalue(), told.getvalue()

@@ -1,5 +1,7 @@
 // Which bone of somebody's GLB character is which joint of ours, by the bones' names.
 
+import { BONE_TABLES } from "./bone_tables";
+
 const FINGERS = ["Thumb", "Index", "Middle", "Ring", "Little"];
 const LINKS: Record<string, string[]> = { Thumb: ["Metacarpal", "Proximal", "Distal"] };
 const USUAL_LINKS = ["Proximal", "Intermediate", "Distal"];
@@ -55,6 +57,11 @@ export function findBones(joints: string[], names: string[]): Map<string, number
     if (!known.has(plain(name))) known.set(plain(name), k);
   });
   const found = new Map<string, number>();
+  const table = BONE_TABLES.find((one) => Object.values(one).every((name) => names.includes(name)));
+  if (table) {  // as Python does: a skeleton that is known as a whole needs no guess
+    for (const joint of joints) if (table[joint]) found.set(joint, names.indexOf(table[joint]));
+    return found;
+  }
   const used = new Set<number>();
   for (const joint of joints) {
     const index = candidatesOf(joint).map((name) => known.get(name)).find((k) => k !== undefined && !used.has(k));

@@ -163,6 +163,10 @@ class Session(SessionControls):
             raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
         return self._played.plan(float(self._sound.duration))
 
+    def waits(self, heard: int) -> bool:
+        """Whether nothing can be decided yet when so many samples at 16 kHz were heard, in all."""
+        return heard < self.detector.needs
+
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
 

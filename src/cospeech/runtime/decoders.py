@@ -21,12 +21,12 @@ from ..rules.options import GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder
 from .conditioning import Conditioning, check_conditioning, poses_before
+from .decoder import Decoder
 from .flow.engine import FlowEngine
 from .flow.latent_sources import Transfer, best_transfer
 from .mouth import POSE
 from .network import Network
 from .network_decoder import RestingDecoder
-from .session import Decoder
 from .sliding_window_decoder import OverlapAddDecoder, SampledWindowDecoder, SlidingWindowDecoder, looking, sections
 from .speaker_emotion_tracker import SpeakerEmotionTracker
 from .styles.embedding import StyleMixture

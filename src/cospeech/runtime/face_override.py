@@ -58,6 +58,10 @@ class FaceOverride:
         """See `cospeech.rules.Session`."""
         return self._session.look_ahead
 
+    def waits(self, heard: int) -> bool:
+        """See `cospeech.rules.Session`."""
+        return self._session.waits(heard)
+
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.rules.Session`."""
         self._session.share(prosody)

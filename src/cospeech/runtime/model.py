@@ -27,13 +27,14 @@ from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
 from ..rules.streaming import check_speech, stream_motion
 from .conditioning import NOTHING, Conditioning, read_conditioning
+from .decoder import Decoder
 from .decoders import is_mouth, needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
-from .session import PIECE, Decoder, ResolvedStyle, TrainedSession, latency_of_body
+from .session import PIECE, ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .stretched_session import StretchedSession
 from .styles.space import style_space

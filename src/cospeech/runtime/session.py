@@ -11,11 +11,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol
 
 import numpy as np
 
 from ..audio.emotions import Moods, emotion_track
+from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
@@ -29,6 +29,7 @@ from ..rules.stance_layer import StanceLayer
 from ..rules.streaming import check_speech, in_short
 from .conditioning import Seam
 from .crossfade import Crossfade
+from .decoder import Decoder
 from .face_override import FaceOverride
 from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
@@ -37,69 +38,12 @@ from .session_frames import WaitingFrames, eye_joints, resting_joints, select_pa
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System
+from .waiting_speech import WaitingSpeech
 
-__all__ = ["PIECE", "Decoder", "ResolvedStyle", "TrainedSession", "latency_of_body"]
+__all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
-
-
-class Decoder(Protocol):
-    """A network of any kind under way: rows of speech in, poses of N takes out."""
-
-    @property
-    def takes(self) -> int:
-        """N."""
-        ...
-
-    @property
-    def width(self) -> int:
-        """D."""
-        ...
-
-    @property
-    def latency(self) -> float:
-        """Seconds of speech, from a frame's own time on, that the network waits for at most."""
-        ...
-
-    @property
-    def moods(self) -> Moods | None:
-        """The emotions that the network plays, as far as speech was pushed; None for one that knows none."""
-        ...
-
-    @property
-    def speaker(self) -> dict[str, float] | None:
-        """See `TrainedSession.speaker`."""
-        ...
-
-    @property
-    def emotion(self) -> dict[str, float] | None:
-        """See `TrainedSession.emotion`; None where the network hears none."""
-        ...
-
-    def push(self, rows: Array) -> Array:
-        """Standardised rows (n, A) that come next → the standardised poses (N, k, D) that they make certain."""
-        ...
-
-    def finish(self, silence: Array) -> Array:
-        """The poses of the rest; ``silence`` (1, A) is the row of silence, which is after the speech."""
-        ...
-
-    def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
-        """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
-
-        Args:
-            at: (n,) where they lie, in frames of the model.
-            amplitude: (n, 1) further factor on that way.
-        """
-        ...
-
-    def restyle(self, blend: StyleMixture, frame: int) -> None:
-        """Another style, faded in from this frame of the model on; no row beyond it has been pushed yet."""
-        ...
-
-    def set_emotion(self, moods: Moods | None, time: float) -> None:
-        """Other emotions from ``time`` seconds on, for a network that knows some; None: neutral."""
-        ...
+_AT_ONCE = 0.2  # seconds of poses that are worth decoding in a quiet moment (ours; see `TrainedSession._decode`)
 
 
 @dataclass(frozen=True)
@@ -162,10 +106,11 @@ class TrainedSession:
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
         self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
-        self._latency = self._look_ahead = latency_of_body(system, frontend, decoder, stances)
+        self._latency = self._look_ahead = body = latency_of_body(system, frontend, decoder, stances)
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
+        self._held, self._slack = WaitingSpeech(), self._latency - body  # seconds by which the body may be late at no cost
         self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
         self._bodies = [WaitingFrames() for _ in faces]
         self._heads = [WaitingFrames() for _ in faces]
@@ -228,6 +173,7 @@ class TrainedSession:
             InputError: a style that cannot be used; the old one goes on.
         """
         resolved_style = self._direct(style)
+        self._catch_up()
         self._decoder.restyle(resolved_style.blend, self._frontend.frames)
         self._frontend.control(resolved_style.controls)
         self._resolved_style = resolved_style
@@ -243,6 +189,7 @@ class TrainedSession:
         check_range("intensity", intensity, INTENSITY_RANGE)
         if not self._intensity:
             raise InputError("a session of intensity 0 cannot be enlarged", "open it with a larger one")
+        self._catch_up()
         self._sizes.change(np.full((1, 1, 1), intensity / self._intensity), self._frontend.frames)
         if faces:
             self.change_faces(intensity=intensity)
@@ -262,7 +209,9 @@ class TrainedSession:
         Raises:
             InputError: there is no such emotion.
         """
-        self._decoder.set_emotion(emotion_track(emotion), self._frontend.frames / self._rate_of_poses)
+        track = emotion_track(emotion)
+        self._catch_up()
+        self._decoder.set_emotion(track, self._frontend.frames / self._rate_of_poses)
         if faces:
             self.change_faces(emotion=emotion)
 
@@ -287,16 +236,7 @@ class TrainedSession:
         self._check(chunk)
         for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
-            made = self._decoder.push(self._frontend.push(piece))
-            if self._rest is not None:
-                self._rest.push(piece)
-            for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
-                self._see(kept, face.push(piece))
-            self._keep(made)
-            if (count := self._count()) > 0:
-                self._ready.append(self._make_motions(count))
-            elif not made.shape[1]:  # a quiet moment: what is decoded now, no busy one has to decode
-                self._decode()
+            self._hear(piece)
         return self._next_frames()
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -307,6 +247,7 @@ class TrainedSession:
         if self._over:
             return self._next_frames()
         self._over = True
+        self._catch_up()
         for face in self._faces:
             face.hear_rest()
         if self._rest is not None:
@@ -322,6 +263,40 @@ class TrainedSession:
         if (count := self._count()) > 0:
             self._ready.append(self._make_motions(count))
         return self._next_frames()
+
+    def _hear(self, piece: Speech) -> None:
+        """A piece. At 16 kHz the body waits with the face, which decides in ticks, where that makes no frame later; what a
+        resampler keeps of other rates is not known here."""
+        self._held.hold(piece)
+        waits = piece.rate == SAMPLE_RATE and self._held.seconds <= self._slack
+        waits = waits and all(face.waits(self._held.heard) for face in self._faces)
+        made = None if waits else self._push_body()
+        for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
+            self._see(kept, face.push(piece))
+        if made is not None:
+            self._keep(made)
+        if (count := self._count()) > 0:
+            self._ready.append(self._make_motions(count))
+        elif (made is None or not made.shape[1]) and self._waiting() >= min(_AT_ONCE, self._slack) * self._fps:
+            self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
+
+    def _push_body(self) -> Array | None:
+        """What the body's network makes of what is held; None where nothing is."""
+        piece = self._held.take()
+        if piece is None:
+            return None
+        if self._rest is not None:
+            self._rest.push(piece)
+        return self._decoder.push(self._frontend.push(piece))
+
+    def _catch_up(self) -> None:
+        """The body hears all that was pushed, before something changes."""
+        if (made := self._push_body()) is not None:
+            self._keep(made)
+
+    def _waiting(self) -> int:
+        """Frames that are not decoded yet."""
+        return sum(rows.shape[1] for rows in self._rows)
 
     def _check(self, chunk: Speech) -> None:
         """Before any of those who listen has heard it: that all of them can."""

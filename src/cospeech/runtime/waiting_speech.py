@@ -1,0 +1,50 @@
+"""Small pieces of speech that are held until there is enough to be worth a look."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from ..audio.speech import Speech
+
+__all__ = ["WaitingSpeech"]
+
+
+class WaitingSpeech:
+    """Pieces of one rate that wait, and are taken as one.
+
+    >>> held = WaitingSpeech()
+    >>> for piece in Speech(np.zeros(1600, np.float32)).chunks(0.02):
+    ...     held.hold(piece)
+    >>> held.seconds, held.heard, len(held.take()), held.take() is None
+    (0.1, 1600, 1600, True)
+    """
+
+    def __init__(self) -> None:
+        self._pieces: list[Speech] = []
+        self._count = 0
+        self.heard = 0
+        """Samples that came, in all."""
+
+    @property
+    def seconds(self) -> float:
+        """Of what is held."""
+        return self._count / self._pieces[0].rate if self._pieces else 0.0
+
+    def hold(self, piece: Speech) -> None:
+        """Keep a piece."""
+        self._pieces.append(piece)
+        self._count += len(piece)
+        self.heard += len(piece)
+
+    def take(self) -> Speech | None:
+        """All that is held, as one piece; None where there is nothing."""
+        pieces, self._pieces, self._count = self._pieces, [], 0
+        if len(pieces) < 2:
+            return pieces[0] if pieces else None
+        said = [piece.words for piece in pieces if piece.words is not None]
+        words = tuple(word for each in said for word in each) if said else None
+        samples = np.concatenate([piece.samples for piece in pieces])
+        length = sum((piece.duration for piece in pieces), Fraction(0))
+        return Speech(samples, pieces[0].rate, words, start=pieces[0].start, duration=length)

@@ -163,9 +163,9 @@ class Session(SessionControls):
             raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
         return self._played.plan(float(self._sound.duration))
 
-    def waits(self, heard: int) -> bool:
-        """Whether nothing can be decided yet when so many samples at 16 kHz were heard, in all."""
-        return heard < self.detector.needs
+    def is_quiet(self, heard: int) -> bool:
+        """Whether a push up to this many samples at 16 kHz, in all, would decide nothing and make no frames."""
+        return heard < self.detector.needs and self._frame >= self._end(self.planned_until)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
@@ -291,8 +291,7 @@ class Session(SessionControls):
 
     def _make(self, until: float, total: int | None = None) -> None:
         """Make the frames before ``until`` seconds that have not been made; none ever where no part is wanted."""
-        end = int(np.ceil(until * self.fps - 1e-9))
-        end = end if total is None else min(end, total)
+        end = self._end(until) if total is None else min(self._end(until), total)
         if end <= self._frame:
             return
         times = np.arange(self._frame, end) / self.fps
@@ -300,6 +299,10 @@ class Session(SessionControls):
             self._ready.append(self._realise(times))
         self._frame = end
         self._forget(times[-1])
+
+    def _end(self, until: float) -> int:
+        """The first frame that is not before ``until`` seconds."""
+        return int(np.ceil(until * self.fps - 1e-9))
 
     def _forget(self, made: float) -> None:
         """What no frame after this time in seconds asks for."""

@@ -58,9 +58,9 @@ class FaceOverride:
         """See `cospeech.rules.Session`."""
         return self._session.look_ahead
 
-    def waits(self, heard: int) -> bool:
+    def is_quiet(self, heard: int) -> bool:
         """See `cospeech.rules.Session`."""
-        return self._session.waits(heard)
+        return self._session.is_quiet(heard)
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.rules.Session`."""

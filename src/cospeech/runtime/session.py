@@ -43,7 +43,8 @@ from .waiting_speech import WaitingSpeech
 __all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
-_AT_ONCE = 0.2  # seconds of poses that are worth decoding in a quiet moment (ours; see `TrainedSession._decode`)
+_TOGETHER = 0.1  # seconds of small pieces that a body hears as one: the tick of the detector of events (ours)
+_LATEST = 0.15  # seconds for which pieces wait at most, while the face is busy (ours)
 
 
 @dataclass(frozen=True)
@@ -265,19 +266,20 @@ class TrainedSession:
         return self._next_frames()
 
     def _hear(self, piece: Speech) -> None:
-        """A piece. At 16 kHz the body waits with the face, which decides in ticks, where that makes no frame later; what a
-        resampler keeps of other rates is not known here."""
+        """A piece. At 16 kHz the body hears small pieces together, and decodes its poses, while the face is quiet, where that
+        makes no frame late; what a resampler keeps of other rates is not known here."""
         self._held.hold(piece)
-        waits = piece.rate == SAMPLE_RATE and self._held.seconds <= self._slack
-        waits = waits and all(face.waits(self._held.heard) for face in self._faces)
-        made = None if waits else self._push_body()
+        quiet = all(face.is_quiet(self._held.heard) for face in self._faces)
+        waits = piece.rate == SAMPLE_RATE and self._held.seconds + piece.duration <= min(self._slack, _LATEST)
+        hears = not waits or (quiet and self._held.seconds >= _TOGETHER)
+        made = self._push_body() if hears else None
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))
         if made is not None:
             self._keep(made)
-        if (count := self._count()) > 0:
+        if (count := self._count(decodes=not (waits and hears))) > 0:
             self._ready.append(self._make_motions(count))
-        elif (made is None or not made.shape[1]) and self._waiting() >= min(_AT_ONCE, self._slack) * self._fps:
+        elif (made is None or not made.shape[1]) and len(self._bodies[0]) < _TOGETHER * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
     def _push_body(self) -> Array | None:
@@ -293,10 +295,6 @@ class TrainedSession:
         """The body hears all that was pushed, before something changes."""
         if (made := self._push_body()) is not None:
             self._keep(made)
-
-    def _waiting(self) -> int:
-        """Frames that are not decoded yet."""
-        return sum(rows.shape[1] for rows in self._rows)
 
     def _check(self, chunk: Speech) -> None:
         """Before any of those who listen has heard it: that all of them can."""
@@ -344,15 +342,13 @@ class TrainedSession:
             if "face" in self._parts and head.face is not None:
                 kept.push((head.rotations[:, eye_joints()], head.face))
 
-    def _count(self) -> int:
-        """Frames that body and face have both come to."""
-        if "face" not in self._parts:
+    def _count(self, decodes: bool = True) -> int:
+        """Frames that body and face have both come to; poses that wait are decoded where the face has come further."""
+        heads = len(self._heads[0]) if "face" in self._parts else None
+        if decodes and (heads is None or heads > len(self._bodies[0])):
             self._decode()
-            return len(self._bodies[0])
-        heads = len(self._heads[0])
-        if heads > len(self._bodies[0]):
-            self._decode()
-        return min(heads, len(self._bodies[0]))
+        bodies = len(self._bodies[0])
+        return bodies if heads is None else min(heads, bodies)
 
     def _make_motions(self, count: int) -> list[Motion]:
         """The next frames of every take, as one."""

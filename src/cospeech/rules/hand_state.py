@@ -25,6 +25,8 @@ class HandState:
     """"idle", "rest" or "up"."""
     form: str = ""
     last_stroke: float = -9.0
+    raised: float = -9.0
+    """When the last stroke of its last gesture ended, beats left out."""
     pose: Array | None = None
     keeps: bool = False
     """Whether it stays up until then, even if the speaker falls silent."""

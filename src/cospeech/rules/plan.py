@@ -28,7 +28,7 @@ from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form, weigh_forms
 from .rest_poses import RESTS
-from .strokes import draw_arc, draw_skew, draw_twist
+from .strokes import draw_arc, draw_beat, draw_skew, draw_twist, recoil
 from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Planner"]
@@ -43,6 +43,7 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
+_WEARY = 4.0  # seconds after a gesture in which its hands still beat; then they make another one, or come down (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -59,8 +60,8 @@ class Planner:
     def __init__(self, style: Style, *, seed: int, intensity: float = 1.0, temperature: float = 1.0) -> None:
         self.style, self.intensity, self.temperature = style, intensity, temperature
         self.horizon, self.late = HORIZON, 0.0  # as of `cospeech.rules.foresight.Foresight`
-        self._random = Random(f"{seed}/plan")
-        self.posture = Posture(style, Random(f"{seed}/posture"), intensity)
+        self._random = Random(f"{seed + style.variation}/plan")
+        self.posture = Posture(style, Random(f"{seed + style.variation}/posture"), intensity)
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
@@ -136,14 +137,18 @@ class Planner:
         held = [
             s
             for s in self.hands
-            if s.place == "up" and s.form in FORMS and FORMS[s.form].beats and effort_of(s.track.target) < 0.7
+            if s.place == "up"
+            and s.form in FORMS
+            and FORMS[s.form].beats
+            and effort_of(s.track.target) < 0.7
+            and accent.time - s.raised < _WEARY
         ]
         if self._random.random() >= willing:
             stirred = held or [s for s in self.hands if s.place == "rest"]
             if stirred and self._random.random() < 0.7:
                 self._beat(now, accent, stirred, modifier, 0.6)
             return
-        if held and self._random.random() < 0.45 and accent.time - min(s.last_stroke for s in held) < 2.2:
+        if held and self._random.random() < 0.55 and accent.time - min(s.last_stroke for s in held) < 2.2:
             self._beat(now, accent, held, modifier, 1.0)
             return
         if not self._perform(now, accent.time, accent.strength, self._choose_form(modifier), modifier, None) and held:
@@ -226,6 +231,7 @@ class Planner:
                 self.hands[hand], own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked
             )
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
+            self.hands[hand].raised = end
             if asked and asked.hold is not None:
                 self.hands[hand].up_until, self.hands[hand].keeps = end + asked.hold, True
         for hand in {LEFT, RIGHT} - set(hands):
@@ -294,7 +300,7 @@ class Planner:
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
-        state.up_until = end + (0.25 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
+        state.up_until = end + (0.3 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * effort_of(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
@@ -311,14 +317,11 @@ class Planner:
             return False
         for state in held:
             jitter = self._random.uniform(0, 0.03)
-            up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
-            up[:7] = (self._random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
-            down[:7] = (self._random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
+            up, down = draw_beat(self._random, size)
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=draw_twist(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=draw_twist(self._random, down, 0.22))
-            back = np.zeros(CHANNELS)
-            back[:7] = -(up + down)[:7] * ([0.65] * 3 + [1.0] * 4)
-            state.track.add(onset + stroke + 0.05, 0.8 / tempo, back, skew=0.1)
+            back = recoil(up + down, state.track.target) if state.place == "up" else -(up + down)
+            state.track.add(onset + stroke + 0.05, 1.0 / tempo, back, skew=0.1)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)
             else:
@@ -338,9 +341,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = 0.05 + 0.28 * self.style.symmetry
-        if state.place == "idle" or start < state.busy:
-            share *= 0.35
+        share = (0.05 + 0.28 * self.style.symmetry) * (0.35 if state.place == "idle" or start < state.busy else 1.0)
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),

@@ -14,11 +14,12 @@ import numpy as np
 from ..motion.kinematics.hands import CHANNELS, Channel
 from ..motion.rotations import Array
 
-__all__ = ["draw_arc", "draw_skew", "draw_twist"]
+__all__ = ["draw_arc", "draw_beat", "draw_skew", "draw_twist", "recoil"]
 
 _LONGEST = 0.22  # arm lengths off the chord at most
 _OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
 _DRAG = 48.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
+_LOWEST, _FURTHEST = -0.76, 0.60  # arm lengths up and forward that beats leave a raised hand at: its arm stays bent
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
 
@@ -60,3 +61,30 @@ def draw_twist(random: Random, way: Array, size: float) -> Array:
     arc[0] = size * length * random.choice((-1, 1)) * random.uniform(0.6, 1.3)
     arc[2] = 0.6 * size * length * random.uniform(-0.4, 1.2)
     return arc
+
+
+def draw_beat(random: Random, size: float) -> tuple[Array, Array]:
+    """(CHANNELS,) each: up before a beat, and down and a little forward.
+
+    Args:
+        random: of the planner.
+        size: arm lengths of the way down.
+    """
+    up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
+    up[:7] = (random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
+    down[:7] = (random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
+    return up, down
+
+
+def recoil(way: Array, target: Array) -> Array:
+    """(CHANNELS,) that follow a beat of a raised hand: it sinks a little with every beat, but never beside the hip.
+
+    Args:
+        way: (CHANNELS,) of the beat, there and down.
+        target: (CHANNELS,) where the hand is after it.
+    """
+    back = -way
+    back[:3] *= 0.65
+    back[1] += max(_LOWEST - (target + back)[1], 0.0)
+    back[2] -= max((target + back)[2] - _FURTHEST, 0.0)
+    return back

@@ -77,6 +77,8 @@ class Style:
     """Share of time the gaze is not on the listener."""
     blinks: float = 22.0
     """Per minute (motion.md: 21–24 measured)."""
+    variation: int = 0
+    """Added to the seed of what is planned, so that two speakers do not make the same gestures. Not mixed."""
     exempt: tuple[str, ...] = ()
     """Rows of the movement statistics in which this style differs from ordinary speakers on purpose."""
 
@@ -108,7 +110,8 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.12, head=1.06),
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",
-            rate=0.71,
+            variation=1000,
+            rate=0.67,
             amplitude=1.25,
             height=0.06,
             breadth=0.02,
@@ -121,12 +124,13 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             sway=1.3,
             steps=8,
             expressiveness=1.3,
-            averted=0.15,
+            averted=0.18,
             tension=0.55,
             repertoire={"spread": 2.0, "offer": 1.4, "toss": 2.0, "sweep": 1.6},
         ),
         "calm": Style(
             "fewer and smaller gestures close to the body; the hands are folded between them",
+            variation=2000,
             rate=0.66,
             amplitude=0.95,
             height=-0.03,
@@ -135,7 +139,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             hold=0.45,
             both=0.55,
             torso=0.9,
-            head=1.07,
+            head=1.11,
             sway=1.05,
             steps=5,
             expressiveness=0.75,
@@ -144,6 +148,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "lecturer": Style(
             "precise gestures: counting, framing and pinching in front of the chest",
+            variation=3000,
             rate=0.8,
             amplitude=0.95,
             height=0.07,
@@ -163,6 +168,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "orator": Style(
             "large and high gestures that chop, point and push: a politician",
+            variation=4000,
             rate=0.76,
             amplitude=1.3,
             height=0.08,
@@ -182,7 +188,9 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "southpaw": Style(
             "left-handed, body turned to one side; the right hand rests most of the time",
+            variation=5000,
             rate=0.86,
+            tempo=1.02,
             amplitude=1.05,
             hand=0.06,
             both=0.22,
@@ -191,11 +199,13 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             hold=0.6,
             rest="low",
             torso=1.1,
+            head=1.05,
             repertoire={"toss": 1.8, "point": 1.6, "offer": 1.5},
             exempt=("right share of speed", "left–right speed correlation"),
         ),
         "reserved": Style(
             "folded hands, gestures with one hand, gaze often averted",
+            variation=6000,
             rate=0.62,
             amplitude=0.85,
             height=0.0,
@@ -207,7 +217,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             symmetry=0.5,
             tension=0.5,
             torso=1.0,
-            head=1.05,
+            head=1.08,
             sway=1.0,
             steps=5,
             lean=1,
@@ -220,11 +230,12 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "storyteller": Style(
             "acts the story out: wide gestures at changing heights; the body moves along",
-            rate=0.85,
+            variation=7000,
+            rate=0.78,
             amplitude=1.2,
             height=0.03,
             breadth=0.02,
-            tempo=1.02,
+            tempo=1.04,
             hold=0.78,
             both=0.6,
             symmetry=0.6,
@@ -239,6 +250,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         ),
         "seated": Style(
             "relaxed on a chair, hands above the lap between phrases",
+            variation=8000,
             rate=0.74,
             amplitude=1.22,
             height=-0.02,
@@ -250,12 +262,14 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             sway=1.3,
             steps=0,
             lean=4,
-            torso=1.35,
+            tempo=1.03,
+            torso=1.45,
             head=1.07,
             exempt=_SEATED_ROWS,
         ),
         "restless": Style(
             "short, small, low beat gestures; shifts the weight from foot to foot",
+            variation=9000,
             rate=0.72,
             amplitude=0.8,
             height=-0.04,
@@ -267,7 +281,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             tension=0.45,
             torso=1.1,
             head=1.15,
-            sway=1.66,
+            sway=1.5,
             steps=10,
             blinks=26,
             averted=0.35,

@@ -1,0 +1,64 @@
+"""The form of single movements, and hands that beat for long."""
+
+from random import Random
+
+import numpy as np
+import pytest
+
+from cospeech.audio.prosodic_events import Accent, Phrase
+from cospeech.motion.kinematics.hands import CHANNELS
+from cospeech.rules import STYLES
+from cospeech.rules.emotion_modifiers import EmotionModifier
+from cospeech.rules.plan import Planner
+from cospeech.rules.strokes import draw_beat, recoil
+
+GAP = 0.55  # seconds from accent to accent: short enough for beats of a raised hand
+
+
+def perform(style: str, seconds: float, seed: int = 0) -> tuple[list[tuple], list[tuple]]:
+    """Accents without a pause: where each hand goes, tick by tick; and what is planned."""
+    planner = Planner(STYLES[style], seed=seed)
+    accents = [Accent(time, 0.8) for time in np.arange(0.6, seconds, GAP)]
+    seen, gestures = [], []
+    for tick in range(int(10 * seconds)):
+        now = tick / 10
+        heard = [accent for accent in accents if accent.time < now + 1.2]
+        made = planner.decide(now, accents=heard, phrases=[Phrase(0.2, seconds)], words=(), modifier=EmotionModifier())
+        gestures += [(round(g.stroke, 3), g.form, g.hands) for g in made]
+        seen += [(now, hand.place, hand.track.target[:3].copy(), hand.raised) for hand in planner.hands]
+    return seen, gestures
+
+
+def test_beats_do_not_carry_a_raised_hand_beside_the_hip():
+    target, draw = np.zeros(CHANNELS), Random(0)
+    target[:3] = 0.2, -0.6, 0.5
+    heights = []
+    for _ in range(12):
+        up, down = draw_beat(draw, 0.25)
+        target = target + up + down
+        target = target + recoil(up + down, target)
+        heights.append(target[1])
+    assert heights[0] < -0.6  # it tires
+    assert min(heights) >= -0.77
+    assert target[2] <= 0.61
+
+
+@pytest.mark.parametrize("style", ["natural", "lively", "seated"])
+def test_no_raised_hand_ends_below_the_belly(style):
+    seen, gestures = perform(style, 60.0)
+    assert sum(form == "beat" for _, form, _ in gestures) > 10
+    raised = np.array([place for _, where, place, _ in seen if where == "up"])
+    assert (raised[:, 1] < -0.85).mean() < 0.02
+
+
+@pytest.mark.parametrize("style", ["natural", "calm", "seated"])
+def test_no_hand_stays_up_for_long_after_its_last_gesture(style):
+    seen, _ = perform(style, 120.0)
+    assert max(now - raised for now, where, _, raised in seen if where == "up") < 8.0
+
+
+def test_two_styles_with_one_seed_plan_different_gestures():
+    (_, one), (_, same), (_, other) = (perform(name, 20.0) for name in ("natural", "natural", "lively"))
+    assert one == same
+    alike = {(time, form) for time, form, _ in one} & {(time, form) for time, form, _ in other}
+    assert len(alike) < 0.3 * len(one)

@@ -173,8 +173,10 @@ class _Frames(NamedTuple):
     hips_at: Array
     gesture: Array
     head_at: Array
+    to_seat: Array
+    seat_at: Array
     lap: Array
-    """(N, 1) height of the lap in the T-pose frame of the hips."""
+    """(N, 1) height of the lap where the hips of the T-pose are: it stays level when the pelvis tilts."""
     stay: Array
     """By which the hands of a seated body stay where they are when the trunk leans."""
 
@@ -213,6 +215,8 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
         _both(hips_from, _MIRROR_V),
         _both(gesture, _MIRROR_Q),
         _both(head, _MIRROR_V),
+        _both(chest, _MIRROR_Q),
+        _both(chest_at - hips_at, _MIRROR_V),
         lap,
         _both(stay, _MIRROR_V),
     )
@@ -314,9 +318,11 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
     """
     palm, tips, thumb = quat_rotate(hand, points)
     wrist_at = shoulder + rel
-    for offset, radius in ((None, 0.036), (palm, 0.050), (tips, 0.026), (thumb, 0.022)):
+    for offset, radius, flat in ((None, 0.036, 0.028), (palm, 0.050, 0.024), (tips, 0.026, 0.010), (thumb, 0.022, 0.010)):
         point = wrist_at if offset is None else wrist_at + offset
-        wrist_at = wrist_at + _push(point, radius + _CLEAR, frames, style)
+        wrist_at = wrist_at + _push(point, radius + _CLEAR, frames)
+        if style.seated:
+            wrist_at = wrist_at + _push_from_lap(wrist_at if offset is None else wrist_at + offset, flat, frames)
     point = wrist_at + palm
     apart = point[:, 0] - point[:, 1] * _MIRROR_V
     distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
@@ -326,7 +332,7 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
     return arms.reach(wrist_at - shoulder)
 
 
-def _push(point: Array, radius: float, frames: _Frames, style: Style) -> Array:
+def _push(point: Array, radius: float, frames: _Frames) -> Array:
     """Displacement of points (N, 2, 3), relative to the upper chest in its frame, out of the body."""
     o = _offsets()
     upper = point + o["t:upperChest"]
@@ -337,11 +343,13 @@ def _push(point: Array, radius: float, frames: _Frames, style: Style) -> Array:
     push = push_from_torso(both, radius)
     push_low = quat_rotate(quat_conjugate(frames.to_hips), push)
     out = push * mix + push_low * (1 - mix)
-    out = out + push_from_head(point + out, frames.head_at, radius)
-    if style.seated:
-        lap = push_from_thighs(lower, frames.lap, 0.46, radius)
-        out = out + quat_rotate(quat_conjugate(frames.to_hips), lap)
-    return out
+    return out + push_from_head(point + out, frames.head_at, radius)  # type: ignore[no-any-return]
+
+
+def _push_from_lap(point: Array, radius: float, frames: _Frames) -> Array:
+    """As `_push`, out of the thighs of a seated body; a palm lies flat on them."""
+    level = quat_rotate(frames.to_seat, point) + frames.seat_at + _offsets()["t:hips"]
+    return quat_rotate(quat_conjugate(frames.to_seat), push_from_thighs(level, frames.lap, 0.46, radius))
 
 
 def _write_arms(rotations: Array, clavicle: Array, upper: Array, forearm: Array, wrist: Array, h: Array) -> None:

@@ -19,6 +19,7 @@ from ..train import Tell
 __all__ = ["calibrate", "difference", "relative_error", "stretch_rows"]
 
 GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
+FASTER = 1.1  # ours: times the speaker's own speed that a column is magnified to at most; a head that nods too fast is seen
 APART, NOISE_GAINS = 0.7, (1.0, 2.0)
 """How far takes are to lie from each other, in standard deviations within a window, and by what noise is multiplied for it;
 ours: independent takes would lie √2 apart. With more than twice the noise that it knows, a network hears the speech less: the
@@ -100,12 +101,13 @@ class _Measured:
         return float(np.clip(APART * moved / max(apart, 1e-6), *NOISE_GAINS))
 
     def compare(self, gain: float) -> tuple[Array, Array]:
-        """(S, D) mean of what is made in each style; and the standard deviation within a window of the speakers' own poses, in
-        that of what is made."""
+        """(S, D) mean of what is made in each style; and by what it is multiplied: the standard deviation in a window of the
+        speakers' own poses, in that of what is made; but no column becomes faster than `FASTER` times the speaker's."""
         made = np.stack([*self.play_styles(self.codes, gain * self.noise[0])])  # (n, S, T, D)
-        wanted = np.sqrt(self.own.var(2, ddof=1).mean(1))
-        moved = np.sqrt(made.var(2, ddof=1).mean(0))
-        return made.mean((0, 2)).astype(np.float32), np.clip(wanted / np.maximum(moved, 1e-6), *GAINS).astype(np.float32)
+        wanted, moved = np.sqrt(self.own.var(2, ddof=1).mean(1)), np.sqrt(made.var(2, ddof=1).mean(0))
+        fast, faster = (np.sqrt(np.square(np.diff(x, axis=2)).mean((k, 2))) for k, x in ((1, self.own), (0, made)))
+        ratio = np.minimum(wanted / np.maximum(moved, 1e-6), FASTER * fast / np.maximum(faster, 1e-6))
+        return made.mean((0, 2)).astype(np.float32), np.clip(ratio, *GAINS).astype(np.float32)
 
     def play_styles(self, codes: Array, noise: Array) -> Iterator[Array]:
         """(S, T, D) of each window, one take in each of these styles (S, C)."""

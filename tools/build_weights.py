@@ -1,7 +1,7 @@
 """Makes the weights that ship, src/cospeech/assets/bundles/NAME.cospeech, and their card.
 
     python tools/build_weights.py stylised-flow --speech FOLDER_OF_SPEECH --work FOLDER [--hours 2] [--set train.steps=3000]
-    python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER
+    python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER --hours 4
     python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 2.5
     python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER [--without SPEAKER --out BUNDLE]
     python tools/build_weights.py NAME --follow FILE       # what benchmarks/models.py --follow has printed, into the card
@@ -99,7 +99,8 @@ Audio2Face samples (MIT), and synthesised voices (espeak-ng, flite).
 **Network.** M = {config[modes]} sub-generators, {config[channels]} channels, {parameters:,} parameters in training (the
 discriminator and the encoder of poses' content do not ship), 16-bit weights, {fps:g} poses per second (interpolated). Trained
 for {train_steps} steps of {batch} windows on {machine}. Not as published: it is judged by what it plays, poses and velocity
-both, by squared distances; less weight on the distance to the one recording (docs/models/mix_stage.md, "Changed").
+both, by squared distances; less weight on the distance to the one recording; a loss on when strokes come
+(docs/models/mix_stage.md, "Added").
 
 **Speakers**, for `--style NAME`: {names}.
 
@@ -116,8 +117,8 @@ It makes no steps and does not sit down: feet stay planted. It hears sound, not 
 the face only. Hands have six numbers each: no finger spelling, no counting. Poses are interpolated from {fps:g} a second:
 nothing is sudden.
 
-Rebuild: `python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER`. Licence of the weights:
-Apache-2.0.
+Rebuild: `python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER --hours 4`. Licence of the
+weights: Apache-2.0.
 """
 
 

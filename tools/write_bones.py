@@ -13,9 +13,9 @@ HEAD = "// Made by `python tools/write_bones.py` from src/cospeech/motion/skelet
 
 
 def write_tables() -> str:
-    """The TypeScript file: one table (our joint → their bone) per skeleton, in the order in which Python tries them."""
+    """The TypeScript file: one table (our joint → their bone) per naming, in the order in which Python tries them."""
     tables = [import_module(module).NAMES for module in SKELETONS.values()]
-    lines = [f"  {json.dumps(table)}," for table in tables]
+    lines = dict.fromkeys(f"  {json.dumps(table)}," for table in tables)
     return "\n".join([HEAD + "export const BONE_TABLES: Record<string, string>[] = [", *lines, "];", ""])
 
 

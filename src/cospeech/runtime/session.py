@@ -15,6 +15,7 @@ from fractions import Fraction
 import numpy as np
 
 from ..audio.emotions import Moods, emotion_track
+from ..audio.event_detection import TICK
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
@@ -43,7 +44,6 @@ from .waiting_speech import WaitingSpeech
 __all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
 
 PIECE = 2.0  # seconds of speech worked off at once
-_TOGETHER = 0.1  # seconds of small pieces that a body hears as one: the tick of the detector of events (ours)
 _LATEST = 0.15  # seconds for which pieces wait at most, while the face is busy (ours)
 
 
@@ -271,7 +271,7 @@ class TrainedSession:
         self._held.hold(piece)
         quiet = all(face.is_quiet(self._held.heard) for face in self._faces)
         waits = piece.rate == SAMPLE_RATE and self._held.seconds + piece.duration <= min(self._slack, _LATEST)
-        hears = not waits or (quiet and self._held.seconds >= _TOGETHER)
+        hears = not waits or (quiet and self._held.seconds >= TICK)
         made = self._push_body() if hears else None
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))
@@ -279,7 +279,7 @@ class TrainedSession:
             self._keep(made)
         if (count := self._count(decodes=not (waits and hears))) > 0:
             self._ready.append(self._make_motions(count))
-        elif (made is None or not made.shape[1]) and len(self._bodies[0]) < _TOGETHER * self._fps:
+        elif (made is None or not made.shape[1]) and len(self._bodies[0]) < TICK * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
     def _push_body(self) -> Array | None:

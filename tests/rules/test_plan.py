@@ -183,6 +183,25 @@ def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
     assert change[time < 3.5].max() < 1e-6
 
 
+def test_a_stretch_has_the_values_of_the_plan_again():
+    edited = plan().set(2, 6, emotion="anger", style="lively").set(4, 8, intensity=0.5)
+    cleared = edited.clear(3, 5, ["emotion"])
+    assert [(each.start, each.end, each.style, each.emotion, each.intensity) for each in cleared.stretches] == [
+        (2, 3, "lively", "anger", None), (3, 4, "lively", None, None), (4, 5, "lively", None, 0.5),
+        (5, 6, "lively", "anger", 0.5), (6, 8, None, None, 0.5),
+    ]  # fmt: skip
+    assert edited.clear(0, 9) == plan()
+    assert edited.lock(2, 4).clear(0, 9, ["emotion"]).stretches[0].emotion == "anger"
+    anew = plan().reseed(2, 4, seed=9)
+    assert anew.clear(0, 9) == anew, "a seed is no value: the stretch stays open"
+    with pytest.raises(InputError, match="no value 'moods' to clear"):
+        edited.clear(0, 9, ["moods"])
+    with pytest.raises(InputError, match="not after"):
+        edited.clear(5, 5)
+    with pytest.raises(InputError, match="locked"):
+        edited.lock(2, 4).clear(2.5, 3)
+
+
 def test_locked_stretches_stay():
     locked = plan().lock(4, 6)
     inside = next(each for each in plan().gestures if 4 <= each.stroke < 6)

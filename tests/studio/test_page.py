@@ -94,14 +94,18 @@ def choose(page, selector: str, value: str) -> None:
     wait_until(page, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
 
 
-def test_a_dropped_speech_moves_the_character(page, wav):
-    data = wav.read_bytes()
+def drop(page, path: Path) -> None:
+    """Drop a file on the page."""
     page.evaluate(
-        """async bytes => { const files = new DataTransfer();
-        files.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], 'talk.wav', { type: 'audio/wav' }));
+        """([name, bytes]) => { const files = new DataTransfer();
+        files.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], name));
         window.dispatchEvent(new DragEvent('drop', { dataTransfer: files, cancelable: true })); }""",
-        b64encode(data).decode(),
+        [path.name, b64encode(path.read_bytes()).decode()],
     )
+
+
+def test_a_dropped_speech_moves_the_character(page, wav):
+    drop(page, wav)
     wait_until(page, DONE)
     places = []
     for at in (0.5, 1.5, 2.5):
@@ -279,6 +283,148 @@ def test_a_selected_stretch_gets_a_seed_and_an_emotion(talking):
     wait_until(talking, f"cospeechStudio.takes[0].plan.stretches[0].emotion === 'happiness' && {DONE}")
 
 
+def drag(page, start: tuple[float, float], to: tuple[float, float]) -> None:
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move((start[0] + to[0]) / 2, to[1])
+    page.mouse.move(*to)
+    page.mouse.up()
+
+
+def stretches(page) -> list[tuple]:
+    """From, to, style, emotion and intensity of each stretch of the first take."""
+    found = page.evaluate("cospeechStudio.takes[0].plan.stretches ?? []")
+    return [(each["from"], each["to"], *(each.get(name) for name in ("style", "emotion", "intensity"))) for each in found]
+
+
+def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):
+    row = talking.locator('.track[data-value="emotion"]').bounding_box()
+    second = row["width"] / 4.0
+    drag(talking, (row["x"] + 1.0 * second, row["y"] + 8), (row["x"] + 2.0 * second, row["y"] + 8))
+    wait_until(talking, "document.activeElement.id === 'stretch-emotion'")
+    talking.select_option("#stretch-emotion", "anger")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches?.length === 1 && {DONE}")
+    angry = talking.evaluate("cospeechStudio.takes[0].id")
+    segment = talking.locator('.track[data-value="emotion"] .segment')
+    box = segment.bounding_box()
+    assert box["x"] == pytest.approx(row["x"] + second, abs=3)
+    assert box["width"] == pytest.approx(second, abs=4)
+
+    middle = (box["x"] + box["width"] / 2, box["y"] + 8)
+    drag(talking, middle, (middle[0] + second, middle[1]))
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{angry}' && {DONE}")
+    ((start, end, style, emotion, _),) = stretches(talking)
+    assert (start, end, emotion) == (pytest.approx(2, abs=0.05), pytest.approx(3, abs=0.05), "anger")
+    assert style is None
+
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    box = segment.bounding_box()
+    drag(talking, (box["x"] + box["width"] - 2, middle[1]), (box["x"] + box["width"] - 2 - second / 2, middle[1]))
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    assert stretches(talking)[0][:2] == (pytest.approx(2, abs=0.05), pytest.approx(2.5, abs=0.05))
+    segment.focus()
+    talking.keyboard.press("Shift+ArrowRight")
+    wait_until(talking, "Math.abs(cospeechStudio.takes[0].plan.stretches[0].to - 2.6) < 0.05")
+    wait_until(talking, DONE)
+    talking.locator(".segment").focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"!cospeechStudio.takes[0].plan.stretches?.length && {DONE}")
+    assert segment.count() == 0
+    talking.keyboard.press("Control+z")  # of one step: the length before
+    wait_until(talking, "cospeechStudio.takes[0].plan.stretches?.length === 1")
+    assert not find_violations(talking)
+
+
+def test_a_style_on_its_track_changes_that_stretch_alone(talking):
+    usual = talking.evaluate("cospeechStudio.takes[0].id")
+    times = (0.3, 0.6, 2.6, 3.0, 3.4)
+
+    def places() -> np.ndarray:
+        found = []
+        for at in times:
+            seek(talking, at)
+            found.append(place(talking))
+        return np.array(found)
+
+    before = places()
+    row = talking.locator('.track[data-value="style"]').bounding_box()
+    drag(talking, (row["x"] + 0.5 * row["width"], row["y"] + 8), (row["x"] + 0.98 * row["width"], row["y"] + 8))
+    talking.select_option("#stretch-style", "orator")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {DONE}")
+    moved = np.linalg.norm(places() - before, axis=1)
+    assert moved[:2].max() < 1e-3
+    assert moved[2:].max() > 3e-3  # gestures that are listed stay; the posture is another
+
+
+def test_sliders_mix_styles(talking):
+    usual = talking.evaluate("cospeechStudio.takes[0].id")
+    talking.click("#open-mix")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {DONE}")
+    old, mix = talking.evaluate("cospeechStudio.takes[0].id"), talking.evaluate("cospeechStudio.settings.mix")
+    assert len(mix) == 2
+    talking.evaluate(
+        "() => { const s = document.getElementById('mix-orator'); s.valueAsNumber = 1; s.dispatchEvent(new Event('change')); }"
+    )
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    assert talking.evaluate("cospeechStudio.settings.mix") == mix | {"orator": 1}
+    assert talking.evaluate("document.getElementById('style').value") == "*mix"
+    talking.select_option("#style", "calm")
+    wait_until(talking, "cospeechStudio.settings.mix === null && cospeechStudio.settings.style === 'calm'")
+
+
+def test_a_clip_that_is_dropped_is_the_style(talking, wav, tmp_path):
+    clip = tmp_path / "someone.bvh"
+    cospeech.load("rules").generate(cospeech.Speech.load(wav), style="orator").save(clip)
+    drop(talking, clip)
+    talking.locator("#problem:visible").wait_for()
+    assert "takes no example" in talking.inner_text("#problem")
+    choose(talking, "#model", "stylised-flow")
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    drop(talking, clip)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}", 30)
+    assert talking.evaluate("cospeechStudio.settings.clip.name") == "someone.bvh"
+    assert talking.evaluate("document.getElementById('style').value") == "*clip"
+
+
+def test_a_transcript_gives_words_and_gestures_of_words(talking, tmp_path):
+    srt = tmp_path / "talk.srt"
+    srt.write_text("1\n00:00:00,500 --> 00:00:01,000\nhuge\n\n2\n00:00:02,000 --> 00:00:02,500\nyou\n")
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    talking.set_input_files("#words-file", srt)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    assert talking.locator("#words span").all_inner_texts() == ["huge", "you"]
+    assert {each.get("word") for each in talking.evaluate("cospeechStudio.takes[0].plan.gestures")} & {"huge", "you"}
+    first = talking.locator("#words span").first.bounding_box()
+    lanes = talking.locator("#lanes").bounding_box()
+    assert first["x"] - lanes["x"] == pytest.approx(0.5 / 4 * lanes["width"], abs=4)
+
+
+def test_a_recording_becomes_speech(page):
+    page.locator(".record:visible").first.click()
+    wait_until(page, "document.getElementById('notice').textContent === 'recording …'")
+    time.sleep(1.5)  # the microphone of the tests beeps
+    page.locator(".record:visible").first.click()
+    wait_until(page, DONE)
+    assert page.inner_text("#speech-name").startswith("recording.")
+    assert page.evaluate("cospeechStudio.takes[0].frames") >= 30
+
+
+def test_a_take_that_is_cancelled_leaves_what_was_shown(page, tmp_path):
+    import soundfile
+
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    soundfile.write(tmp_path / "long.wav", np.tile(samples, 40), rate)
+    page.set_input_files("#speech-file", tmp_path / "long.wav")
+    cancel = page.locator('#cards button:has-text("Cancel")')
+    cancel.wait_for()
+    cancel.click()
+    wait_until(page, "document.getElementById('notice').textContent === 'cancelled'")
+    assert page.evaluate("cospeechStudio.takes[0].progress") is None
+    assert page.evaluate("cospeechStudio.takes[0].frames") == 0
+    page.click("#next-seed")  # the studio goes on
+    wait_until(page, "cospeechStudio.takes[0].progress !== null")
+
+
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
     talking.click("#add-take")
     talking.click("#add-take")
@@ -335,6 +481,19 @@ def test_downloads_open_in_our_readers(talking, tmp_path, suffix):
     waiting.value.save_as(path)
     assert path.name == f"talk{suffix}"
     assert len(cospeech.Motion.load(path)) == 120
+
+
+def test_a_download_that_is_cancelled_leaves_the_studio_free(talking, tmp_path):
+    talking.select_option("#format", ".mp4")
+    talking.click("#download")
+    talking.click("#cancel-download")
+    wait_until(talking, "document.getElementById('notice').textContent === 'cancelled'")
+    assert not talking.locator("#cancel-download").is_visible()
+    talking.select_option("#format", ".bvh")
+    with talking.expect_download() as waiting:
+        talking.click("#download")
+    waiting.value.save_as(tmp_path / "talk.bvh")
+    assert len(cospeech.Motion.load(tmp_path / "talk.bvh")) == 120
 
 
 def test_a_problem_is_told_where_the_eye_is(page, tmp_path):

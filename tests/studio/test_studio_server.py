@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import io
 import json
 import os
@@ -177,6 +178,10 @@ EDITS = [
     ({"kind": "reseed", "start": 1.0, "end": 3.0}, lambda plan: plan.reseed(1.0, 3.0)),
     ({"kind": "set", "start": 1.0, "end": 3.0, "style": "calm"}, lambda plan: plan.set(1.0, 3.0, style="calm")),
     ({"kind": "lock", "start": 1.0, "end": 3.0}, lambda plan: plan.lock(1.0, 3.0)),
+    (
+        {"kind": "clear", "start": 1.0, "end": 3.0, "names": ["emotion", "style"]},
+        lambda plan: plan.clear(1.0, 3.0, ["emotion", "style"]),
+    ),
     ({"kind": "unlock"}, lambda plan: plan.unlock()),
 ]
 
@@ -450,6 +455,28 @@ def test_cancelling_is_told_and_ends_the_work(served):
     while any((state.place / "takes" / name).exists() for name in takes) and time.monotonic() < until:
         time.sleep(0.01)
     assert not any((state.place / "takes" / name).exists() for name in takes)
+
+
+def test_a_file_is_written_no_longer_than_its_client_waits(served):
+    port, state = served
+    long = ask_json(port, "/api/speech?name=long.wav", sound_file(40))["speech"]
+    made = ask_json(port, "/api/takes", {"speech": long, "model": "rules", "parts": ["face"]})["take"]
+    assert wait_for(state, made).type == "done"
+    clients = [http.client.HTTPConnection("127.0.0.1", port) for _ in range(2)]  # one that runs, and one that waits
+    for client, suffix in zip(clients, (".mp4", ".gif"), strict=True):
+        client.request("GET", f"/api/takes/{made}/file?suffix={suffix}")
+    until = time.monotonic() + 10
+    while state.file_jobs < 2 and time.monotonic() < until:
+        time.sleep(0.01)
+    assert state.file_jobs == 2
+    for client in clients:
+        client.close()
+    began = time.monotonic()
+    while state.file_jobs and time.monotonic() < began + 8:  # 40 seconds of video take half a minute
+        time.sleep(0.01)
+    assert state.file_jobs == 0
+    assert list_files(state.place / "takes" / made) == ["motion.bin", "plan.json", "report.json"]
+    assert ask(port, f"/api/takes/{made}/file?suffix=.csv")[0] == 200  # a process that was killed is started again
 
 
 def test_too_many_takes_are_refused(served, monkeypatch):

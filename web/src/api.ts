@@ -19,6 +19,7 @@ async function ask(path: string, options: RequestInit = {}): Promise<Response> {
   try {
     answer = await fetch(path, options);
   } catch {
+    if (options.signal?.aborted) throw new Problem("cancelled", "");
     throw new Problem("the studio does not answer", "is `cospeech studio` still running?");
   }
   if (answer.ok) return answer;
@@ -56,8 +57,9 @@ export async function readMotion(take: string): Promise<Motion> {
   return Motion.decode(await (await ask(`/api/takes/${take}/motion`)).arrayBuffer());
 }
 
-export async function readFile(take: string, suffix: string): Promise<Blob> {
-  return (await ask(fileOf(take, suffix))).blob();
+/** A take as a file; the studio stops to write it when the signal says so. */
+export async function readFile(take: string, suffix: string, signal: AbortSignal): Promise<Blob> {
+  return (await ask(fileOf(take, suffix), { signal })).blob();
 }
 
 /** Cancel a take, or forget it; that it is gone already is no problem. */

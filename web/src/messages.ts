@@ -62,6 +62,14 @@ export interface ChangedPlan {
   plan: Plan;
 }
 
+/** `cospeech.Plan.clear`: the values of the plan again. */
+export interface ClearStretch {
+  start: number;
+  end: number;
+  kind: "clear";
+  names: ("style" | "emotion" | "intensity")[];
+}
+
 /** The manner of a clip that was uploaded. */
 export interface ClipStyle {
   clip: string;
@@ -210,7 +218,7 @@ export interface Plan {
 export interface PlanEditRequest {
   plan: Plan;
   speech?: string | null;
-  edit: AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | LockStretch | UnlockAll;
+  edit: AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | ClearStretch | LockStretch | UnlockAll;
 }
 
 /** A gesture: preparation, stroke, hold. Times are seconds; what is not given the planner chooses. */

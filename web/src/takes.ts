@@ -173,12 +173,13 @@ export class Takes {
     this.store.update({ chosen: Math.min(chosen > index ? chosen - 1 : chosen, takes.length - 1), gesture: null });
   }
 
-  /** Edit the plan of the chosen take, show it at once, and ask for its motion. */
-  async edit(edit: api.PlanEdit): Promise<void> {
+  /** Edit the plan of the chosen take, show it at once, and ask for its motion. Several edits are one step of undo. */
+  async edit(...edits: api.PlanEdit[]): Promise<void> {
     const { take, state } = this.store;
     if (take.plan === null || state.speech === null) return;
     try {
-      const { plan } = await api.editPlan({ plan: take.plan, speech: state.speech.speech, edit });
+      let plan = take.plan;
+      for (const edit of edits) ({ plan } = await api.editPlan({ plan, speech: state.speech.speech, edit }));
       this.remember();
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });

@@ -1,11 +1,12 @@
 // The time line: waveform, words, gestures, stretches, the selection and the playhead.
 
-import { find, formatTime, make, readName } from "./dom";
+import { find, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
 import type { HeardWord, Stretch } from "./messages";
 import type { Player } from "./player";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
+import { ValueTracks } from "./tracks";
 import { drawWaveform } from "./waveform";
 
 const LEAST_WIDTH = 64; // pixels of a second; a longer speech scrolls [ours: short words can be read]
@@ -20,6 +21,7 @@ export class TimeLine {
   private readonly words = find("words");
   private readonly stretches = find("stretches");
   private readonly track: GestureTrack;
+  private readonly values: ValueTracks;
   private shownWords: HeardWord[] | null = null;
   private shownWave = "";
   private moved = -1;
@@ -30,6 +32,7 @@ export class TimeLine {
   ) {
     const gestures = find("gestures");
     this.track = new GestureTrack(gestures, store, takes);
+    this.values = new ValueTracks(store, takes, (event, then) => this.select(event, then));
     gestures.addEventListener("dblclick", (event) => this.addAt(this.timeAt(event.clientX)));
     for (const lane of [this.wave, this.words]) lane.addEventListener("pointerdown", (event) => this.select(event));
     find("lock").addEventListener("click", () => {
@@ -66,6 +69,7 @@ export class TimeLine {
     this.drawWords(speech.words);
     this.drawStretches();
     this.track.draw(this.seconds);
+    this.values.draw(this.seconds);
     this.band.hidden = selection === null;
     if (selection !== null) this.place(this.band, selection[0], selection[1]);
   }
@@ -85,10 +89,11 @@ export class TimeLine {
     }));
   }
 
-  /** Stretches with values of their own, and what is locked. */
+  /** Stretches with seeds of their own, and what is locked. */
   private drawStretches(): void {
     const plan = this.store.take.plan;
-    const own = (plan?.stretches ?? []).map((stretch) => this.stretch(stretch, tellStretch(stretch), "own"));
+    const sown = (plan?.stretches ?? []).filter((stretch) => stretch.seed != null);
+    const own = sown.map((stretch) => this.stretch(stretch, `seed ${stretch.seed}`, "own"));
     const locked = (plan?.locked ?? []).map((stretch) => this.stretch(stretch, "locked", "locked"));
     this.stretches.replaceChildren(...own, ...locked);
     this.stretches.hidden = !own.length && !locked.length;
@@ -104,8 +109,8 @@ export class TimeLine {
     return button;
   }
 
-  /** A click goes to a time; a drag selects a stretch. */
-  private select(down: PointerEvent): void {
+  /** A click goes to a time; a drag selects a stretch, and what is to come then does. */
+  private select(down: PointerEvent, then?: () => void): void {
     if (down.button !== 0 || this.store.state.speech === null) return;
     const lane = down.currentTarget as HTMLElement;
     const from = this.timeAt(down.clientX);
@@ -120,6 +125,7 @@ export class TimeLine {
       lane.removeEventListener("pointermove", onMove);
       lane.removeEventListener("pointerup", onUp);
       lane.removeEventListener("pointercancel", onUp);
+      if (this.store.state.selection !== null) then?.();
     };
     lane.setPointerCapture(down.pointerId);
     lane.addEventListener("pointermove", onMove);
@@ -136,11 +142,4 @@ export class TimeLine {
     const { scrollLeft, clientWidth } = this.scroller;
     if (this.player.playing && (x < scrollLeft || x > scrollLeft + clientWidth * 0.92)) this.scroller.scrollLeft = x - clientWidth * 0.1;
   }
-}
-
-function tellStretch(stretch: Stretch): string {
-  const parts = [stretch.style ?? "", stretch.emotion ?? ""].filter(Boolean).map(readName);
-  if (stretch.intensity != null) parts.push(`intensity ${stretch.intensity}`);
-  if (stretch.seed != null) parts.push(`seed ${stretch.seed}`);
-  return parts.join(", ") || "own values";
 }

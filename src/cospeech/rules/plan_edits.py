@@ -20,7 +20,10 @@ from .options import SEEDS, GenerationOptions
 from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
 from .repertoire import FORMS, LEXICAL_FORMS
 
-__all__ = ["Plan", "Setting"]
+__all__ = ["VALUES", "Plan", "Setting"]
+
+VALUES = ("style", "emotion", "intensity")
+"""What a stretch may have of its own and `Plan.clear` takes off."""
 
 
 class Setting(NamedTuple):
@@ -247,10 +250,7 @@ class Plan(PlanData):
         Raises:
             InputError: no stretch of time, all of it is locked, or a value is out of range.
         """
-        asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
-        free = _without([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
-        if not free:
-            raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
+        free = self._free_parts(start, end, values)
         stretches = list(self.stretches)
         for low, high in free:
             stretches = _lay(stretches, low, high, values)
@@ -263,6 +263,25 @@ class Plan(PlanData):
             gestures=[each.model_dump() for each in self.gestures if not is_planned_anew(each.stroke)],
             gaze=[each.model_dump() for each in self.gaze if not is_planned_anew(each.time)],
         )
+
+    def clear(self, start: float, end: float, names: Iterable[str] = VALUES) -> Plan:
+        """The plan's own values again for a stretch, except where it is locked. Its seed and its gestures stay.
+
+        Args:
+            start, end: seconds.
+            names: of values: style, emotion, intensity.
+
+        Raises:
+            InputError: no stretch of time, all of it is locked, or no such value.
+        """
+        asked = tuple(names)
+        for name in asked:
+            if name not in VALUES:
+                raise InputError(f"a stretch has no value {name[:40]!r} to clear", nearest(name[:40], VALUES))
+        stretches = list(self.stretches)
+        for low, high in self._free_parts(start, end, {}):
+            stretches = _lay(stretches, low, high, dict.fromkeys(asked))
+        return self._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
         """Edits of the gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.
@@ -287,6 +306,14 @@ class Plan(PlanData):
 
     def _with(self, gestures: Iterable[PlannedGesture]) -> Plan:
         return self._with_fields(gestures=[each.model_dump() for each in sorted(gestures, key=lambda each: each.stroke)])
+
+    def _free_parts(self, start: float, end: float, values: dict[str, Any]) -> list[tuple[float, float]]:
+        """The parts of a stretch that are not locked; the values are checked, too."""
+        asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
+        free = _without([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
+        if not free:
+            raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
+        return free
 
     def _is_locked(self, time: float) -> bool:
         return any(each.holds(time) for each in self.locked)

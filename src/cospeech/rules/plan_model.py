@@ -193,6 +193,11 @@ class Stretch(_Part):
         """Whether a time in seconds lies in it."""
         return self.start <= time < self.end
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing in it differs from the rest of the plan."""
+        return not self.open and (self.seed, self.style, self.emotion, self.intensity) == (None, None, None, None)
+
 
 def _check_emotion(emotion: str) -> str:
     if emotion != "auto" and emotion not in EMOTIONS:

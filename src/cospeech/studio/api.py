@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from asyncio import CancelledError
+from asyncio import CancelledError, ensure_future, wait
 from collections.abc import Awaitable, Callable
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import CospeechError, InputError, nearest
 from ..export import FORMATS, reads_body
-from ..files import parse_json
+from ..files import parse_json, sweep
 from ..limits import PLAN_VALUES
 from ..rules.plan_edits import Plan
 from ..rules.plan_model import parse_plan, words_of
@@ -44,11 +44,16 @@ MOST_FRAMES = 120_000
 """Of a take; ours: half an hour at 60 frames per second, and 130 MB."""
 _FILE_SECONDS = 600.0  # until a file must be written; ours: a video of some minutes
 _MOST_FILE_JOBS = 8  # downloads that wait for each other; ours
+_LOOK_FOR_CLIENT = 0.5  # seconds between looks whether the client of a file is still there; ours
 _ENTRY = re.compile(r"([a-z_]+(?:\[\d+\]|\.\w+)*): ")
 """The entry of a request or a plan with which a message of ours begins."""
 
 M = TypeVar("M", bound=BaseModel)
 Endpoint = Callable[[Any], Awaitable[Any]]
+
+
+class _Owner:
+    """Whose job of a process it is."""
 
 
 class _Refused(Exception):
@@ -185,7 +190,7 @@ class StudioApi:
         path = folder / f"clip{suffix}"
         try:
             await self._receive(request, path)
-            read = await self._write("clip", {"path": str(path)})
+            read = await self._write(request, "clip", {"path": str(path)})
         except InputError as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise rename_error(error, path, label) from None
@@ -283,20 +288,31 @@ class StudioApi:
             values = {"motion": str(take.motion), "target": str(path), "sound": str(take.speech.upload)}
             parts = take.job["options"]["parts"]
             try:
-                await self._write("file", values | {"words": take.job["words"], "parts": parts})
+                await self._write(request, "file", values | {"words": take.job["words"], "parts": parts})
             except InputError as error:
                 raise rename_error(error, path, f"{take.label}{suffix}") from None
+            except JobCancelled:
+                await _in_thread(sweep, take.folder)  # what a process that was killed has left
+                raise
         return _send_file(path, "application/octet-stream", f"{take.label}{suffix}")
 
-    async def _write(self, job: str, values: dict[str, Any]) -> dict[str, Any]:
-        """A job of the process that reads and writes files."""
-        state = self._state
+    async def _write(self, request: Any, job: str, values: dict[str, Any]) -> dict[str, Any]:
+        """A job of the process that reads and writes files. It ends when the client that asked for it is gone."""
+        state, owner = self._state, _Owner()
         if state.file_jobs >= _MOST_FILE_JOBS:
             raise _Refused(503, "too many files are being written", "try again in a minute")
         state.file_jobs += 1
+        work = ensure_future(_in_thread(lambda: state.writer.run(job, timeout=_FILE_SECONDS, owner=owner, **values)))
         try:
-            made: dict[str, Any] = await _in_thread(lambda: state.writer.run(job, timeout=_FILE_SECONDS, **values))
+            while not (await wait([work], timeout=_LOOK_FOR_CLIENT))[0]:
+                if await request.is_disconnected():
+                    state.writer.cancel(owner)
+            made: dict[str, Any] = work.result()
             return made
+        except CancelledError:  # the server ends
+            state.writer.cancel(owner)
+            work.cancel()
+            raise
         finally:
             state.file_jobs -= 1
 

@@ -15,9 +15,9 @@ from ..rules.plan_edits import Plan
 from ..rules.plan_model import HeardWord
 
 __all__ = [
-    "AddGesture", "Catalogue", "ChangeGesture", "ChangeLive", "ChangedPlan", "ClipStyle", "CreatedTake", "FormRow",
-    "FormatRow", "InterruptLive", "LiveMessage", "LiveStatus", "LockStretch", "MessageWords", "MixedStyle", "ModelRow",
-    "MotionHeader", "MoveGesture", "NamedStyle", "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch",
+    "AddGesture", "Catalogue", "ChangeGesture", "ChangeLive", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake",
+    "FormRow", "FormatRow", "InterruptLive", "LiveMessage", "LiveStatus", "LockStretch", "MessageWords", "MixedStyle",
+    "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle", "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch",
     "SetStretch", "StartLive", "StopLive", "StudioLimits", "StudioProblem", "TakeEvent", "TakeRequest", "TargetStatus",
     "UnlockAll", "UploadedClip", "UploadedSpeech",
 ]  # fmt: skip
@@ -291,6 +291,13 @@ class SetStretch(_StretchOfTime):
     open: bool = False
 
 
+class ClearStretch(_StretchOfTime):
+    """`cospeech.Plan.clear`: the values of the plan again."""
+
+    kind: Literal["clear"]
+    names: Annotated[list[Literal["style", "emotion", "intensity"]], Field(min_length=1, max_length=3)]
+
+
 class LockStretch(_StretchOfTime):
     """`cospeech.Plan.lock`."""
 
@@ -304,7 +311,15 @@ class UnlockAll(_Message):
 
 
 PlanEdit = Annotated[
-    AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | LockStretch | UnlockAll,
+    AddGesture
+    | RemoveGesture
+    | MoveGesture
+    | ChangeGesture
+    | ReseedStretch
+    | SetStretch
+    | ClearStretch
+    | LockStretch
+    | UnlockAll,
     Field(discriminator="kind"),
 ]
 

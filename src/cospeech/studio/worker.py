@@ -9,6 +9,7 @@ from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 from ..audio.worker import TooLong, Worker, WorkerEnded, worker_command
 from ..errors import InputError, InternalError
@@ -35,6 +36,8 @@ class StudioWorker:
         self._turn, self._state = threading.Lock(), threading.Lock()
         self._worker: Worker | None = None
         self._numbers, self._running, self._cancelled = count(1), 0, 0
+        self._owner: object = None
+        self._unwanted = WeakSet[Any]()
         self._closed = False
 
     @property
@@ -43,13 +46,16 @@ class StudioWorker:
         worker = self._worker
         return None if worker is None else worker.process.pid
 
-    def run(self, job: str, progress: Progress | None = None, *, timeout: float | None = None, **values: Any) -> dict[str, Any]:
+    def run(
+        self, job: str, progress: Progress | None = None, *, timeout: float | None = None, owner: object = None, **values: Any
+    ) -> dict[str, Any]:
         """Do a job of `cospeech.studio._jobs`.
 
         Args:
             job: its name.
             progress: called with seconds done and in all.
             timeout: seconds that the process may say nothing.
+            owner: whose job it is, for `cancel`.
             values: of the job; they travel as JSON.
 
         Raises:
@@ -59,13 +65,13 @@ class StudioWorker:
         """
         with self._turn:
             with self._state:
-                if self._closed:
+                if self._closed or (owner is not None and owner in self._unwanted):
                     raise JobCancelled
                 if self._worker is None:
                     command = worker_command(Path(__file__).with_name("_jobs.py"))
                     self._worker = Worker(command, {"OMP_NUM_THREADS": "1"})
                 worker, number = self._worker, next(self._numbers)
-                self._running = number
+                self._running, self._owner = number, owner
             worker.request(b"J", json.dumps({"job": job, "number": number, **values}).encode())
             try:
                 return self._follow(worker, progress, timeout)
@@ -78,13 +84,19 @@ class StudioWorker:
                 raise InternalError(f"the worker process has ended ({error})", "it was started again; try once more") from None
             finally:
                 with self._state:
-                    self._running = 0
+                    self._running, self._owner = 0, None
 
-    def cancel(self) -> None:
-        """End the job that runs; a process that does not listen is killed."""
+    def cancel(self, owner: Any = None) -> None:
+        """End the job that runs. A process that does not listen is killed.
+
+        Args:
+            owner: an object that was given to `run`: its job alone ends, also where it still waits. None: whosever runs.
+        """
         with self._state:
             worker, number = self._worker, self._running
-            if worker is None or not number:
+            if owner is not None:
+                self._unwanted.add(owner)
+            if worker is None or not number or (owner is not None and owner is not self._owner):
                 return
             self._cancelled = number
         worker.request(b"C", json.dumps(number).encode())

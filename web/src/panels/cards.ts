@@ -6,6 +6,8 @@ import type { State, Store, Take } from "../state";
 import type { Takes } from "../takes";
 
 export class Cards {
+  private writing: AbortController | null = null;
+
   constructor(private readonly store: Store, private readonly takes: Takes) {
     const { formats } = store.state.catalogue;
     fillSelect(find("format"), formats.map((row) => [row.suffix, `${row.suffix}  ${row.title}`]), ".glb");
@@ -16,6 +18,7 @@ export class Cards {
       event.preventDefault();
       void this.download();
     });
+    find("cancel-download").addEventListener("click", () => this.writing?.abort());
     store.onChange((state) => this.draw(state));
   }
 
@@ -54,16 +57,27 @@ export class Cards {
   private async download(): Promise<void> {
     const { take, state } = this.store;
     const suffix = find<HTMLSelectElement>("format").value;
-    if (take.id === null) return;
+    if (take.id === null || this.writing !== null) return;
+    const writing = this.follow(new AbortController());
     this.store.update({ notice: `writing ${suffix} …`, problem: "" });
     try {
-      const url = URL.createObjectURL(await readFile(take.id, suffix));
+      const url = URL.createObjectURL(await readFile(take.id, suffix, writing.signal));
       const stem = (state.speech?.name ?? "talk").replace(/\.[^.]*$/, "");
       make("a", { href: url, download: `${stem}${suffix}` }).click();
       window.setTimeout(() => URL.revokeObjectURL(url), 60_000);
       this.store.update({ notice: "" });
     } catch (error) {
-      this.store.update({ notice: "", problem: error instanceof Error ? error.message : String(error) });
+      if (writing.signal.aborted) this.store.update({ notice: "cancelled" });
+      else this.store.update({ notice: "", problem: error instanceof Error ? error.message : String(error) });
+    } finally {
+      this.follow(null);
     }
+  }
+
+  /** Show the button that cancels while a file is written. */
+  private follow<T extends AbortController | null>(writing: T): T {
+    this.writing = writing;
+    find("cancel-download").hidden = writing === null;
+    return writing;
   }
 }

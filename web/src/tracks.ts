@@ -1,0 +1,164 @@
+// The tracks of values: what style, emotion and intensity hold when, each a row of segments that the pointer and the keys change.
+
+import type { PlanEdit } from "./api";
+import { find, formatTime, make, readName } from "./dom";
+import type { Plan } from "./messages";
+import type { Store } from "./state";
+import type { Takes } from "./takes";
+
+const VALUES = ["style", "emotion", "intensity"] as const;
+type Value = (typeof VALUES)[number];
+const NUDGE = 0.1; // seconds that an arrow key moves a segment or its end [ours: as of gestures]
+const LEAST = 0.1; // seconds of the shortest segment [ours: as of a selection]
+const EDGE = 7; // pixels at the end of a segment that change its length [ours]
+
+interface Segment { from: number; to: number; text: string }
+
+/** The stretches of a plan in which a value differs from the rest, neighbours with the same value as one. */
+export function segmentsOf(plan: Plan | null, name: Value): Segment[] {
+  const found: Segment[] = [];
+  for (const stretch of [...(plan?.stretches ?? [])].sort((a, b) => a.from - b.from)) {
+    const value = stretch[name];
+    if (value == null) continue;
+    const last = found[found.length - 1];
+    if (last && last.text === String(value) && stretch.from - last.to < 1e-3) last.to = stretch.to;
+    else found.push({ from: stretch.from, to: stretch.to, text: String(value) });
+  }
+  return found;
+}
+
+export class ValueTracks {
+  private readonly rows: Record<Value, HTMLElement>;
+  private shown: Plan | null = null;
+  private base = "";
+  private seconds = 1;
+  private dragging = false;
+
+  constructor(private readonly store: Store, private readonly takes: Takes, select: (event: PointerEvent, then: () => void) => void) {
+    const row = (name: Value): HTMLElement => make("div", {
+      class: "track", role: "group", "data-value": name,
+      pointerdown: (event: PointerEvent) => {
+        if (event.target === event.currentTarget) select(event, () => find(`stretch-${name}`).focus());
+      },
+    });
+    this.rows = { style: row("style"), emotion: row("emotion"), intensity: row("intensity") };
+    find("tracks").replaceChildren(...VALUES.map((name) => this.rows[name]));
+  }
+
+  /** Draw the values of the chosen take over `seconds`. */
+  draw(seconds: number): void {
+    const { plan } = this.store.take;
+    const base = VALUES.map((name) => this.tellBase(name)).join("|");
+    find("tracks").hidden = plan === null;
+    if (this.dragging || (plan === this.shown && base === this.base && seconds === this.seconds)) return;
+    this.shown = plan;
+    this.base = base;
+    this.seconds = seconds;
+    for (const name of VALUES) {
+      const row = this.rows[name];
+      const focused = row.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.order : null;
+      row.setAttribute("aria-label", `${readName(name)}: ${this.tellBase(name)}`);
+      const label = make("span", { class: "base" }, `${readName(name)}: ${this.tellBase(name)}`);
+      row.replaceChildren(label, ...segmentsOf(plan, name).map((segment, k) => this.button(name, segment, k)));
+      if (focused) row.querySelector<HTMLElement>(`[data-order="${focused}"]`)?.focus();
+    }
+  }
+
+  /** What holds where no segment says otherwise. */
+  private tellBase(name: Value): string {
+    const { settings } = this.store.state;
+    const plan = this.store.take.plan;
+    if (name === "style") return readName(plan?.style || settings.style || "the model's own");
+    if (name === "intensity") return String(plan?.intensity ?? settings.intensity);
+    const emotion = plan?.emotion ?? settings.emotion;
+    return typeof emotion !== "string" ? "changes" : emotion === "auto" ? "as the voice sounds" : readName(emotion);
+  }
+
+  private button(name: Value, segment: Segment, order: number): HTMLElement {
+    const span = `from ${formatTime(segment.from)} to ${formatTime(segment.to)}`;
+    const button = make("button", {
+      type: "button", class: "segment", "data-order": String(order),
+      "aria-label": `${readName(name)} ${readName(segment.text)}, ${span}`,
+      title: `${readName(segment.text)}, ${span}. Drag it or its ends; Delete takes it off`,
+      click: () => this.store.update({ selection: [segment.from, segment.to] }),
+      keydown: (event: KeyboardEvent) => this.press(event, name, segment),
+      pointerdown: (event: PointerEvent) => this.drag(event, name, segment, button),
+    }, readName(segment.text));
+    this.place(button, segment.from, segment.to);
+    return button;
+  }
+
+  private place(button: HTMLElement, from: number, to: number): void {
+    button.style.left = `${(from / this.seconds) * 100}%`;
+    button.style.width = `${((to - from) / this.seconds) * 100}%`;
+  }
+
+  private press(event: KeyboardEvent, name: Value, segment: Segment): void {
+    const by = event.key === "ArrowLeft" ? -NUDGE : event.key === "ArrowRight" ? NUDGE : 0;
+    if (by) void this.move(name, segment, event.shiftKey ? this.stretch(segment, 0, by) : this.shift(segment, by));
+    else if (event.key === "Delete" || event.key === "Backspace") void this.takes.edit(clear(name, segment));
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  private shift(segment: Segment, by: number): Segment {
+    const most = this.seconds - segment.to;
+    const moved = Math.min(Math.max(by, -segment.from), Math.max(most, 0));
+    return { ...segment, from: segment.from + moved, to: segment.to + moved };
+  }
+
+  /** The segment with its first or last border elsewhere. */
+  private stretch(segment: Segment, byFrom: number, byTo: number): Segment {
+    const from = Math.min(Math.max(segment.from + byFrom, 0), segment.to - LEAST);
+    const to = Math.max(Math.min(segment.to + byTo, this.seconds), segment.from + LEAST);
+    return byFrom ? { ...segment, from } : { ...segment, to };
+  }
+
+  private async move(name: Value, old: Segment, moved: Segment): Promise<void> {
+    const value = name === "intensity" ? Number(old.text) : old.text;
+    const { from, to } = { from: round(moved.from), to: round(moved.to) };
+    if (from === round(old.from) && to === round(old.to)) return;
+    await this.takes.edit(clear(name, old), { kind: "set", start: from, end: to, [name]: value });
+    if (this.store.state.selection !== null) this.store.update({ selection: [from, to] });
+  }
+
+  private drag(down: PointerEvent, name: Value, segment: Segment, button: HTMLElement): void {
+    if (down.button !== 0) return;
+    const box = button.getBoundingClientRect();
+    const edge = Math.min(EDGE, box.width / 4);
+    const first = down.clientX - box.left < edge;
+    const last = box.right - down.clientX < edge;
+    const perSecond = this.rows[name].clientWidth / this.seconds;
+    let moved = segment;
+    const onMove = (event: PointerEvent): void => {
+      const pixels = event.clientX - down.clientX;
+      this.dragging = Math.abs(pixels) > 3 || this.dragging;
+      if (!this.dragging) return;
+      const by = pixels / perSecond;
+      moved = first ? this.stretch(segment, by, 0) : last ? this.stretch(segment, 0, by) : this.shift(segment, by);
+      this.place(button, moved.from, moved.to);
+    };
+    const onUp = (event: PointerEvent): void => {
+      button.removeEventListener("pointermove", onMove);
+      button.removeEventListener("pointerup", onUp);
+      button.removeEventListener("pointercancel", onUp);
+      const dropped = this.dragging && event.type === "pointerup";
+      this.dragging = false;
+      if (dropped) void this.move(name, segment, moved);
+      else this.place(button, segment.from, segment.to);
+    };
+    button.setPointerCapture(down.pointerId);
+    button.addEventListener("pointermove", onMove);
+    button.addEventListener("pointerup", onUp);
+    button.addEventListener("pointercancel", onUp);
+  }
+}
+
+function clear(name: Value, { from, to }: Segment): PlanEdit {
+  return { kind: "clear", start: from, end: to, names: [name] };
+}
+
+function round(seconds: number): number {
+  return Math.round(seconds * 1000) / 1000;
+}

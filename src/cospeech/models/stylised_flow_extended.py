@@ -10,6 +10,7 @@ thousands without; all of it is linear in xₜ, so that the likelihood (5) stays
          stretch (style_window) ──3 convolutions, mean and deviation over time──► code ──► c_t
 
     pose_noise           noise on the poses in training: a density of smooth data has no upper limit
+    stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of what the network plays by itself and of the recording
 
 What each does for the motion: docs/models/stylised_flow.md, "Changed, and added".
 """
@@ -25,10 +26,13 @@ from torch import Tensor, nn
 from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
-from .nn.objective import Batch
+from .nn.objective import Batch, StepRandom
+from .nn.speed_distance import timing_distance
 from .stylised_flow import FlowConfig, StylisedFlow
 
 __all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
+
+_FAR = 8.0  # standard deviations [ours]: no recorded pose is as far; the first networks of a training run can be
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,12 @@ class FlowExtendedConfig(FlowConfig):
     steps_seen: bool = False
     """Whether the couplings see a history as its last pose and the steps that led there, not as poses; [ours]: a linear change
     of their input. ``history_dropout`` then hides all steps of a frame at once."""
+    stroke_timing: float = 0.0
+    """Weight of the distance between when the recording's strokes come and when those come that the network plays by itself
+    (``nn.speed_distance.timing_distance``); [ours]. The likelihood sees recorded histories only: a network can be good at it
+    and still let its own history, not the speech, say when hands move."""
+    stroke_timing_every: int = 4
+    """Steps between those that have that term; [ours]: playing a window costs as much as the rest of a step."""
 
 
 class StylisedFlowExtended(StylisedFlow):
@@ -135,9 +145,27 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
-        return self.losses(
-            x, self.condition(histories, heard, self.style(pose[:, : self.style_frames])), batch.chance, step, base
-        )
+        style = self.style(pose[:, : self.style_frames])
+        terms = self.losses(x, self.condition(histories, heard, style), batch.chance, step, base)
+        if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
+            made = self._play_window(pose, heard, style, batch.chance)
+            terms["stroke_timing"] = self.config.stroke_timing * timing_distance(made.mT, x.mT)
+        return terms
+
+    def _play_window(self, pose: Tensor, heard: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:
+        """(B, F, D): the trained frames, played from their recorded history with random latents; each pose is fed back."""
+        tau, states = self.config.history, None
+        poses = pose[:, self.style_frames : self.style_frames + tau]
+        latents = self.flow.latent.sample(chance.normal, len(pose), heard.shape[1])
+        frozen = self.encoder if self.training else None  # a frame of a batch is no sample to take means of
+        if frozen is not None:
+            frozen.eval()
+        for t in range(heard.shape[1]):
+            made, states = self._make_frame(latents[:, t], poses[:, -tau:], heard[:, t], states, style)
+            poses = torch.cat([poses, made[:, None].clamp(-_FAR, _FAR)], 1)
+        if frozen is not None:
+            frozen.train()
+        return poses[:, tau:]
 
     # generation -----------------------------------------------------------------------------------------------------
 
@@ -156,6 +184,11 @@ class StylisedFlowExtended(StylisedFlow):
         self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
     ) -> tuple[Tensor, list[State]]:
         """One frame, as of the paper; ``style``: (B, style)."""
+        return self._make_frame(z, history, audio, states, style)
+
+    def _make_frame(
+        self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None
+    ) -> tuple[Tensor, list[State]]:
         made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
         return made[:, 0] + self._base(history[:, None])[:, 0], states
 

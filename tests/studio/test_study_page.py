@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from cospeech.studio.study.answers import Answers
@@ -10,27 +9,14 @@ from cospeech.studio.study.make import make_study
 from cospeech.studio.study.plan import load_plan
 from cospeech.studio.study.session import make_session
 from tests.support.browser import find_violations, open_chromium, wait_until
+from tests.support.study_page import WATCH, answer, open_trial, write_webm
 from tests.support.study_raters import as_sent, right_answers, serving
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
 pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
-av = pytest.importorskip("av", reason="videos need PyAV (the av extra)")
+pytest.importorskip("av", reason="videos need PyAV (the av extra)")
 
 pytestmark = pytest.mark.slow
-WATCH = """async () => { for (const video of document.querySelectorAll('video')) { video.muted = true; video.playbackRate = 4;
-    await video.play(); await new Promise(done => video.addEventListener('ended', done, { once: true })); } }"""
-
-
-def write_webm(path) -> None:
-    """Eight grey pictures in a codec that every Chromium has."""
-    with av.open(str(path), "w", format="webm") as container:
-        video = container.add_stream("libvpx", rate=10)
-        video.width = video.height = 64
-        video.pix_fmt = "yuv420p"
-        for k in range(8):
-            picture = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 30 * k, np.uint8), format="rgb24")
-            container.mux(video.encode(picture))
-        container.mux(video.encode(None))
 
 
 @pytest.fixture
@@ -59,7 +45,7 @@ def test_a_rater_takes_part_in_the_page(study, scheme):
         page.check("#agree")
         page.keyboard.press("Enter")
         for number, trial in enumerate(trials):
-            wait_until(page, f"document.querySelector('h1').textContent === 'Page {number + 1} of {len(trials)}'")
+            open_trial(page, number, len(trials))
             if number == 0:
                 assert find_violations(page) == []
                 page.click("button[type=submit]", force=True)  # it is called disabled, and says why
@@ -68,9 +54,7 @@ def test_a_rater_takes_part_in_the_page(study, scheme):
             if number == 0:
                 page.click("button[type=submit]")
                 assert "answer every question" in page.inner_text("#status")
-            for (name, place), value in right_answers(plan, trial).items():
-                page.check(f"fieldset[data-name='{name}'][data-place='{place}'] input[value='{value}']")
-            page.click("button[type=submit]")
+            answer(page, right_answers(plan, trial))
         wait_until(page, "document.querySelector('h1').textContent === 'Thank you'")
         assert find_violations(page) == []
         assert not wrong

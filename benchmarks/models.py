@@ -8,7 +8,8 @@ and so is the motion: the figure holds features, body, hands and face, but neith
 so that other work on the machine disturbs it less than it does a clock; the best of five runs counts, after one that warms up.
 
 **Follow**: the recordings of a folder, or those that a synthetic corpus of the same folder keeps for the test (``--split``),
-with pauses of 1 to 4 seconds put into them. The rules, which taught the networks, are the first row. Columns:
+with pauses of 1 to 4 seconds put into them. Of a folder with the ``labels.csv`` of EmoDB only the calm ones are taken (neutral
+and bored). The rules, which taught the networks, are the first row. Columns:
 
 * silence ratio: mean speed of the wrists in pauses, from 1.2 s after the voice to 0.8 s before it, by that in speech. In
   brackets that of all of the pauses of 1 s or more: hands that come down move in there.
@@ -21,10 +22,12 @@ with pauses of 1 to 4 seconds put into them. The rules, which taught the network
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import platform
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -45,6 +48,7 @@ SECONDS = 60
 RUNS = 5
 PIECE, SHARE = 25.0, 0.3  # seconds of a recording before pauses are put into it; share of it that is then pauses
 SHORTEST, AFTER, BEFORE = 1.0, 1.2, 0.8  # s of a pause; s after and before the voice in which hands may move
+CALM = ("neutral", "boredom")
 SHOWN = ("chain-of-generation", "mix-stage", "stylised-flow")
 Player = tuple[str, Any, dict[str, Any]]
 """Name of a row, model, and the options that it generates with."""
@@ -75,9 +79,19 @@ def print_speeds(path: str) -> None:
         print(f"| {name} | {factor:.2g} | {fps:g} |", flush=True)
 
 
+def read_recordings(folder: Path) -> Iterable[cospeech.Speech]:
+    """All of a folder; of one whose ``labels.csv`` names the acted emotions, as EmoDB's does, the calm ones."""
+    labels = folder / "labels.csv"
+    if not labels.is_file():
+        return recordings(folder)
+    with labels.open(encoding="utf-8") as file:
+        rows = sorted((row["speaker"], row["file"]) for row in csv.DictReader(file) if row["emotion"] in CALM)
+    return (replace(cospeech.Speech.load(folder / name), name=f"{actor}/{Path(name).stem}") for actor, name in rows)
+
+
 def held_out(folder: Path, split: str, share: float) -> list[cospeech.Speech]:
     """Recordings of a split, in pieces, with a share of pauses put into them."""
-    found = recordings(folder)
+    found = read_recordings(folder)
     pieces = pieces_of(found if split == "all" else split_recordings(found)[split], PIECE)
     long = [piece for piece in pieces if float(piece.duration) > PIECE / 2]
     return [add_silences(piece, share, k) for k, piece in enumerate(long)]

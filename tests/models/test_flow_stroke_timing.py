@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.speed_distance import timing_distance  # noqa: E402
 from cospeech.models.stylised_flow_extended import FlowExtendedConfig, StylisedFlowExtended  # noqa: E402
+from cospeech.runtime.flow.weights import FlowSizes  # noqa: E402
 
 SMALL = {
     "steps": 2, "hidden": 16, "layers": 1, "history": 5, "look_ahead": 3, "frames": 32, "encoder_channels": 8,
@@ -89,3 +90,10 @@ def test_its_slope_reaches_through_what_was_played():
         optimiser.step()
         found.append(float(term.detach()))
     assert found[-1] < found[0] - 0.2
+
+
+def test_a_bundle_is_told_the_scale_of_its_latents():
+    assert network().runtime_sizes()["latent_scale"] == 1.0
+    net = network(latent_scale=0.7)
+    assert FlowSizes(**net.runtime_sizes()).latent_scale == 0.7
+    assert terms(net, 1) == terms(network(), 1), "training does not know it"

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from cospeech.motion.skeleton import find_skeleton, humanoid
 from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.rules import RuleBasedModel
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder
+from cospeech.runtime.flow import latent_sources
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.mouth import open_default_mouth
@@ -196,6 +198,16 @@ def test_a_whole_body_of_trinity_plays_and_walks(tmp_path, fps):
         assert same(Motion.concatenate([*player.stream(cut(speech, edges), **options)]), motion)
     motion.save(tmp_path / "walk.bvh")
     np.testing.assert_allclose(Motion.load(tmp_path / "walk.bvh").root, motion.root, atol=1e-4)
+
+
+def test_random_latents_have_the_scale_of_the_bundle(monkeypatch):
+    sizes = gesturer().system.flow.sizes
+    whole = source("ben", seed=4).draw(30)
+    half = SimpleNamespace(sizes=replace(sizes, latent_scale=0.5))
+    monkeypatch.setattr(latent_sources, "flow_of", lambda system: half)
+    np.testing.assert_allclose(source("ben", seed=4).draw(30), 0.5 * whole, rtol=1e-6)
+    with pytest.raises(InputError, match="latent_scale = 3"):
+        replace(sizes, latent_scale=3.0)
 
 
 # a style that changes ----------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ thousands without; all of it is linear in xₜ, so that the likelihood (5) stays
 
          stretch (style_window) ──3 convolutions, mean and deviation over time──► code ──► c_t
 
+    latent_scale         scale of random latents at play
     pose_noise           noise on the poses in training: a density of smooth data has no upper limit
     stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of what the network plays by itself and of the recording
 
@@ -54,6 +55,10 @@ class FlowExtendedConfig(FlowConfig):
     steps_seen: bool = False
     """Whether the couplings see a history as its last pose and the steps that led there, not as poses; [ours]: a linear change
     of their input. ``history_dropout`` then hides all steps of a frame at once."""
+    latent_scale: float = 1.0
+    """Scale of the latents that a bundle draws at temperature 1; [ours], as images of Glow are sampled (Kingma & Dhariwal 2018,
+    0.7). Training does not know it. Below 1 the speech says more of the motion, and chance less; bundling measures the
+    deviations that come out, and the runtime corrects them."""
     stroke_timing: float = 0.0
     """Weight of the distance between when the recording's strokes come and when those come that the network plays by itself
     (``nn.speed_distance.timing_distance``); [ours]. The likelihood sees recorded histories only: a network can be good at it
@@ -197,5 +202,8 @@ class StylisedFlowExtended(StylisedFlow):
     def runtime_sizes(self) -> dict[str, Any]:
         """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
         c = self.config
-        own = {"residual": c.residual, "inertia": c.inertia, "style": c.style, "steps_seen": c.steps_seen}
+        own = {
+            "residual": c.residual, "inertia": c.inertia, "style": c.style, "steps_seen": c.steps_seen,
+            "latent_scale": c.latent_scale,
+        }  # fmt: skip
         return super().runtime_sizes() | own | {"channels": c.encoder_channels if c.encoder or c.style else 0}

@@ -54,7 +54,7 @@ class CodeSource:
         self.model_mean: Array | None = None
         if self.style_gain is not None:  # random latents: what the network makes of them by itself is known
             self.model_mean, self.style_gain = s.free_mean, self.style_gain / s.free_std
-        self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature)
+        self._latents = StudentT(sizes.pose, sizes.nu, seed=seed, temperature=temperature * sizes.latent_scale)
 
     def draw(self, frames: int) -> Array:
         """See `Source`."""

@@ -67,12 +67,14 @@ class FlowSizes:
     """Whether the couplings see a history as its last pose and `STEP_GAIN` times the steps that led there."""
     feedback_gain: float = 1.0
     """What is made is multiplied by this before it is fed back: below 1, poses are drawn to the mean one, 0."""
+    latent_scale: float = 1.0
+    """Scale of random latents at temperature 1."""
     int8: bool = True
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value, (low, high) = getattr(self, field.name), _RANGES.get(field.name, (False, True))
-            kinds = (int, float) if field.name in ("nu", "inertia", "feedback_gain") else (type(low),)
+            kinds = (int, float) if field.name in ("nu", "inertia", "feedback_gain", "latent_scale") else (type(low),)
             if field.name == "cell":
                 if not isinstance(value, str) or value not in GATES:
                     raise InputError(f"the cells of a flow are {str(value)[:60]!r}", f"one of {', '.join(GATES)}")
@@ -102,7 +104,7 @@ class FlowSizes:
 _RANGES = {
     "pose": (2, 2000), "audio": (1, 4000), "steps": (1, 64), "hidden": (1, 4096), "layers": (1, 8), "history": (1, 600),
     "speech_frames": (1, 1200), "nu": (0, 1e9), "feature": (0, 1024), "blocks": (0, 32), "channels": (0, 4096),
-    "style": (0, 1024), "inertia": (0, 1), "feedback_gain": (0.5, 1),
+    "style": (0, 1024), "inertia": (0, 1), "feedback_gain": (0.5, 1), "latent_scale": (0, 2),
 }  # fmt: skip
 """Sane sizes (ours): a bundle beyond is damaged or hostile."""
 

@@ -124,7 +124,9 @@ def _generate_freely(
     heard, style = frame_windows(audio, model.speech_frames), [codes.repeat(takes, 1)] if codes.shape[1] else []
     frames = heard.shape[1]
     gain = torch.tensor(gains).repeat_interleave(len(stretches))[:, None]
-    z = model.flow.latent.sample(StepRandom(0, 0).normal, len(stretches), frames)
+    z = model.runtime_sizes().get("latent_scale", 1.0) * model.flow.latent.sample(
+        StepRandom(0, 0).normal, len(stretches), frames
+    )
     poses = list(stretches[:, :tau].repeat(takes, 1, 1).unbind(1))
     for t in range(frames):
         made, states = model.step(

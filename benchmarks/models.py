@@ -181,12 +181,13 @@ def print_following(chosen: argparse.Namespace) -> None:
     print("| | silence ratio | beat lift | of the rules' | own | gains |\n|---|---|---|---|---|---|")
     first = 0.0
     for name, model, options in rows:
-        made = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(speeches)]
+        made = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(speeches * chosen.takes)]
         moved = [speeds(motion) for motion in made]
-        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(speeches, made, strict=True)])
+        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(speeches * chosen.takes, made, strict=True)])
         first = first or lift.far
-        settled, paused = silence_ratios(speeches, moved)
-        own = own_beats_others(speeches, moved)
+        settled, paused = silence_ratios(speeches * chosen.takes, moved)
+        count = len(speeches)
+        own = np.mean([own_beats_others(speeches, moved[k * count : (k + 1) * count]) for k in range(chosen.takes)])
         half = (lift.interval[1] - lift.interval[0]) / 2
         figures = f"{settled:.3f} ({paused:.3f}) | {lift.far:.3f} ± {half:.2g} | {lift.far / first:.0%} | {own:.0%}"
         print(f"| {name} | {figures} | {describe_gains(model)} |", flush=True)
@@ -199,6 +200,7 @@ def main() -> None:
     parser.add_argument("--bundle", action="append", help="a file; those that ship where not given")
     parser.add_argument("--split", choices=("all", "train", "validation", "test"), default="all")
     parser.add_argument("--pauses", type=float, default=SHARE, help="share of the speech that is pauses put into it")
+    parser.add_argument("--takes", type=int, default=1, help="of each recording, with other seeds")
     parser.add_argument("--temperature", type=float, default=1.0, help="of the trained models")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")
     chosen = parser.parse_args()

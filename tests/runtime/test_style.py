@@ -410,9 +410,10 @@ def test_the_hand_of_the_example_gestures():
 @pytest.mark.slow
 def test_size_follows_the_example():
     example = acted(1.0, style="natural")
-    examples = [example, replace(example, rotations=np.repeat(example.rotations[:1], 270, 0))]
+    frozen = {"rotations": np.repeat(example.rotations[:1], 270, 0), "root": np.repeat(example.root[:1], 270, 0)}
+    examples = [example, replace(example, **frozen)]
     lively, still = (wrists(learnt().generate(talk(8.0), style=e, parts=BODY, emotion="neutral")) for e in examples)
-    assert travel(still).max() < 0.5 * travel(lively).max()
+    assert travel(still).max() < 0.1 * travel(lively).max()
     shown = wrists(example)
     np.testing.assert_allclose(lively[:, 1].mean(0), shown[:, 1].mean(0), atol=0.12)
     assert 0.5 < lively[:, 1].std(0).max() / shown[:, 1].std(0).max() < 1.6

@@ -422,7 +422,9 @@ def test_a_take_that_is_cancelled_leaves_what_was_shown(page, tmp_path):
     assert page.evaluate("cospeechStudio.takes[0].progress") is None
     assert page.evaluate("cospeechStudio.takes[0].frames") == 0
     page.click("#next-seed")  # the studio goes on
-    wait_until(page, "cospeechStudio.takes[0].progress !== null")
+    wait_until(page, "cospeechStudio.takes[0].making !== null")
+    page.locator('#cards button:has-text("Cancel")').click()  # so that the next test need not wait for it
+    wait_until(page, "cospeechStudio.takes[0].making === null")
 
 
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):

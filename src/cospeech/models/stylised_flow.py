@@ -262,6 +262,7 @@ class StylisedFlow(Trainable):
             "residual": False, "inertia": 0.0, "feature": c.feature if c.encoder else 0,
             "blocks": c.encoder_blocks if c.encoder else 0, "channels": c.encoder_channels if c.encoder else 0,
             "oldest": c.encoder_oldest, "encoder_relu": c.encoder and c.encoder_relu, "style": 0, "steps_seen": False,
+            "latent_scale": 1.0,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

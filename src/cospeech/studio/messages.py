@@ -47,9 +47,6 @@ class StudioProblem(_Message):
     """The entry of the request or the plan that is wrong: ``gestures[2].stroke``, ``intensity``."""
 
 
-# what there is --------------------------------------------------------------------------------------------------------
-
-
 class ModelRow(_Message):
     """A model that can be played."""
 
@@ -112,9 +109,6 @@ class Catalogue(_Message):
     limits: StudioLimits
 
 
-# speech and clips -----------------------------------------------------------------------------------------------------
-
-
 class UploadedSpeech(_Message):
     """A speech that the server holds."""
 
@@ -138,9 +132,6 @@ class UploadedClip(_Message):
     clip: str
     name: str
     seconds: float
-
-
-# takes ----------------------------------------------------------------------------------------------------------------
 
 
 class NamedStyle(_Message):
@@ -336,9 +327,6 @@ class ChangedPlan(_Message):
     """The plan after an edit."""
 
     plan: Plan
-
-
-# live -----------------------------------------------------------------------------------------------------------------
 
 
 class StartLive(_Message):

@@ -19,7 +19,7 @@ from ...errors import InputError
 from ...motion.rotations import Array
 from ..autoregressive_decoder import Source
 from ..styles.embedding import StyleMixture, average_parts, mix
-from ..styles.space import FlowSpace
+from ..styles.space import SPREAD_FLOOR, FlowSpace
 from ..system import System
 from .engine import FlowEngine, StudentT
 
@@ -73,11 +73,9 @@ class _ExampleSource(CodeSource):
         super().__init__(system, blend, seed=seed, temperature=temperature)
         space = FlowSpace(system, flow_of(system))
         taken = mix(blend) if coded else space.by_name(system.style)
-        self.style, self.speaker_mean, self.style_gain = (
-            taken.code,
-            taken.speaker_mean,
-            taken.speaker_std,
-        )  # its latents make its own poses
+        self.style, self.speaker_mean, self.style_gain = taken.code, taken.speaker_mean, taken.speaker_std
+        if self.style_gain is not None:  # its latents make its own poses, as they were standardised
+            self.style_gain = np.maximum(self.style_gain, SPREAD_FLOOR)
         self.model_mean = None if self.style_gain is None else np.zeros(system.pose_width, np.float32)
         self._system, self._temperature = system, np.float32(temperature)
         self._kept = np.zeros((0, system.pose_width), np.float32)

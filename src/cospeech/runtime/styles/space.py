@@ -177,9 +177,9 @@ class FlowSpace:
         least = max(SHORTEST, max(8, sizes.history + 2) / self._system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
         shown = standardise_example(self._system, motion, least, name)
         mean, std = np.concatenate(shown).mean(0), None
-        if s.speaker_std.size:
-            std = np.maximum(np.concatenate(shown).std(0), SPREAD_FLOOR).astype(np.float32)
-            shown = tuple((poses - mean) / std for poses in shown)
+        if s.speaker_std.size:  # standardised as in training; but what is still in the example stays as still
+            std = np.concatenate(shown).std(0).astype(np.float32)
+            shown = tuple((poses - mean) / np.maximum(std, SPREAD_FLOOR) for poses in shown)
         shown = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in shown)
         code = np.zeros(0)
         if sizes.style:

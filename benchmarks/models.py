@@ -179,15 +179,14 @@ def print_following(chosen: argparse.Namespace) -> None:
     bare = {"temperature": chosen.temperature, "calibrated": not chosen.bare}
     rows: list[Player] = [("rules", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
     print("| | silence ratio | beat lift | of the rules' | own | gains |\n|---|---|---|---|---|---|")
-    first = 0.0
+    first, count, spoken = 0.0, len(speeches), speeches * chosen.takes
     for name, model, options in rows:
-        made = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(speeches * chosen.takes)]
+        made = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(spoken)]
         moved = [speeds(motion) for motion in made]
-        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(speeches * chosen.takes, made, strict=True)])
+        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(spoken, made, strict=True)])
         first = first or lift.far
-        settled, paused = silence_ratios(speeches * chosen.takes, moved)
-        count = len(speeches)
-        own = np.mean([own_beats_others(speeches, moved[k * count : (k + 1) * count]) for k in range(chosen.takes)])
+        settled, paused = silence_ratios(spoken, moved)
+        own = np.mean([own_beats_others(speeches, moved[k : k + count]) for k in range(0, len(moved), count)])
         half = (lift.interval[1] - lift.interval[0]) / 2
         figures = f"{settled:.3f} ({paused:.3f}) | {lift.far:.3f} ± {half:.2g} | {lift.far / first:.0%} | {own:.0%}"
         print(f"| {name} | {figures} | {describe_gains(model)} |", flush=True)

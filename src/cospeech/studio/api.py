@@ -307,6 +307,7 @@ class StudioApi:
             while not (await wait([work], timeout=_LOOK_FOR_CLIENT))[0]:
                 if await request.is_disconnected():
                     state.writer.cancel(owner)
+                    await wait([work])
             made: dict[str, Any] = work.result()
             return made
         except CancelledError:  # the server ends

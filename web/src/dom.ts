@@ -26,6 +26,22 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
+/** Follow the pointer from a press on an element until it is let go, or taken away. */
+export function followPointer(
+  element: HTMLElement, down: PointerEvent, onMove: (event: PointerEvent) => void, onEnd: (event: PointerEvent) => void,
+): void {
+  const end = (event: PointerEvent): void => {
+    element.removeEventListener("pointermove", onMove);
+    element.removeEventListener("pointerup", end);
+    element.removeEventListener("pointercancel", end);
+    onEnd(event);
+  };
+  element.setPointerCapture(down.pointerId);
+  element.addEventListener("pointermove", onMove);
+  element.addEventListener("pointerup", end);
+  element.addEventListener("pointercancel", end);
+}
+
 /** A select element's options; the chosen one stays where it is still among them. */
 export function fillSelect(select: HTMLSelectElement, rows: [value: string, text: string][], chosen: string): void {
   select.replaceChildren(...rows.map(([value, text]) => make("option", { value }, text)));

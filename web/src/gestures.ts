@@ -1,6 +1,6 @@
 // The gestures on the time line: one button each, moved by the pointer or the keys.
 
-import { make, readName } from "./dom";
+import { followPointer, make, readName } from "./dom";
 import type { Plan, PlannedGesture } from "./messages";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
@@ -122,18 +122,12 @@ export class GestureTrack {
       if (this.dragging) button.style.transform = `translateX(${moved}px)`;
     };
     const onUp = (event: PointerEvent): void => {
-      button.removeEventListener("pointermove", onMove);
-      button.removeEventListener("pointerup", onUp);
-      button.removeEventListener("pointercancel", onUp);
       const move = this.dragging && event.type === "pointerup";
       this.dragging = false;
       const settle = (): void => void button.style.removeProperty("transform");
       if (move) void this.move(gesture, gesture.stroke + moved / perSecond).then(settle);
       else settle();
     };
-    button.setPointerCapture(down.pointerId);
-    button.addEventListener("pointermove", onMove);
-    button.addEventListener("pointerup", onUp);
-    button.addEventListener("pointercancel", onUp);
+    followPointer(button, down, onMove, onUp);
   }
 }

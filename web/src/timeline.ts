@@ -1,6 +1,6 @@
 // The time line: waveform, words, gestures, stretches, the selection and the playhead.
 
-import { find, formatTime, make } from "./dom";
+import { find, followPointer, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
 import type { HeardWord, Stretch } from "./messages";
 import type { Player } from "./player";
@@ -122,15 +122,9 @@ export class TimeLine {
       this.store.update({ selection: selection[1] - selection[0] < LEAST_STRETCH ? null : selection });
     };
     const onUp = (): void => {
-      lane.removeEventListener("pointermove", onMove);
-      lane.removeEventListener("pointerup", onUp);
-      lane.removeEventListener("pointercancel", onUp);
       if (this.store.state.selection !== null) then?.();
     };
-    lane.setPointerCapture(down.pointerId);
-    lane.addEventListener("pointermove", onMove);
-    lane.addEventListener("pointerup", onUp);
-    lane.addEventListener("pointercancel", onUp);
+    followPointer(lane, down, onMove, onUp);
   }
 
   /** Move the playhead; called for every frame. */

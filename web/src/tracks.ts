@@ -1,7 +1,7 @@
 // The tracks of values: what style, emotion and intensity hold when, each a row of segments that the pointer and the keys change.
 
 import type { PlanEdit } from "./api";
-import { find, formatTime, make, readName } from "./dom";
+import { find, followPointer, formatTime, make, readName } from "./dom";
 import type { Plan } from "./messages";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
@@ -140,18 +140,12 @@ export class ValueTracks {
       this.place(button, moved.from, moved.to);
     };
     const onUp = (event: PointerEvent): void => {
-      button.removeEventListener("pointermove", onMove);
-      button.removeEventListener("pointerup", onUp);
-      button.removeEventListener("pointercancel", onUp);
       const dropped = this.dragging && event.type === "pointerup";
       this.dragging = false;
       if (dropped) void this.move(name, segment, moved);
       else this.place(button, segment.from, segment.to);
     };
-    button.setPointerCapture(down.pointerId);
-    button.addEventListener("pointermove", onMove);
-    button.addEventListener("pointerup", onUp);
-    button.addEventListener("pointercancel", onUp);
+    followPointer(button, down, onMove, onUp);
   }
 }
 

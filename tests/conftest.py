@@ -8,6 +8,7 @@ import re
 import sys
 import tempfile
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # A worker inherits the environment of the process that starts it. So each one names a folder of its own, which ends with it.
 _numba_cache = tempfile.TemporaryDirectory(prefix="cospeech-numba-", ignore_cleanup_errors=True)
 os.environ["NUMBA_CACHE_DIR"] = _numba_cache.name
+
+# PyTorch takes seconds to export a network. All workers share what they exported (tests/support/exports.py).
+if "COSPEECH_TEST_EXPORTS" not in os.environ:
+    _exports = tempfile.TemporaryDirectory(prefix="cospeech-exports-", ignore_cleanup_errors=True)
+    os.environ["COSPEECH_TEST_EXPORTS"] = _exports.name
 
 # Machines that run tests are slow at times: no per-example deadline, and the same examples on every run.
 settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -58,6 +64,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         needs |= {"browser"} if "open_chromium(" in source_of(item.function) or "chromium" in item.fixturenames else set()
         for marker in sorted(needs | ({"torch"} if needs_torch(item) else set())):
             item.add_marker(marker)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("torch") and find_spec("torch") and find_spec("onnx"):
+        from tests.support.exports import share_exports
+
+        share_exports()
 
 
 @pytest.fixture(scope="session")

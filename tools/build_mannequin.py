@@ -3,16 +3,27 @@
 python tools/build_mannequin.py
 """
 
+import hashlib
 from pathlib import Path
 
 from mannequin.modelling import sculpt
 
 from cospeech.export.mannequin import asset
+from cospeech.motion.skeleton import humanoid
+
+
+def digest_sources() -> str:
+    """Of the code and the skeleton that the sculpture depends on. The file keeps it, so a test need not sculpt for a minute."""
+    digest = hashlib.sha256(humanoid().offsets.astype("<f8").tobytes())
+    for path in sorted((Path(__file__).parent / "mannequin").glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
 
 if __name__ == "__main__":
     target = Path(__file__).parents[1] / "src" / "cospeech" / "assets" / "mannequin.npz"
     character = sculpt()
-    asset.save(character, target)
+    asset.save(character, target, digest_sources())
     counts = [(len(p.vertices), len(p.triangles)) for p in character.parts]
     vertices, triangles = (sum(column) for column in zip(*counts, strict=True))
     print(f"{target.name}: {len(counts)} parts, {vertices} vertices, {triangles} triangles, {target.stat().st_size} bytes")

@@ -16,7 +16,6 @@ from cospeech.audio.features.frames import FrameFeatures
 from cospeech.audio.features.log_mel import log_mel_at, log_mel_count
 from cospeech.audio.features.mel import mel_triangles, spectra
 from cospeech.audio.features.reduce import reduce_audio
-from cospeech.audio.speech import example
 
 
 def voice(seconds: float, rate: int = 16_000, seed: int = 0) -> Speech:
@@ -66,15 +65,6 @@ def test_against_the_definition():
     assert (whole == np.log(1e-6)).all(1).sum() > 20, "of nothing at all"
     last = np.minimum(np.floor(np.arange(30) * 100 / 15).astype(int), len(whole) - 1)
     np.testing.assert_array_equal(heard(speech, 15.0), whole[last].astype(np.float32))
-
-
-@pytest.mark.slow
-def test_against_librosa():
-    librosa = pytest.importorskip("librosa", reason="needs librosa, to compare with")
-    speech = Speech.load(example()[0]).window(2, 5)
-    short = np.abs(librosa.stft(speech.samples, n_fft=512, hop_length=160, win_length=400, center=False))
-    bands = librosa.feature.melspectrogram(S=short, sr=16_000, n_fft=512, power=1, n_mels=64, fmin=125, fmax=7500, norm=None)
-    np.testing.assert_allclose(log_mel_400(speech.samples), np.log(np.where(bands == 0, 1e-6, bands)).T, atol=1e-3)
 
 
 def test_triangles_and_spectra_of_short_sounds():

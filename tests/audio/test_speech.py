@@ -337,10 +337,10 @@ def grown(what: str, short: Path, long: Path, seconds: int) -> int:
 
 
 @pytest.mark.slow
-def test_ten_hours_in_two_megabytes_take_no_memory(tmp_path):
-    long = silence(tmp_path / "long.flac", 10 * 3600, 16_000)
-    assert long.stat().st_size < 2_500_000
-    assert grown("decode", silence(tmp_path / "short.flac", 120, 16_000), long, 10 * 3600) < 20_000
+def test_hours_in_a_megabyte_take_no_memory(tmp_path):
+    long = silence(tmp_path / "long.flac", 3 * 3600, 16_000)
+    assert long.stat().st_size < 1_000_000
+    assert grown("decode", silence(tmp_path / "short.flac", 120, 16_000), long, 3 * 3600) < 20_000
     with pytest.raises(InputError, match=r"longer than 2 hours \(stream it"):
         Speech.load(long)
 

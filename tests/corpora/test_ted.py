@@ -191,16 +191,6 @@ def test_the_file_is_as_the_authors_scripts_expect(tmp_path):
     assert np.allclose(clip["skeletons_3d"], original * [-1, -1, 1], atol=1e-3), "x to the person's right, y down"
 
 
-@pytest.mark.slow
-def test_audio_feat_is_librosas():
-    librosa = pytest.importorskip("librosa")
-    from cospeech.corpora.ted.write import _audio_feat
-
-    samples = make_clip(3).speech.samples
-    power = librosa.feature.melspectrogram(y=samples, sr=16_000, n_fft=1024, hop_length=512, power=2, pad_mode="reflect")
-    assert np.abs(_audio_feat(samples) - librosa.power_to_db(power, ref=np.max)).max() < 0.05
-
-
 def test_written_again_where_something_is(tmp_path):
     ted.write([make_clip(0)], tmp_path)
     with pytest.raises(InputError, match="has a lmdb_train already"):

@@ -58,6 +58,32 @@ def run(place: Path, *arguments: str, cwd: Path, code: int = 0) -> subprocess.Co
     return done
 
 
+COMMANDS = """
+import contextlib, io, json, sys
+from cospeech.cli.main import main
+ended = []
+for arguments in json.loads(sys.argv[1]):
+    sys.argv = ["cospeech", *arguments]
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as told:
+        try:
+            main()
+        except SystemExit as end:
+            ended.append([end.code or 0, said.getvalue(), told.getvalue()])
+print(json.dumps(ended))
+"""
+
+
+def run_all(place: Path, *commands: list[str], cwd: Path) -> list[tuple[int, str, str]]:
+    """Exit codes, outputs and errors of commands in one process: PyTorch takes seconds to begin."""
+    path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", COMMANDS, json.dumps(commands)], cwd=cwd, capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": path, "PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return [(code, said, told) for code, said, told in json.loads(done.stdout)]
+
+
 def test_a_format_of_another_package_is_listed_and_written(toys, tmp_path):
     rows = json.loads(run(toys, "list", "formats", "--json", cwd=tmp_path).stdout)
     assert [row["name"] for row in rows] == [*FORMATS.ours, ".hands"]
@@ -197,29 +223,6 @@ def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys
     assert err.startswith("error: no model is called 'toy-net'")
 
 
-def test_a_model_of_another_package_is_trained_bundled_played_and_evaluated(toys, corpus, tmp_path):
-    recipe, store = str(TOYS / "toy_net.toml"), str(corpus / "store")
-    done = run(toys, "train", recipe, "--store", store, "--out", "run", cwd=tmp_path)
-    assert "20 steps" in done.stdout
-    facts = json.loads((tmp_path / "run" / "config.json").read_text())
-    assert (facts["model"], facts["config"]["channels"], facts["config"]["reach"]) == ("toy-net", 32, 4)
-    assert [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
-    run(toys, "bundle", "run", "-o", "toy.cospeech", cwd=tmp_path)
-    make = read_bundle(tmp_path / "toy.cospeech").manifest["networks"]["make"]
-    assert (make["window"], make["reach"]) == (32, 8), "how far it hears is measured"
-    run(tmp_path, "generate", str(EXAMPLE), "-o", "talk.bvh", "--model", "toy.cospeech", cwd=tmp_path)  # without the package
-    assert len(cospeech.Motion.load(tmp_path / "talk.bvh")) == 571
-    assert play(toys, "toy.cospeech", tmp_path) > 0
-    evaluation = ["evaluate", "toy.cospeech", "--corpus", "store", "--raw", "raw", "--split", "all", "--metrics", "beat_align"]
-    shutil.copy(tmp_path / "toy.cospeech", corpus)
-    table = run(toys, *evaluation, cwd=corpus).stdout
-    assert {"toy.cospeech", "ground truth", "frozen pose"} <= {line.split("  ")[0] for line in table.splitlines()}
-    wrong = run(toys, "train", recipe, "--store", store, "--set", "model.reach=-1", cwd=tmp_path, code=2).stderr
-    assert wrong.startswith("error: frames, channels, reach of a ToyNet")
-    wrong = run(tmp_path, "train", recipe, "--store", store, cwd=tmp_path, code=2).stderr
-    assert wrong.startswith("error: no network is called 'toy-net'")
-
-
 LEAKY = """
 from dataclasses import dataclass
 
@@ -283,15 +286,48 @@ validate_every = 20
 """
 
 
-def test_a_network_of_another_package_with_a_memory_plays_frame_by_frame(corpus, tmp_path):
-    (tmp_path / "leaky_model.py").write_text(LEAKY)
-    (tmp_path / "leaky.toml").write_text(RECIPE)
-    install(tmp_path, "leaky", {"cospeech.models": {"leaky": "leaky_model:MODEL"}})
-    run(tmp_path, "train", "leaky.toml", "--store", str(corpus / "store"), "--out", "run", cwd=tmp_path)
-    run(tmp_path, "bundle", "run", "-o", "leaky.cospeech", cwd=tmp_path)
-    live = read_bundle(tmp_path / "leaky.cospeech").manifest["networks"]["live"]
+@pytest.fixture(scope="module")
+def bundles(toys, corpus):
+    """Runs and bundles of the toy and of the leaky memory: in folders `toy` and `leaky`."""
+    place = shutil.copytree(toys, corpus / "packages")
+    (place / "leaky_model.py").write_text(LEAKY)
+    (place / "leaky.toml").write_text(RECIPE)
+    install(place, "leaky", {"cospeech.models": {"leaky": "leaky_model:MODEL"}})
+    recipes = {"toy": str(TOYS / "toy_net.toml"), "leaky": str(place / "leaky.toml")}
+    wrong = [["train", recipes["toy"], "--store", "store", "--set", "model.reach=-1"]]
+    good = []
+    for name, recipe in recipes.items():
+        good += [["train", recipe, "--store", "store", "--out", name], ["bundle", name, "-o", f"{name}.cospeech"]]
+    *made, refused = run_all(place, *good, *wrong, cwd=corpus)
+    for code, _, told in made:
+        assert code == 0, told
+    assert "20 steps" in made[0][1]
+    assert refused[0] == 2
+    assert refused[2].startswith("error: frames, channels, reach of a ToyNet")
+    return corpus
+
+
+def test_a_model_of_another_package_is_trained_bundled_played_and_evaluated(toys, bundles, tmp_path):
+    toy = bundles / "toy.cospeech"
+    facts = json.loads((bundles / "toy" / "config.json").read_text())
+    assert (facts["model"], facts["config"]["channels"], facts["config"]["reach"]) == ("toy-net", 32, 4)
+    assert [json.loads(line) for line in (bundles / "toy" / "log.jsonl").read_text().splitlines()]
+    make = read_bundle(toy).manifest["networks"]["make"]
+    assert (make["window"], make["reach"]) == (32, 8), "how far it hears is measured"
+    run(tmp_path, "generate", str(EXAMPLE), "-o", "talk.bvh", "--model", str(toy), cwd=tmp_path)  # without the package
+    assert len(cospeech.Motion.load(tmp_path / "talk.bvh")) == 571
+    assert play(toys, str(toy), tmp_path) > 0
+    evaluation = ["evaluate", "toy.cospeech", "--corpus", "store", "--raw", "raw", "--split", "all", "--metrics", "beat_align"]
+    table = run(toys, *evaluation, cwd=bundles).stdout
+    assert {"toy.cospeech", "ground truth", "frozen pose"} <= {line.split("  ")[0] for line in table.splitlines()}
+    recipe = ["train", str(TOYS / "toy_net.toml"), "--store", str(bundles / "store")]
+    assert run(tmp_path, *recipe, cwd=tmp_path, code=2).stderr.startswith("error: no network is called 'toy-net'")
+
+
+def test_a_network_of_another_package_with_a_memory_plays_frame_by_frame(bundles, tmp_path):
+    live = read_bundle(bundles / "leaky.cospeech").manifest["networks"]["live"]
     assert live["state"] == {"memory": ["N", 8]}
-    assert play(tmp_path, "leaky.cospeech", tmp_path) < 0.5, "it waits for features and smoothing alone"
+    assert play(tmp_path, str(bundles / "leaky.cospeech"), tmp_path) < 0.5, "it waits for features and smoothing alone"
 
 
 GESTURER = """

@@ -1,4 +1,4 @@
-"""Beat alignment: as coded it rewards jitter, corrected it does not; onsets are librosa's."""
+"""Beat alignment: as coded it rewards jitter, corrected it does not. That onsets are librosa's: tests/audio/test_librosa.py."""
 
 from __future__ import annotations
 
@@ -6,35 +6,18 @@ import numpy as np
 import pytest
 from scipy.signal import argrelextrema
 
-from cospeech.audio.speech import Speech, example
+from cospeech.audio.speech import Speech
 from cospeech.corpora import Clip
 from cospeech.corpora.samples import sample_of
 from cospeech.errors import InputError
 from cospeech.metrics import Sample, load_metric
 from cospeech.metrics.beat_align import angle_minima, closeness, speed_minima
 from cospeech.metrics.controls import CONTROLS, control_rows, faults_of_order
-from cospeech.metrics.onsets import backtrack, onset_frames, onset_strength, onset_times, rms
+from cospeech.metrics.onsets import onset_times
 from cospeech.rules import RuleBasedModel
 
 FORMS = ("beat_align", "beat_align_gfge", "beat_align_ha2g", "beat_align_beat")
 FPS = 15.0  # of TED, PATS and BEAT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", [16000, 22050])
-def test_onsets_are_those_of_librosa(rate):
-    import librosa
-
-    samples = Speech.load(example()[0], rate=rate).samples
-    strength, theirs = onset_strength(samples, rate), librosa.onset.onset_strength(y=samples, sr=rate)
-    np.testing.assert_allclose(strength, theirs, atol=1e-4)
-    onsets = librosa.onset.onset_detect(y=samples, sr=rate)
-    assert len(onsets) > 30
-    np.testing.assert_array_equal(onset_frames(strength, rate), onsets)
-    np.testing.assert_allclose(onset_times(samples, rate), librosa.frames_to_time(onsets, sr=rate))
-    energy = librosa.feature.rms(y=samples)[0]
-    np.testing.assert_allclose(rms(samples), energy, atol=1e-6)
-    np.testing.assert_array_equal(backtrack(onsets, rms(samples)), librosa.onset.onset_backtrack(onsets, energy))
 
 
 def test_silence_has_no_onsets_and_nonsense_is_refused():

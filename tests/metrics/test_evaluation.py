@@ -332,7 +332,7 @@ def corpus(tmp_path_factory):
     (folder / "speech").mkdir()
     for k in range(3):
         soundfile.write(folder / "speech" / f"{k}.wav", samples[6 * k * rate : 6 * (k + 1) * rate], rate)
-    synthesise(folder / "raw", layout="beat", speech=folder / "speech", hours=0.007, tts=False)
+    synthesise(folder / "raw", layout="beat", speech=folder / "speech", hours=0.007, speakers=2, tts=False)
     prepare("beat", folder / "raw", folder / "store")
     return folder
 

@@ -71,15 +71,6 @@ def test_beat_align_of_beat_picks_peaks_at_22050_hz_and_goes_back_on_hann_weight
     assert backtrack(onsets, rms(samples, hann=True))[:6].tolist() == [0, 4, 14, 29, 37, 41]
 
 
-@pytest.mark.slow
-def test_hann_weighted_rms_is_that_of_librosa_from_an_stft():
-    import librosa
-
-    samples = bursts()
-    theirs = librosa.feature.rms(S=np.abs(librosa.stft(y=samples)))[0]
-    np.testing.assert_allclose(rms(samples, hann=True), theirs, atol=1e-6)
-
-
 def test_div_of_the_flow_paper_counts_the_root():
     clips = [Sample(str(k), FPS, positions=joints()[1700 * k : 1700 * (k + 1)]) for k in range(3)]
     assert load_metric("diversity_gfge")(clips).value == pytest.approx(72.10291980361134, rel=1e-9)

@@ -228,7 +228,7 @@ def test_saved_and_loaded_it_is_the_same_to_the_bit(name, tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 def test_twenty_steps_lower_the_loss(name):
     net = ready(name)
-    data = batch(net, rows=8)
+    data = batch(net, rows=6)
     optimisers = {
         key: torch.optim.Adam(objective.parameters, 3e-3)
         for key, objective in ((key, o._replace(parameters=list(o.parameters))) for key, o in net.objectives().items())
@@ -492,12 +492,12 @@ def test_the_log_determinant_is_that_of_the_jacobian(name, pose):
     assert all(later[t, :, s].abs().max() == 0 for t in range(frames) for s in range(t + 1, frames))  # no pose sees the next
 
 
-@pytest.mark.parametrize(("name", "nu"), [*((name, nu) for name in flows() for nu in (50, 4)), ("moglow", 0)])
+@pytest.mark.parametrize(("name", "nu"), [*((name, 4) for name in flows()), ("stylised-flow", 50), ("moglow", 0)])
 @pytest.mark.parametrize("dimensions", [1, 2])
 def test_the_density_integrates_to_one(name, nu, dimensions):
     net = trained_flow(name, pose=dimensions, nu=nu, frames=1).double()
     data = batch(net, rows=1)
-    axis = torch.linspace(-60, 60, 200_001 if dimensions == 1 else 601, dtype=torch.float64)
+    axis = torch.linspace(-60, 60, 50_001 if dimensions == 1 else 401, dtype=torch.float64)
     grid = torch.cartesian_prod(*[axis] * dimensions).view(-1, 1, dimensions)
     poses, *rest = (value.double().expand(len(grid), -1, -1) for value in given(data))
     history = net.config.history

@@ -62,7 +62,7 @@ def test_as_it_ships_a_stream_hears_all_that_matters():
     """A window as the runtime lays them has room for all that a frame hears, before and after."""
     config = build(SpeechToFaceConfig, load_recipe(SHIPPED / "speech_to_face.toml").config, "model")
     net = SpeechToFace(config, pose=55, audio=40, speakers=2)
-    from cospeech.training.export.onnx_export import export_graphs
+    from tests.support.exports import export_graphs
 
     setting = live(export_graphs(net.export_module()).signatures["make"])
     assert setting.ahead >= config.future

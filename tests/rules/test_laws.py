@@ -1,4 +1,4 @@
-"""The rule-based gesturer over more than 200 random speeches, styles, emotions, seeds and intensities."""
+"""The rule-based gesturer over 120 random speeches, styles, emotions, seeds and intensities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_id
 from cospeech.rules import EMOTIONS, STYLES, RuleBasedModel
 from tests.support.rules_laws import AT, SKELETON, babble, broken_laws, wrist_distance
 
-GROUPS, EACH = 20, 11
+GROUPS, EACH = 20, 6
 INTENSITIES = (0.5, 0.8, 1.0, 1.25, 1.5)
 FPS = (30.0, 25.0, 60.0)
 

@@ -23,24 +23,19 @@ def recordings(shared: Path) -> list[Path]:
     return sorted(p for p in (shared / "data" / "speech").rglob("*") if p.suffix in SUFFIXES)
 
 
-def test_exact_length_and_the_same_seed_gives_the_same_bytes_on_every_recording(shared):
+def test_exact_length_the_same_bytes_of_a_seed_and_other_motion_of_another_on_every_recording(shared):
     files = recordings(shared)
+    hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
     assert len(files) > 40
     for path in files:
         info = soundfile.info(path)
         speech = Speech.load(path)
-        first, second = (RuleBasedModel().generate(speech, seed=7) for _ in range(2))
+        first, second, other = (RuleBasedModel().generate(speech, seed=seed) for seed in (7, 7, 8))
         assert len(first) == ceil(info.frames * 30 / info.samplerate), path.name
         assert first.rotations.tobytes() == second.rotations.tobytes(), path.name
         assert first.face.tobytes() == second.face.tobytes(), path.name
-
-
-def test_other_seeds_move_visibly_differently(shared):
-    hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
-    for path in recordings(shared):
-        speech = Speech.load(path)
-        a, b = (RuleBasedModel().generate(speech, seed=seed).positions()[:, hands] for seed in (0, 1))
-        assert np.linalg.norm(a - b, axis=-1).mean() > 0.03, path.name
+        apart = first.positions()[:, hands] - other.positions()[:, hands]
+        assert np.linalg.norm(apart, axis=-1).mean() > 0.03, path.name
 
 
 PROGRAM = """

@@ -123,7 +123,7 @@ def test_an_interruption_shuts_the_mouth_and_brings_the_hands_down():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(8))
 def test_interruptions_at_random_moments(number):
     random = np.random.default_rng(number)
     check_interruption(("rules", *TRAINED[:3])[number % 4], round(random.uniform(2.2, 12.0), 1), number)
@@ -185,11 +185,11 @@ def test_idle_gives_every_frame_of_its_seconds():
 @pytest.mark.slow
 def test_minutes_of_idling_never_freeze_and_blink_as_people_do():
     live = session(seed=4)
-    motion = Motion.concatenate([piece for _ in range(4) for piece in live.idle(60)])
-    assert 10 <= len(blinks_of(motion.face, 30).widths) / 4 <= 25
+    motion = Motion.concatenate([piece for _ in range(2) for piece in live.idle(60)])
+    assert 10 <= len(blinks_of(motion.face, 30).widths) / 2 <= 25
     speed = np.degrees(quat_angle(motion.rotations[1:].astype(float), motion.rotations[:-1].astype(float)))
     for name in ("hips", "spine", "head", "leftUpperArm", "rightLowerArm", "leftUpperLeg"):
-        assert speed[:, S.index[name]].reshape(-1, 1)[: 30 * 239].reshape(-1, 30).max(1).min() > 1e-3, name  # in every second
+        assert speed[:, S.index[name]].reshape(-1, 1)[: 30 * 119].reshape(-1, 30).max(1).min() > 1e-3, name  # in every second
     assert broken_laws(motion, stand=True) == []
     assert np.ptp(motion.root[:, 0]) > 0.03  # the weight shifts
 

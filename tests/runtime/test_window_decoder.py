@@ -441,10 +441,10 @@ def test_networks_are_played_as_they_are(name):
     pytest.importorskip("torch", reason="networks need torch (the train extra)")
     pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
     from cospeech.runtime.network import Network
-    from cospeech.training.export.onnx_export import export_graphs
+    from tests.support.exports import export_graphs
     from tests.support.windowed_networks import given, make_network, run_network
 
-    net = make_network(name, pose=96, **({"modes": 8} if name in ("mix-stage", "cmix-gan") else {}))
+    net = make_network(name)
     low = export_graphs(net.export_module())
     signature = low.signatures["make"]
     system = fake_system(signature, codes=np.eye(3)[:, : signature.width("style")])

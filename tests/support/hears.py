@@ -61,7 +61,7 @@ def follow_speech(data: Batch, follows: str, seed: int) -> dict[str, Tensor]:
 
 def measure_hearing(
     net: Any, make_batch: MakeBatch, *, term: str, follows: str = "audio", swaps: Sequence[str] = ("audio", "text"),
-    steps: int = 150, lr: float = 5e-3, rows: int = 16, first_step: int = 0,
+    steps: int = 150, lr: float = 5e-3, rows: int = 8, first_step: int = 0,
 ) -> Hearing:  # fmt: skip
     """Train a network on the toy corpus and compare own speech with another's.
 

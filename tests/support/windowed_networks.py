@@ -26,7 +26,7 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def make_network(name: str, *, pose: int = 6, audio: int = 20, speakers: int = 3, seed: int = 0, **changes: Any) -> Any:
+def make_network(name: str, *, pose: int = 96, audio: int = 20, speakers: int = 3, seed: int = 0, **changes: Any) -> Any:
     """In evaluation mode; weights are large enough that every layer matters to what is made."""
     kind = network(name)
     sizes = {"pose": pose, "audio": audio, "speakers": 1 if name == "cmix-gan" else speakers}

@@ -14,7 +14,7 @@ from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.calibration import FASTER, GAINS, calibrate  # noqa: E402
-from cospeech.training.export.onnx_export import export_graphs  # noqa: E402
+from tests.support.exports import export_graphs  # noqa: E402
 from tests.support.runtime_bundles import small_statistics  # noqa: E402
 from tests.support.windowed_networks import KINDS, make_network  # noqa: E402
 

@@ -2,7 +2,7 @@
 
 Strength: the mean over 128 mel bands (Slaney) of the rise in dB from frame to frame; windows of 2048 samples, 512 apart.
 Onsets: its local maxima that exceed the mean of their surroundings.
-`tests/metrics/test_beat_align.py` compares with librosa itself.
+`tests/audio/test_librosa.py` compares with librosa itself.
 """
 
 from __future__ import annotations

@@ -17,9 +17,13 @@ _MORPH_STEP = 2e-6  # metres per unit of the stored int16 displacements; ours: f
 _ASSET = "assets/mannequin.npz"
 
 
-def save(character: Character, path: str | PathLike[str]) -> None:
-    """Write all parts; displacements are kept only where they are not zero."""
-    arrays: dict[str, np.ndarray] = {"parts": np.array([p.name for p in character.parts])}
+def save(character: Character, path: str | PathLike[str], sources: str) -> None:
+    """Write all parts; displacements are kept only where they are not zero.
+
+    Args:
+        sources: digest of the code that sculpted it (``tools/build_mannequin.py``).
+    """
+    arrays: dict[str, np.ndarray] = {"parts": np.array([p.name for p in character.parts]), "sources": np.array(sources)}
     for part in character.parts:
         arrays |= {
             f"{part.name}/vertices": part.vertices,

@@ -1,4 +1,5 @@
-"""Write web/src/messages.ts: the types of the studio's messages, made from the models of `cospeech.studio.messages`.
+"""Write web/src/messages.ts: the types of the studio's messages, made from the models of `cospeech.studio.messages` and
+`cospeech.studio.live_messages`.
 
 The page and the server cannot disagree about a message: tests/studio/test_types.py says when the file is stale. The page's
 requests may leave out what has a default; the server's answers always have all fields.
@@ -12,11 +13,11 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
-from cospeech.studio import messages
+from cospeech.studio import live_messages, messages
 
 TARGET = Path(__file__).resolve().parents[1] / "web" / "src" / "messages.ts"
-HEAD = "// Made by `python tools/write_types.py` from src/cospeech/studio/messages.py: do not edit.\n"
-REQUESTS = (messages.TakeRequest, messages.PlanEditRequest, messages.LiveMessage)
+HEAD = "// Made by `python tools/write_types.py` from src/cospeech/studio/messages.py and live_messages.py: do not edit.\n"
+REQUESTS = (messages.TakeRequest, messages.PlanEditRequest, live_messages.LiveMessage)
 _SIMPLE = {"string": "string", "number": "number", "integer": "number", "boolean": "boolean", "null": "null"}
 
 
@@ -25,9 +26,8 @@ def collect_schemas() -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for request in REQUESTS:
         _take(found, TypeAdapter(request).json_schema(mode="validation"))
-    for name in messages.__all__:
-        kind = getattr(messages, name)
-        if isinstance(kind, type) and issubclass(kind, BaseModel) and name not in found:
+    for kind in (getattr(module, name) for module in (messages, live_messages) for name in module.__all__):
+        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind.model_fields and kind.__name__ not in found:
             _take(found, kind.model_json_schema(mode="serialization"), complete=True)
     return dict(sorted(found.items()))
 

@@ -349,6 +349,7 @@ def test_a_style_on_its_track_changes_that_stretch_alone(talking):
     before = places()
     row = talking.locator('.track[data-value="style"]').bounding_box()
     drag(talking, (row["x"] + 0.5 * row["width"], row["y"] + 8), (row["x"] + 0.98 * row["width"], row["y"] + 8))
+    assert not talking.locator('#stretch-style option[value="seated"]').count()  # one cannot sit down within a plan
     talking.select_option("#stretch-style", "orator")
     wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {DONE}")
     moved = np.linalg.norm(places() - before, axis=1)

@@ -37,8 +37,9 @@ from tests.support.studio_server import ask_json, connected, list_files, studio,
 from tests.support.study_raters import ask
 
 RULES = ModelRow(
-    name="rules", title="", styles=["natural", "calm"], parts=["face"], takes_gestures=True, takes_example=False, latency=1
-)
+    name="rules", title="", styles=["natural", "calm"], seated=[], parts=["face"], takes_gestures=True, takes_example=False,
+    latency=1,
+)  # fmt: skip
 
 
 def sound_file(seconds: float = 2.0, rate: int = 16_000) -> bytes:

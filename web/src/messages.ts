@@ -1,4 +1,4 @@
-// Made by `python tools/write_types.py` from src/cospeech/studio/messages.py: do not edit.
+// Made by `python tools/write_types.py` from src/cospeech/studio/messages.py and live_messages.py: do not edit.
 
 /** `cospeech.Plan.add`: a form at a time, or on a word of the transcript. */
 export interface AddGesture {
@@ -169,6 +169,7 @@ export interface ModelRow {
   name: string;
   title: string;
   styles: string[];
+  seated: string[];
   parts: ("face" | "body" | "hands")[];
   takes_gestures: boolean;
   takes_example: boolean;

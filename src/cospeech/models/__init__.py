@@ -132,6 +132,11 @@ class Model(Protocol):
         ...
 
     @property
+    def styles(self) -> tuple[str, ...]:
+        """Names of the styles that it plays."""
+        ...
+
+    @property
     def takes_at_once(self) -> int:
         """How many takes one session plays best; where it is more than 1, ``session`` has the keyword ``takes``."""
         ...

@@ -45,7 +45,9 @@ class RuleBasedModel:
     """
 
     look_ahead, latency = LOOK_AHEAD, LATENCY
-    default_style = next(iter(STYLES))
+    styles = tuple(STYLES)
+    """Names of the styles."""
+    default_style = styles[0]
     takes_at_once = 1
     makes = PARTS
     for_files: Mapping[str, object] = {}

@@ -25,6 +25,7 @@ from cospeech.models import DEFAULT, ENTRIES, MODELS, Model, find_bundle, load
 from cospeech.motion.motion import Motion
 from cospeech.rules.options import GenerationOptions
 from cospeech.rules.plan_edits import Plan
+from cospeech.rules.styles import find_style
 from cospeech.runtime.report import Report
 from cospeech.studio.motion_bytes import read_motion, write_motion
 
@@ -68,14 +69,11 @@ class Jobs:
             if entry.trains and find_bundle(name) is None:
                 continue
             model = self._load(name)
-            styles = list(getattr(model, "styles", ()))
-            if not entry.trains:
-                from cospeech.rules.styles import STYLES
-
-                styles = list(STYLES)
             rows.append({
-                "name": name, "title": entry.what, "styles": styles, "parts": list(model.makes), "latency": model.latency,
-                "takes_gestures": not entry.trains, "takes_example": getattr(model, "takes_example", False),
+                "name": name, "title": entry.what, "styles": list(model.styles),
+                "seated": [] if entry.trains else [style for style in model.styles if find_style(style).seated],
+                "parts": list(model.makes), "latency": model.latency, "takes_gestures": not entry.trains,
+                "takes_example": getattr(model, "takes_example", False),
             })  # fmt: skip
         return {"models": rows}
 

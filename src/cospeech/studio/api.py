@@ -190,7 +190,7 @@ class StudioApi:
         path = folder / f"clip{suffix}"
         try:
             await self._receive(request, path)
-            read = await self._write(request, "clip", {"path": str(path)})
+            read = await self._write(request, "clip", path.parent, {"path": str(path)})
         except InputError as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise rename_error(error, path, label) from None
@@ -288,16 +288,20 @@ class StudioApi:
             values = {"motion": str(take.motion), "target": str(path), "sound": str(take.speech.upload)}
             parts = take.job["options"]["parts"]
             try:
-                await self._write(request, "file", values | {"words": take.job["words"], "parts": parts})
+                await self._write(request, "file", take.folder, values | {"words": take.job["words"], "parts": parts})
             except InputError as error:
                 raise rename_error(error, path, f"{take.label}{suffix}") from None
-            except JobCancelled:
-                await _in_thread(sweep, take.folder)  # what a process that was killed has left
-                raise
         return _send_file(path, "application/octet-stream", f"{take.label}{suffix}")
 
-    async def _write(self, request: Any, job: str, values: dict[str, Any]) -> dict[str, Any]:
-        """A job of the process that reads and writes files. It ends when the client that asked for it is gone."""
+    async def _write(self, request: Any, job: str, folder: Path, values: dict[str, Any]) -> dict[str, Any]:
+        """A job of the process that reads and writes files. It ends when the client that asked for it is gone.
+
+        Args:
+            request: of the client.
+            job: name of the job.
+            folder: where the job writes; what a process that was killed leaves there is removed.
+            values: of the job.
+        """
         state, owner = self._state, _Owner()
         if state.file_jobs >= _MOST_FILE_JOBS:
             raise _Refused(503, "too many files are being written", "try again in a minute")
@@ -310,6 +314,9 @@ class StudioApi:
                     await wait([work])
             made: dict[str, Any] = work.result()
             return made
+        except JobCancelled:
+            await _in_thread(sweep, folder)
+            raise
         except CancelledError:  # the server ends
             state.writer.cancel(owner)
             work.cancel()

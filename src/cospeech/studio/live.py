@@ -26,7 +26,7 @@ from ..generate import open_live_session
 from ..models import PARTS, load
 from ..motion.motion import Motion
 from ..runtime.live_control import apply_control
-from .messages import ChangeLive, InterruptLive, LiveStatus, StartLive, TargetStatus
+from .live_messages import ChangeLive, InterruptLive, LiveStatus, StartLive, TargetStatus
 from .motion_bytes import frame_bytes
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""All messages between the studio's server and its page: requests, answers, events, and those of a live session.
+"""Messages between the studio's server and its page: requests, answers and events. Those of a live session: `live_messages`.
 
 The models are the source; ``tools/write_types.py`` makes the page's types from them.
 Seconds are seconds of the speech, unless a field says otherwise. A message with a field that is not here is refused.
@@ -15,11 +15,10 @@ from ..rules.plan_edits import Plan
 from ..rules.plan_model import HeardWord
 
 __all__ = [
-    "AddGesture", "Catalogue", "ChangeGesture", "ChangeLive", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake",
-    "FormRow", "FormatRow", "InterruptLive", "LiveMessage", "LiveStatus", "LockStretch", "MessageWords", "MixedStyle",
-    "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle", "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch",
-    "SetStretch", "StartLive", "StopLive", "StudioLimits", "StudioProblem", "TakeEvent", "TakeRequest", "TargetStatus",
-    "UnlockAll", "UploadedClip", "UploadedSpeech",
+    "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FormRow",
+    "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle",
+    "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch", "SetStretch", "StudioLimits", "StudioMessage",
+    "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip", "UploadedSpeech",
 ]  # fmt: skip
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -34,11 +33,13 @@ ShortText = Annotated[str, Field(max_length=200)]
 Part = Literal["face", "body", "hands"]
 
 
-class _Message(BaseModel):
+class StudioMessage(BaseModel):
+    """What every message is: it does not change, and has no other fields."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class StudioProblem(_Message):
+class StudioProblem(StudioMessage):
     """What went wrong, and how to mend it: the body of every answer with a status from 400 on."""
 
     problem: str
@@ -47,12 +48,14 @@ class StudioProblem(_Message):
     """The entry of the request or the plan that is wrong: ``gestures[2].stroke``, ``intensity``."""
 
 
-class ModelRow(_Message):
+class ModelRow(StudioMessage):
     """A model that can be played."""
 
     name: str
     title: str
     styles: list[str]
+    seated: list[str]
+    """Those that sit. A plan has styles that sit, or styles that stand."""
     parts: list[Part]
     takes_gestures: bool
     """Whether its plan may list gestures; a plan of the others has seeds, styles, emotions and stretches alone."""
@@ -62,7 +65,7 @@ class ModelRow(_Message):
     """Seconds that a frame of a live session comes after its sound, before the margin of the pacing."""
 
 
-class FormRow(_Message):
+class FormRow(StudioMessage):
     """A form of gesture."""
 
     name: str
@@ -71,7 +74,7 @@ class FormRow(_Message):
     """Words of the lexicon that call for it."""
 
 
-class FormatRow(_Message):
+class FormatRow(StudioMessage):
     """A file format of a download."""
 
     suffix: str
@@ -79,7 +82,7 @@ class FormatRow(_Message):
     parts: list[Part]
 
 
-class StudioLimits(_Message):
+class StudioLimits(StudioMessage):
     """What the server takes."""
 
     upload_bytes: int
@@ -89,7 +92,7 @@ class StudioLimits(_Message):
     """That are kept; the oldest one goes."""
 
 
-class Catalogue(_Message):
+class Catalogue(StudioMessage):
     """Everything that the page offers."""
 
     version: str
@@ -109,7 +112,7 @@ class Catalogue(_Message):
     limits: StudioLimits
 
 
-class UploadedSpeech(_Message):
+class UploadedSpeech(StudioMessage):
     """A speech that the server holds."""
 
     speech: str
@@ -120,13 +123,13 @@ class UploadedSpeech(_Message):
     words: list[HeardWord]
 
 
-class MessageWords(_Message):
+class MessageWords(StudioMessage):
     """Words of a transcript."""
 
     words: list[HeardWord]
 
 
-class UploadedClip(_Message):
+class UploadedClip(StudioMessage):
     """A motion that the server holds, as an example of a style."""
 
     clip: str
@@ -134,19 +137,19 @@ class UploadedClip(_Message):
     seconds: float
 
 
-class NamedStyle(_Message):
+class NamedStyle(StudioMessage):
     """A style by its name."""
 
     name: ShortText
 
 
-class ClipStyle(_Message):
+class ClipStyle(StudioMessage):
     """The manner of a clip that was uploaded."""
 
     clip: Token
 
 
-class MixedStyle(_Message):
+class MixedStyle(StudioMessage):
     """A mixture of styles: name → weight."""
 
     mix: Annotated[
@@ -157,7 +160,7 @@ class MixedStyle(_Message):
 Style = NamedStyle | ClipStyle | MixedStyle
 
 
-class TakeRequest(_Message):
+class TakeRequest(StudioMessage):
     """Motion for a speech is wanted."""
 
     speech: Token
@@ -173,13 +176,13 @@ class TakeRequest(_Message):
     """Played in the place of style, emotion, intensity, seed and temperature, which are its own."""
 
 
-class CreatedTake(_Message):
+class CreatedTake(StudioMessage):
     """A take that waits for its turn."""
 
     take: str
 
 
-class MotionHeader(_Message):
+class MotionHeader(StudioMessage):
     """The beginning of a motion.
 
     Bytes: the length of this header as uint32, the header as JSON, blanks up to a multiple of 4 of all bytes before; then
@@ -192,7 +195,7 @@ class MotionHeader(_Message):
     weights: list[str]
 
 
-class TakeEvent(_Message):
+class TakeEvent(StudioMessage):
     """What happens to a take."""
 
     type: Literal["queued", "progress", "done", "error", "cancelled"]
@@ -212,7 +215,7 @@ class TakeEvent(_Message):
 # plans ----------------------------------------------------------------------------------------------------------------
 
 
-class _GestureFields(_Message):
+class _GestureFields(StudioMessage):
     """Fields of `cospeech.rules.plan_model.PlannedGesture`, which checks them; only those that are given are changed."""
 
     start: Number | None = None
@@ -234,14 +237,14 @@ class AddGesture(_GestureFields):
     word: ShortText | None = None
 
 
-class RemoveGesture(_Message):
+class RemoveGesture(StudioMessage):
     """`cospeech.Plan.remove`."""
 
     kind: Literal["remove"]
     gesture: ShortText
 
 
-class MoveGesture(_Message):
+class MoveGesture(StudioMessage):
     """`cospeech.Plan.move`: to a time of the stroke."""
 
     kind: Literal["move"]
@@ -259,7 +262,7 @@ class ChangeGesture(_GestureFields):
     word: ShortText = ""
 
 
-class _StretchOfTime(_Message):
+class _StretchOfTime(StudioMessage):
     start: Number
     end: Number
 
@@ -295,7 +298,7 @@ class LockStretch(_StretchOfTime):
     kind: Literal["lock"]
 
 
-class UnlockAll(_Message):
+class UnlockAll(StudioMessage):
     """`cospeech.Plan.unlock`."""
 
     kind: Literal["unlock"]
@@ -315,7 +318,7 @@ PlanEdit = Annotated[
 ]
 
 
-class PlanEditRequest(_Message):
+class PlanEditRequest(StudioMessage):
     """An edit of a plan. The words of the speech are added to a plan that has none."""
 
     plan: Plan
@@ -323,77 +326,7 @@ class PlanEditRequest(_Message):
     edit: PlanEdit
 
 
-class ChangedPlan(_Message):
+class ChangedPlan(StudioMessage):
     """The plan after an edit."""
 
     plan: Plan
-
-
-class StartLive(_Message):
-    """Opens a live session; binary messages of int16 samples, one channel, little-endian, follow."""
-
-    type: Literal["start"]
-    model: ShortText
-    style: ShortText | None = None
-    emotion: ShortText = "auto"
-    intensity: Intensity = 1.0
-    fps: FrameRate = 30.0
-    targets: Annotated[list[ShortText], Field(max_length=8)] = []
-    """Addresses as of ``cospeech stream --to``."""
-    rate: Annotated[int, Field(ge=8_000, le=192_000)]
-    """Samples per second."""
-
-
-class ChangeLive(_Message):
-    """Steers a live session; only what is given changes."""
-
-    type: Literal["change"]
-    style: ShortText | None = None
-    emotion: ShortText | None = None
-    intensity: Intensity | None = None
-    parts: Annotated[list[Part], Field(max_length=3)] | None = None
-
-
-class InterruptLive(_Message):
-    """The character stops speaking at once."""
-
-    type: Literal["interrupt"]
-
-
-class StopLive(_Message):
-    """Ends the live session; the connection stays, and another one may be started."""
-
-    type: Literal["stop"]
-
-
-LiveMessage = Annotated[StartLive | ChangeLive | InterruptLive | StopLive, Field(discriminator="type")]
-
-
-class TargetStatus(_Message):
-    """A receiver of a live session."""
-
-    url: str
-    sent: int
-    """Frames."""
-    problem: str
-
-
-class LiveStatus(_Message):
-    """How a live session goes; sent when it starts, once a second, when something goes wrong, and when it ends.
-
-    A frame is sent as bytes: float64 time in seconds, then float32 root (3), rotations (joints, 4) and face (52).
-    """
-
-    type: Literal["status"] = "status"
-    running: bool
-    latency: float
-    """Seconds by which frames leave after their sound."""
-    look_ahead: float
-    """Seconds of sound on which a frame depends."""
-    late: int
-    """Frames that left late."""
-    dropped: int
-    """Frames that this client was too slow for."""
-    targets: list[TargetStatus]
-    problem: str = ""
-    hint: str = ""

@@ -15,7 +15,8 @@ from ..errors import CospeechError, InputError
 from .catalogue import check_emotion, check_style, find_model
 from .events import Listener
 from .live import MOST_LIVE, FrameBox, LivePlayer
-from .messages import ChangeLive, InterruptLive, LiveMessage, LiveStatus, StartLive, TakeEvent
+from .live_messages import ChangeLive, InterruptLive, LiveMessage, LiveStatus, StartLive
+from .messages import TakeEvent
 from .server import load_web
 from .state import StudioState
 

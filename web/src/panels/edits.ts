@@ -2,6 +2,7 @@
 
 import { fillSelect, find, formatTime, readName } from "../dom";
 import { isLocked } from "../gestures";
+import type { ModelRow, Plan } from "../messages";
 import type { Player } from "../player";
 import type { State, Store } from "../state";
 import type { Takes } from "../takes";
@@ -11,7 +12,7 @@ const KEEP: [string, string] = ["", "as it is"];
 const INTENSITIES = [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5];
 
 export class EditPanel {
-  private shownModel = "";
+  private shownStyles = "";
 
   constructor(private readonly store: Store, private readonly takes: Takes, private readonly player: Player) {
     const { catalogue } = store.state;
@@ -86,11 +87,18 @@ export class EditPanel {
     lock.textContent = chosen && take.plan && isLocked(take.plan, chosen.stroke) ? "Unlock all" : "Lock";
     find("stretch-tools").hidden = selection === null || take.plan === null;
     if (selection !== null) find("stretch-time").textContent = `${formatTime(selection[0])} – ${formatTime(selection[1])}`;
-    if (this.shownModel !== model.name) {
-      this.shownModel = model.name;
-      fillSelect(find("stretch-style"), [KEEP, ...model.styles.map((name): [string, string] => [name, readName(name)])], "");
+    const styles = stretchStyles(model, take.plan);
+    if (this.shownStyles !== styles.join()) {
+      this.shownStyles = styles.join();
+      fillSelect(find("stretch-style"), [KEEP, ...styles.map((name): [string, string] => [name, readName(name)])], "");
     }
   }
+}
+
+/** The styles that a stretch of a plan may have: nobody sits down or gets up within one. */
+function stretchStyles(model: ModelRow, plan: Plan | null): string[] {
+  const sits = plan?.style != null && model.seated.includes(plan.style);
+  return model.styles.filter((name) => model.seated.includes(name) === sits);
 }
 
 function round(seconds: number): number {

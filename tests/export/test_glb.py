@@ -5,19 +5,22 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 import struct
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import cospeech
 from cospeech.errors import InputError
 from cospeech.export import load, open_writer, save
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf import GltfFile, read_glb
 from cospeech.export.gltf_build import GltfBuilder
 from cospeech.export.tracks import Curve
-from cospeech.export.visemes import oculus_visemes, vrm_presets
+from cospeech.export.visemes import MOODS, oculus_visemes, vrm_presets
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_slerp
 from cospeech.motion.skeleton import humanoid
@@ -134,7 +137,7 @@ def test_vrma_follows_its_specification(tmp_path):
     assert {node for node, path in channels if path == "translation"} == {bones["hips"]} | expressions
     assert {node for node, path in channels if path == "rotation"} == {*bones.values(), extension["lookAt"]["node"]}
     assert all("rotation" not in node and "scale" not in node for node in file.json["nodes"])
-    assert set(extension["expressions"]["preset"]) == {"aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight"}
+    assert set(extension["expressions"]["preset"]) == {"aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight", *MOODS}
     assert set(extension["expressions"]["custom"]) == set(ARKIT)
 
 
@@ -154,6 +157,29 @@ def test_presets_are_modest():
     jaw = np.zeros((1, 52))
     jaw[0, ARKIT_INDEX["jawOpen"]] = 0.8
     assert vrm_presets(jaw)["aa"] == 1
+
+
+@pytest.mark.parametrize(
+    ("emotion", "mood"),
+    [("happiness", "happy"), ("anger", "angry"), ("sadness", "sad"), ("surprise", "surprised"), ("fear", "surprised"),
+     ("disgust", "angry"), ("neutral", None)],
+)  # fmt: skip
+def test_an_emotion_is_a_mood_of_avatars_that_have_presets_alone(emotion, mood):
+    speech = cospeech.Speech(np.random.default_rng(0).normal(0, 0.1, 3 * 16_000).astype(np.float32), 16_000)
+    presets = vrm_presets(cospeech.load("rules").generate(speech, emotion=emotion, parts=["face"]).face)
+    found = {name: np.median(presets[name]) for name in MOODS}
+    others = [weight for name, weight in found.items() if name != mood]
+    assert max(others) < 0.2
+    assert mood is None or found[mood] > max(0.25, max(others) + 0.1)
+
+
+def test_the_page_has_the_same_moods():
+    text = (Path(__file__).parents[2] / "web" / "src" / "shapes.ts").read_text("utf-8")
+    rows = re.findall(r"^  (\w+): \[(-[\d.]+), {(.*)}\],$", text, re.M)
+    found = {
+        mood: (float(base), {k: float(v) for k, v in re.findall(r"(\w+): (-?[\d.]+)", shares)}) for mood, base, shares in rows
+    }
+    assert found == MOODS
 
 
 def test_curves_are_sampled_as_the_specification_says():

@@ -29,6 +29,7 @@ _ARKIT = {name.lower(): name for name in ARKIT} | _SHORT
 _VRM0 = {
     "a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "blink": "blink", "blink_l": "blinkLeft", "blink_r": "blinkRight",
     "lookup": "lookUp", "lookdown": "lookDown", "lookleft": "lookLeft", "lookright": "lookRight",
+    "joy": "happy", "angry": "angry", "sorrow": "sad", "surprised": "surprised",
 }  # fmt: skip
 _OCULUS = {name.lower(): name for name in ("sil", "PP", "FF", "aa", "E", "I", "O", "U")}
 
@@ -189,7 +190,8 @@ def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:
                     yield name, Bind(name, int(bind["node"]), int(bind["index"]), float(bind.get("weight", 1)), binary)
     for group in extensions.get("VRM", {}).get("blendShapeMaster", {}).get("blendShapeGroups", []):
         preset = str(group.get("presetName", "")).lower()
-        name = _VRM0.get(preset) or str(group.get("name", ""))
+        name = str(group.get("name", ""))
+        name = _VRM0.get(preset) or _VRM0.get(name.lower(), name)
         for bind in group.get("binds", []):
             for k in of_mesh.get(bind["mesh"], []):
                 share = float(bind.get("weight", 100)) / 100  # VRM 0.x counts in per cent

@@ -9,6 +9,9 @@ round (the larger of mouthPucker and mouthFunnel, over 0.7), ``W`` = how wide (m
 They never add up to more than 1, a smile with closed lips speaks no vowel, and a wide jaw is ``aa``. The formula and its
 four scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
 them up.
+
+The moods are sums of ARKit weights, held in 0 … 1 (`MOODS`). What a face does while it speaks without an emotion is below
+their thresholds. VRM has no preset for fear, disgust and contempt: fear shows as surprise, disgust as anger.
 """
 
 from __future__ import annotations
@@ -18,9 +21,17 @@ import numpy as np
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
-__all__ = ["arkit_from_presets", "oculus_visemes", "vrm_presets"]
+__all__ = ["MOODS", "arkit_from_presets", "oculus_visemes", "vrm_presets"]
 
 _OPEN, _ROUND, _WIDE, _PARTED = 0.4, 0.7, 0.5, 0.5  # ours, see above
+MOODS = {
+    "happy": (-0.4, {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}),
+    "angry": (-0.2, {"browDownLeft": 0.425, "browDownRight": 0.425, "browInnerUp": -0.7}),
+    "sad": (-0.1, {"mouthFrownLeft": 0.6, "mouthFrownRight": 0.6, "browDownLeft": -0.25, "browDownRight": -0.25}),
+    "surprised": (-0.25, {"eyeWideLeft": 0.4, "eyeWideRight": 0.4, "browInnerUp": 0.2}),
+}
+"""Mood of VRM → what is added to a sum of ARKit weights, and their shares. Ours: at the usual intensity, the preset of an
+emotion is half of what the avatar's author drew, so that lips still speak; web/src/shapes.ts has the same figures."""
 _FROM_PRESET = {
     "aa": {"jawOpen": 0.4},
     "ih": {"jawOpen": 0.1, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5, "mouthLowerDownLeft": 0.3,
@@ -44,7 +55,7 @@ def _mean(face: Array, *stems: str) -> Array:
 
 
 def vrm_presets(face: Array) -> dict[str, Array]:
-    """VRM 1.0's mouth and blink presets, and looks, of ARKit weights ``(T, 52)``: name → (T,) in 0 … 1."""
+    """VRM 1.0's presets of mouth, lids, looks and moods, of ARKit weights ``(T, 52)``: name → (T,) in 0 … 1."""
     get = {name: face[:, k] for name, k in ARKIT_INDEX.items()}
     opened = np.clip((get["jawOpen"] - get["mouthClose"]) / _OPEN, 0, 1)
     rounded = np.clip(np.maximum(get["mouthPucker"], get["mouthFunnel"]) / _ROUND, 0, 1)
@@ -52,7 +63,11 @@ def vrm_presets(face: Array) -> dict[str, Array]:
     lifted = _mean(face, "mouthLowerDown", "mouthUpperUp") / _PARTED
     parted = np.clip(np.maximum(opened, lifted), 0, 1)
     both = np.minimum(get["eyeBlinkLeft"], get["eyeBlinkRight"])
-    return {
+    moods = {
+        mood: np.clip(base + sum(share * get[name] for name, share in shares.items()), 0, 1)
+        for mood, (base, shares) in MOODS.items()
+    }
+    return moods | {
         "aa": (1 - rounded) * opened * (1 - wide),
         "ih": (1 - rounded) * (1 - opened) * wide * parted,
         "ou": rounded * (1 - opened),

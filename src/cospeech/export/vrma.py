@@ -25,12 +25,12 @@ from .gltf import GltfFile, read_glb, report_damage
 from .gltf_build import GltfBuilder
 from .to_humanoid import as_humanoid
 from .tracks import Curve, GltfTrack, Recorder, clock_of, read_animation
-from .visemes import arkit_from_presets, vrm_presets
+from .visemes import MOODS, arkit_from_presets, vrm_presets
 
 __all__ = ["PRESETS", "Writer", "load"]
 
-PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight")
-"""The preset expressions that are written; moods are left to the ARKit channels, looks to ``lookAt``."""
+PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight", *MOODS)
+"""The preset expressions that are written; looks are left to ``lookAt``."""
 
 _EYES = ("leftEye", "rightEye")
 _ARKIT = {name.lower(): name for name in ARKIT}

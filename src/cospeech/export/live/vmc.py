@@ -34,8 +34,9 @@ FACES = ("vrm0", "vrm1", "arkit")
 
 _VRM0 = {
     "aa": "A", "ih": "I", "ou": "U", "ee": "E", "oh": "O", "blink": "Blink", "blinkLeft": "Blink_L", "blinkRight": "Blink_R",
+    "happy": "Joy", "angry": "Angry", "sad": "Sorrow", "surprised": "Surprised",
 }  # fmt: skip
-"""VRM 1.0's presets → VRM 0.x's (the table of the protocol)."""
+"""VRM 1.0's presets → VRM 0.x's (the table of the protocol). 0.x has no preset of surprise: some avatars have such a shape."""
 _MOST = 65_000  # bytes of a UDP datagram, a little less than can be
 _THUMBS = {new: old for old, new in FROM_VRM0.items()}  # Unity's names are those of VRM 0.x
 

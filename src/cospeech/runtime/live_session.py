@@ -379,5 +379,6 @@ class LiveSession:
         oldest = self._start_of(self._past[0]) + 1 if self._past else 0
         if not isinstance(at, Real) or not isfinite(at) or not oldest <= (k := round(at * self._options.fps)) <= self._given:
             fps = self._options.fps
-            raise InputError(f"interrupted at {at!r:.40}", f"seconds, {oldest / fps:.2f} … {self._given / fps:.2f}")
+            given = f"the frames that can be taken back are those of {oldest / fps:.2f} … {self._given / fps:.2f} s"
+            raise InputError(f"interrupted at {at!r:.40}", given)
         return k

@@ -36,6 +36,14 @@ def test_a_known_robot_and_a_urdf(cli, place):
     assert all(abs(point["positions"][0]) <= 1 for point in message["points"])
 
 
+def test_joints_of_a_urdf_that_are_not_recognised_are_told(cli, place):
+    (place / "half.urdf").write_text(URDF.replace('"pan"', '"HeadYaw"'))
+    code, out, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "half.urdf")
+    assert code == 0
+    assert "for 1 joint at" in out
+    assert "not moved: arm (--map" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [

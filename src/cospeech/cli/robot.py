@@ -52,7 +52,7 @@ def robot(
     from ..export import load
     from ..export.checks import check_apart
     from ..files import parse_toml, read_regular
-    from ..motion.robot import find_robot, read_urdf, robot_trajectory, save_trajectory
+    from ..motion.robot import find_robot, list_joints, read_urdf, robot_trajectory, save_trajectory
     from ..rules.options import FPS_RANGE, check_range
 
     check_range("fps", fps, FPS_RANGE)
@@ -71,4 +71,8 @@ def robot(
     commands = robot_trajectory(load(source).resample(fps), joints)
     save_trajectory(target, commands, joints, fps=fps)
     if not quiet:
-        typer.echo(f"{target}  {len(commands)} commands for {len(joints)} joints at {fps:g} per second")
+        count = "1 joint" if len(joints) == 1 else f"{len(joints)} joints"
+        typer.echo(f"{target}  {len(commands)} commands for {count} at {fps:g} per second")
+        still = sorted(set(list_joints(robot)) - {joint.name for joint in joints}) if is_urdf and channels is None else []
+        if still:
+            typer.echo(f"not moved: {', '.join(still)} (--map FILE.toml says what they take)", err=True)

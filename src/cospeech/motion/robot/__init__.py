@@ -11,10 +11,10 @@
 
 from .angles import CHANNELS, BodyAngles
 from .limiter import JointLimiter
-from .robots import ROBOTS, RobotJoint, find_robot, read_urdf
+from .robots import ROBOTS, RobotJoint, find_robot, list_joints, read_urdf
 from .trajectory import RobotStream, robot_trajectory, save_trajectory
 
 __all__ = [
-    "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "find_robot", "read_urdf",
-    "robot_trajectory", "save_trajectory",
+    "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "find_robot", "list_joints",
+    "read_urdf", "robot_trajectory", "save_trajectory",
 ]  # fmt: skip

@@ -13,7 +13,7 @@ from ...errors import InputError, nearest
 from ...files import read_regular
 from .angles import CHANNELS
 
-__all__ = ["ROBOTS", "RobotJoint", "find_robot", "read_urdf"]
+__all__ = ["ROBOTS", "RobotJoint", "find_robot", "list_joints", "read_urdf"]
 
 _URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _PUSH = 8.0  # per second: a joint reaches its full speed in an eighth of a second [ours; makers do not publish it]
@@ -125,6 +125,28 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
     Raises:
         InputError: no URDF, a joint that it does not have, or one without limits.
     """
+    moving = _read_joints(path)
+    wanted = dict(channels) if channels is not None else _recognise(moving)
+    if not wanted:
+        raise InputError(
+            f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
+        )
+    for name in wanted:
+        if name not in moving:
+            raise InputError(f"{str(path)!r} has no turning joint {name!r}", nearest(name, moving))
+    return tuple(_joint(name, moving[name], wanted[name]) for name in moving if name in wanted)
+
+
+def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
+    """Names of the turning joints of a URDF, in the order of the file.
+
+    Raises:
+        InputError: no URDF.
+    """
+    return tuple(_read_joints(path))
+
+
+def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
     data = read_regular(path, "a URDF", _URDF)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
@@ -132,16 +154,7 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
         tree = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
-    moving = {joint.get("name", ""): joint for joint in tree.iter("joint") if joint.get("type") in ("revolute", "continuous")}
-    wanted = dict(channels) if channels is not None else _recognise(moving)
-    if not wanted:
-        raise InputError(
-            f"no joint of {str(path)!r} is recognised", "say which takes what: channels={'arm_1': 'left_shoulder_pitch'}"
-        )
-    for name in wanted:
-        if name not in moving:
-            raise InputError(f"{str(path)!r} has no turning joint {name!r}", nearest(name, moving))
-    return tuple(_joint(name, moving[name], wanted[name]) for name in moving if name in wanted)
+    return {joint.get("name", ""): joint for joint in tree.iter("joint") if joint.get("type") in ("revolute", "continuous")}
 
 
 def _recognise(names: Mapping[str, object]) -> dict[str, str]:

@@ -13,6 +13,7 @@ import pytest
 
 import cospeech
 from cospeech import InputError, Motion, Plan, Speech
+from cospeech.audio.emotions import EMOTIONS
 from cospeech.errors import CospeechWarning
 from cospeech.rules import GenerationOptions, RuleBasedModel
 from cospeech.rules.plan_commands import PlanCommands
@@ -181,6 +182,20 @@ def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
     change = np.maximum(moved(edited), face)
     assert change[(time > 4) & (time < 8.5)].max() > 0.02
     assert change[time < 3.5].max() < 1e-6
+
+
+@pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 1.6}, {"emotion": "sadness"}])
+def test_what_is_heard_in_the_voice_is_played_after_a_stretch_as_without_it(monkeypatch, values):
+    calm = usual().face
+    angry = np.array([0.4 if name == "neutral" else 0.6 if name == "anger" else 0.0 for name in EMOTIONS])
+    monkeypatch.setattr("cospeech.audio.voice_emotion.ConfidentEmotion._weigh", lambda _: angry)
+    own = RuleBasedModel().plan(speech())
+    before, after = play(own), play(own.set(3, 5, **values))
+    assert np.abs(before.face - calm).max() > 0.2  # it is played
+    gap = np.linalg.norm(wrists(before) - wrists(after), axis=-1).max(1)
+    assert gap[at(3.2) : at(5)].max() > 0.03
+    assert gap[at(8) :].max() < 0.01
+    assert np.abs(before.face - after.face)[at(8) :].max() < 0.05
 
 
 def test_a_stretch_has_the_values_of_the_plan_again():

@@ -33,8 +33,8 @@ class SessionControls:
     modifier: EmotionModifier
     _ticks: int
     _played: PlanRecord | None
-    _feels: object = None
-    """The emotion that the plan has set last; None before it has set any."""
+    _feels: object
+    """The emotion of the plan that holds now; None without a plan."""
 
     @property
     def planned_until(self) -> float:

@@ -90,6 +90,11 @@ class Mood:
         """Whether the arousal of the voice is followed: always, where it may be played again after a change."""
         return self.track is None or self._voice is not None
 
+    @property
+    def heard(self) -> Array:
+        """(8,) what is played of the voice where nothing else is."""
+        return self._category.played
+
     def voice_share(self, times: Array) -> Array:
         """(…,) how far the arousal of the voice is played at ``times`` (…) in seconds, 0 … 1."""
         if self._voice is None:

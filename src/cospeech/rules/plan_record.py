@@ -60,10 +60,12 @@ class PlanRecord:
         """One tick, before it is planned."""
         self.player.base_modifier = modifier
         if self._usual is not None:  # what a source decides must not depend on the emotion of a stretch
-            if self._usual.track is not None:
+            if self._usual.track is None:
+                usual, level = mood.heard, mood.arousal.level
+            else:
                 self._usual.keep(now)
-            level = mood.arousal.level if self._usual.track is None else 0.0
-            self.player.base_modifier = arouse(blend_modifiers(self._usual.probabilities), level)
+                usual, level = self._usual.probabilities, 0.0
+            self.player.base_modifier = arouse(blend_modifiers(usual), level)
         for accent in _latest(detector.accents):
             strength = min(round(accent.strength, _DIGITS), 2.0)
             self._accents.setdefault(accent.time, HeardAccent(time=round(accent.time, _DIGITS), strength=strength))

@@ -88,6 +88,7 @@ class Session(SessionControls):
         self._look = round(LOOKS / foresight.tick)  # ticks
         size: Any = {"intensity": intensity, "temperature": temperature}
         self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
+        self._feels = None if plan is None else plan.emotion
         self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
         self.planner.horizon, self.planner.late = foresight.horizon, foresight.late
         self.mouth, self._aimed = mouth, aimed

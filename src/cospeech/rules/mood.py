@@ -91,7 +91,7 @@ class Mood:
         return self.track is None or self._voice is not None
 
     @property
-    def heard(self) -> Array:
+    def category(self) -> Array:
         """(8,) what is played of the voice where nothing else is."""
         return self._category.played
 

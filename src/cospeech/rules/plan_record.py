@@ -61,7 +61,7 @@ class PlanRecord:
         self.player.base_modifier = modifier
         if self._usual is not None:  # what a source decides must not depend on the emotion of a stretch
             if self._usual.track is None:
-                usual, level = mood.heard, mood.arousal.level
+                usual, level = mood.category, mood.arousal.level
             else:
                 self._usual.keep(now)
                 usual, level = self._usual.probabilities, 0.0

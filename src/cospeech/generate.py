@@ -34,7 +34,6 @@ from .motion.motion import Motion
 from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
-from .rules.plan_edits import Plan
 from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
@@ -42,6 +41,7 @@ from .runtime.styles.style import example_files
 __all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path", "writer_keywords"]
 
 if TYPE_CHECKING:
+    from .rules.plan_edits import Plan
     from .runtime.live_session import LiveSession
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
@@ -109,7 +109,7 @@ def generate_files(
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     given = (transcript, avatar, track, face, continue_from, plan, keep_from)
     read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
-    check_files(audio, names, [path for path in read if not isinstance(path, Motion | Plan)], report)
+    check_files(audio, names, [path for path in read if isinstance(path, str | PathLike)], report)
     if plan_out is not None:
         check_apart([Path(plan_out)], [audio, *names, *([Path(report)] if report else [])])
     loaded = _check_parts(loaded or load_model(model), model, options, files)
@@ -136,7 +136,7 @@ def generate_files(
         if plan_out is not None:
             place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8")
         if report:
-            place(Path(report)).write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
+            place(Path(report)).write_text(result.to_json(), "utf-8")
     return result
 
 

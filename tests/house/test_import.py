@@ -104,8 +104,17 @@ def test_onnxruntime_waits_for_a_bundle(made, line):
     without({"onnxruntime", "safetensors"}, COMMAND, *line.split(), folder=made)
 
 
-def test_rules_by_themselves_need_no_onnxruntime(tmp_path):
-    without({"onnxruntime", "safetensors"}, SESSION, EXAMPLE, folder=tmp_path)
+def test_rules_by_themselves_need_no_onnxruntime_and_without_a_plan_no_pydantic(tmp_path):
+    without({"onnxruntime", "pydantic", "safetensors"}, SESSION, EXAMPLE, folder=tmp_path)
+
+
+@pytest.mark.parametrize("model", ["rules", "chain-of-generation"])
+def test_without_a_plan_pydantic_is_not_needed(tmp_path, model):
+    code = (
+        WITHOUT
+        + "from cospeech.generate import generate_files\ngenerate_files(*sys.argv[1:2], ['talk.bvh'], model=sys.argv[2])"
+    )
+    without({"pydantic"}, code, EXAMPLE, model, folder=tmp_path)
 
 
 def test_who_lacks_scipy_is_told_how_to_get_it(monkeypatch):

@@ -98,7 +98,7 @@ def generate_speeches(
             else:
                 result = _each_in_parallel(work, options, model, progress, jobs)
             if path is not None:
-                path.write_text(result.model_dump_json(indent=2) + "\n", "utf-8")
+                path.write_text(result.to_json(), "utf-8")
         return result
 
 

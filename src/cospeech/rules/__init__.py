@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..audio.emotions import EMOTIONS
 from ..audio.features.shared_prosody import SharedProsody
@@ -21,15 +21,25 @@ from ..motion.parts import PARTS
 from .foresight import LATENCY, LEAST_FACE, LEAST_LOOK_AHEAD, LOOK_AHEAD, foresee
 from .gesture import Gesture
 from .options import GenerationOptions
-from .plan_edits import Plan
 from .session import Session
 from .streaming import check_speech, in_short, stream_motion
 from .styles import STYLES, Style, find_style
+
+if TYPE_CHECKING:
+    from .plan_edits import Plan
 
 __all__ = [
     "EMOTIONS", "LATENCY", "LOOK_AHEAD", "STYLES", "GenerationOptions", "Gesture", "Mouth", "MouthMaker", "Plan",
     "RuleBasedModel", "RuleGesturer", "Session", "Style",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    if name != "Plan":  # which needs pydantic, of 20 MB
+        raise AttributeError(f"module 'cospeech.rules' has no attribute {name!r}")
+    from .plan_edits import Plan
+
+    return Plan
 
 
 class RuleBasedModel:
@@ -129,6 +139,8 @@ class RuleBasedModel:
         Raises:
             InputError: an option is out of range, or cannot be written down.
         """
+        from .plan_edits import Plan
+
         asked = GenerationOptions(**options)
         session = self.session(asked if asked.plan is not None else replace(asked, plan=Plan.of(asked)))
         for _ in stream_motion(session, [speech]):

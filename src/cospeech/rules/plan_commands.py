@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from math import isfinite
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..audio.speech import open_speech
 from ..errors import InputError, nearest
 from ..motion.named_numbers import read_number
 from .options import GenerationOptions
-from .plan_edits import Plan
+
+if TYPE_CHECKING:
+    from .plan_edits import Plan
 
 __all__ = ["NO_EDITS", "PlanCommands", "read_stretch", "with_plan"]
 
@@ -91,6 +93,8 @@ def with_plan(
     """
     if plan is None and not edits.any and not wanted:
         return options
+    from .plan_edits import Plan
+
     played = plan if isinstance(plan, Plan) else Plan.of(options) if plan is None else Plan.load(plan)
     if edits.needs_words and not played.words:
         with open_speech(audio, transcript=transcript) as source:

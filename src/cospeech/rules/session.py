@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,11 +32,12 @@ from .gesture import Gesture
 from .manner import Manner, MannerCourse, mix_frames
 from .mood import Mood
 from .plan import Planner
-from .plan_edits import Plan
-from .plan_record import PlanRecord
 from .realise import Pieces, gaze_only, realise
 from .streaming import MOST_AT_ONCE, check_speech
 from .styles import Style
+
+if TYPE_CHECKING:
+    from .plan_edits import Plan
 
 __all__ = ["KEPT", "Session"]
 
@@ -87,8 +88,11 @@ class Session(SessionControls):
         )  # fmt: skip
         self._look = round(LOOKS / foresight.tick)  # ticks
         size: Any = {"intensity": intensity, "temperature": temperature}
-        self._played = None if plan is None else PlanRecord(plan, style, emotion, **size)
-        self._feels = None if plan is None else plan.emotion
+        self._played, self._feels = None, None
+        if plan is not None:  # plans are pydantic's, which takes 20 MB
+            from .plan_record import PlanRecord
+
+            self._played, self._feels = PlanRecord(plan, style, emotion, **size), plan.emotion
         self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
         self.planner.horizon, self.planner.late = foresight.horizon, foresight.late
         self.mouth, self._aimed = mouth, aimed

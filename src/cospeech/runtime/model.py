@@ -36,7 +36,6 @@ from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
 from .session import PIECE, ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
-from .stretched_session import StretchedSession
 from .styles.space import style_space
 from .styles.style import Styles
 from .system import System, open_bundle, without_calibration
@@ -105,6 +104,8 @@ class TrainedModel:
         """A session to push speech into. For the options see `generate`; take k has the seed ``seed + k``."""
         options = GenerationOptions.of(options, keywords)
         if options.plan is not None:
+            from .stretched_session import StretchedSession
+
             return StretchedSession(self.session, options)  # type: ignore[return-value]  # it does all that this one does
         if not options.calibrated:
             return self._bare.session(replace(options, calibrated=True))

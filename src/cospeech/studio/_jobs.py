@@ -114,7 +114,7 @@ class Jobs:
             emotion=session.emotion, played=session.expression, arousal=session.arousal, speaker=session.speaker,
             style=style or loaded.default_style, style_mixture=session.style_mixture, outputs=[], version=__version__,
         )  # fmt: skip
-        (place / "report.json").write_text(report.model_dump_json(indent=2) + "\n", "utf-8")
+        (place / "report.json").write_text(report.to_json(), "utf-8")
         return {"seconds": seconds, "realtime_factor": factor, "plan": performed is not None}
 
     def file(

@@ -252,12 +252,27 @@ class TestLayer:
     def test_a_head_that_moves_by_itself_gets_less(self):
         bare = upper_body(20.0)
         lively, head = upper_body(20.0), humanoid().index["head"]
-        lively.rotations[:, head] = axis_angle_to_quat([0.0, 1.0, 0.0], 0.6 * np.sin(2 * np.pi * 0.5 * np.arange(600) / 30))
+        lively.rotations[:, head] = axis_angle_to_quat([0.0, 1.0, 0.0], 0.2 * np.sin(2 * np.pi * 0.5 * np.arange(600) / 30))
         added = []
         for motion in (bare, lively):
             worlds = [humanoid().forward(m.rotations, m.root)[1][300:, head] for m in (motion, add_stance(motion, seed=6))]
             added.append(np.degrees(quat_angle(*worlds)).mean())
         assert added[1] < 0.6 * added[0]
+
+    def test_a_hasty_head_turns_as_fast_as_people_do(self):
+        bare, times, joint = upper_body(30.0), np.arange(900) / 30, humanoid().index["head"]
+        nods = axis_angle_to_quat([1.0, 0.0, 0.0], 0.09 * np.sin(2 * np.pi * 1.9 * times))
+        turns = axis_angle_to_quat([0.0, 1.0, 0.0], 0.2 * np.sin(2 * np.pi * 0.3 * times))
+        bare.rotations[:, joint] = quat_multiply(turns, nods)
+        carried, layer = add_stance(bare, seed=6), StanceLayer(seed=6, fps=30.0)
+        worlds = [humanoid().forward(m.rotations, m.root)[1][:, joint] for m in (bare, carried)]
+        before, after = (np.degrees(np.median(quat_angle(world[:-1], world[1:]))) * 30 for world in worlds)
+        assert before > 45
+        assert 19 < after < 27  # as of people (benchmarks/life.py)
+        parts = [layer.push(bare.rotations[a:z], bare.root[a:z])[0] for a, z in pairwise((0, 1, 3, 40, 41, 333, 900))]
+        assert np.concatenate([*parts, layer.finish()[0]]).tobytes() == carried.rotations.tobytes()
+        yaws = [2 * np.arctan2(world[300:, 1], world[300:, 3]) for world in worlds]
+        assert np.corrcoef(*yaws)[0, 1] > 0.7  # it still looks where it looked
 
     def test_another_seed_another_stance_and_no_amount_next_to_none(self):
         bare = upper_body(10.0)

@@ -27,6 +27,7 @@ from ..motion.rotations import (
     quat_angle,
     quat_conjugate,
     quat_multiply,
+    quat_normalize,
     quat_rotate,
     quat_to_rotvec,
     rotvec_to_quat,
@@ -61,6 +62,13 @@ _QUICK, _PER, _GAINS = np.radians(19.0), np.radians(5.0), (0.3, 1.8)
 """Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]:
 the heads of people turn by 19 to 27 degrees per second)."""
 _REMEMBERS = 10.0  # seconds over which the speed of the own head counts ([ours])
+_HASTY = np.radians([25.0, 33.0])
+"""Radians per second of an own head from which, and at which wholly, it is smoothed over `REACH` to either side ([ours]): the
+chain nods at 35 degrees per second, a third faster than people."""
+_STEADY, _LEAST = np.radians(31.0), 0.5
+"""Radians per second of an own head beyond which it also turns less far from where it mostly is, and the least share of its way
+that it keeps ([ours]): smoothing alone took a fifth off the chain's."""
+_MOSTLY = 2.0  # seconds over which a head is where it mostly is ([ours])
 _HEAD = 0.5  # share of what the chest does that the head goes along with ([ours]: so the flow's goes with the hands)
 _OWN = 0.6  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
@@ -90,8 +98,11 @@ class StanceLayer:
         self._kernel = kernel / kernel.sum()
         s = humanoid()
         self._q, self._place, self._wrists = np.zeros((0, len(s), 4)), np.zeros((0, 3)), np.zeros((0, 2, 3))
-        self._head, self._quick, self._heard = np.zeros((0, 4)), float(_QUICK), 0
-        self._gains = np.zeros(0)
+        self._quick, self._heard = float(_QUICK), 0
+        self._head, self._heads, self._mean = np.zeros((0, 4)), np.zeros((0, 4)), np.zeros(4)
+        self._calm = np.cos(np.pi / 2 * np.arange(-self._ahead, self._ahead + 1) / (self._ahead + 1)) ** 2
+        self._calm /= self._calm.sum()
+        self._gains, self._shares, self._means = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 4))
         self._signs = QuatStream()
 
     @property
@@ -118,13 +129,14 @@ class StanceLayer:
             self._wrists = np.repeat(wrists[:1], self._behind, 0)
         self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
         self._wrists = np.concatenate([self._wrists, wrists])
-        self._gains = np.concatenate([self._gains, self._follow_head(q)])
+        self._follow_head(q)
         return self._layer(max(len(self._q) - self._ahead, 0))
 
     def finish(self) -> tuple[Array, Array]:
         """The frames that are left, after the last one was pushed: its hands stay where they are."""
         if len(self._q):
             self._wrists = np.concatenate([self._wrists, np.repeat(self._wrists[-1:], self._ahead, 0)])
+            self._heads = np.concatenate([self._heads, np.repeat(self._heads[-1:], self._ahead, 0)])
         return self._layer(len(self._q))
 
     def _layer(self, count: int) -> tuple[Array, Array]:
@@ -139,17 +151,39 @@ class StanceLayer:
             self._gains = self._gains[len(times) :]
         return self._signs.push(q.astype(np.float32)), place.astype(np.float32)
 
-    def _follow_head(self, q: Array) -> Array:
-        """(n,) factors on what is added to the head in frames that are pushed, by how much it has moved by itself so far."""
-        heads = np.concatenate([self._head, _chain([q[:, humanoid().index[name]] for name in _TRUNK_AND_HEAD])])
+    def _follow_head(self, q: Array) -> None:
+        """Note the heads of frames that are pushed; how much is added to them, and how far they are smoothed."""
+        heads = _chain([q[:, humanoid().index[name]] for name in _TRUNK_AND_HEAD])
+        before = self._heads if len(self._head) else np.repeat(heads[:1], self._ahead, 0)
+        self._heads = np.concatenate([before, heads])
+        heads = np.concatenate([self._head, heads])
         self._head = heads[-1:]
-        gains = np.ones(len(q))
         speeds = (quat_angle(heads[:-1], heads[1:]) * self._fps).tolist()
+        gains, shares = np.ones(len(q)), np.zeros((len(q), 2))
         for k, speed in enumerate(speeds, len(q) - len(speeds)):
             self._heard += 1
             self._quick += (speed - self._quick) / min(self._heard + self._fps, _REMEMBERS * self._fps)
             gains[k] = min(max(1.0 + (float(_QUICK) - self._quick) / float(_PER), _GAINS[0]), _GAINS[1])
-        return gains
+            shares[k, 0] = min(max((self._quick - float(_HASTY[0])) / float(_HASTY[1] - _HASTY[0]), 0.0), 1.0)
+            shares[k, 1] = 1.0 - min(max(float(_STEADY) / max(self._quick, 1e-6), _LEAST), 1.0)
+        means = np.empty((len(q), 4))
+        for k, head in enumerate(heads[-len(q) :]):
+            mean = self._mean if self._mean @ head >= 0 else -self._mean
+            self._mean = means[k] = mean + (head - mean) / max(_MOSTLY * self._fps, 1.0) if mean.any() else head
+        self._gains, self._shares = np.concatenate([self._gains, gains]), np.concatenate([self._shares, shares])
+        self._means = np.concatenate([self._means, means])
+
+    def _calm_head(self, head: Array) -> Array:
+        """The heads (n, 4) of the next frames, where they are hasty smoothed and nearer to where they mostly are."""
+        count = len(head)
+        near = np.zeros((count, 4))
+        for k, weight in enumerate(self._calm):  # one after the other: the same bits in pieces of any size
+            near += weight * _like(self._heads[k : k + count], head)
+        smooth, less = (min(self._amount, 1.0) * self._shares[:count]).T[..., None]
+        found = head + smooth * (near - head)
+        found += less * (_like(self._means[:count], head) - found)
+        self._heads, self._shares, self._means = self._heads[count:], self._shares[count:], self._means[count:]
+        return quat_normalize(found)
 
     def _begin(self, *, seated: bool) -> None:
         random = Random(f"{self._seed}/stance")
@@ -201,7 +235,7 @@ class StanceLayer:
         joint, seated = humanoid().index, self._stance.amounts.seated
         old = [q[:, joint[name]] for name in _TRUNK_AND_HEAD]
         chest = _chain(old[:4])
-        head = quat_multiply(chest, quat_multiply(old[4], old[5]))
+        head = self._calm_head(quat_multiply(chest, quat_multiply(old[4], old[5])))
         self._move_arms(q, b[:, Body.BREATH], times)
         follow = self._follow(len(q))
         if not seated:
@@ -244,6 +278,11 @@ class StanceLayer:
 def _euler(turns: Array) -> Array:
     """(n, 4) of (n, 3) pitch, roll and yaw in radians."""
     return euler_to_quat(turns[:, [2, 0, 1]], "YXZ")
+
+
+def _like(rotations: Array, others: Array) -> Array:
+    """The quaternions (n, 4) with the signs with which they are near others."""
+    return np.where(np.sum(rotations * others, -1, keepdims=True) < 0, -rotations, rotations)
 
 
 def _chain(rotations: list[Array]) -> Array:

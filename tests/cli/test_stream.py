@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -70,3 +71,15 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
     assert what in err
     assert err.count("\n") == 1
     assert err.startswith("error: ")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
+    command = [*COMMAND, "--input", "-", "--to", "-"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr.readline().startswith("listening")
+        process.send_signal(number)
+        assert process.wait(10) == code
+        assert "Fatal" not in process.stderr.read()

@@ -247,16 +247,24 @@ def _steer(session: LiveSession, controls: SimpleQueue[str | bytes], tell: Calla
             tell(f"control: {error}")
 
 
+def _read_stdin(rate: int, kind: str) -> Iterator[Any]:
+    """Samples of standard input, without its buffer, whose lock would abort the program if it ends while nothing comes."""
+    from ..audio.live_sources import read_pcm
+
+    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as file:  # a descriptor
+        yield from read_pcm(file, rate, kind)
+
+
 def _pieces(
     stack: ExitStack, source: str, transcript: str | None, rate: int, kind: str, unpaced: bool,
     controls: SimpleQueue[str | bytes],
 ) -> Iterator[Speech]:  # fmt: skip
     """The speech of a source, piece by piece; what it opens is closed with ``stack``. Texts of a WebSocket are controls."""
-    from ..audio.live_sources import pace_pieces, read_microphone, read_pcm, read_websocket
+    from ..audio.live_sources import pace_pieces, read_microphone, read_websocket
 
     live: dict[str, Callable[[], Any]] = {
         "mic": lambda: read_microphone(rate),
-        "-": lambda: read_pcm(sys.stdin.buffer, rate, kind),
+        "-": lambda: _read_stdin(rate, kind),
     }
     if source.startswith(("ws://", "wss://", "listen://")):
         from ..export.live.websocket import open_receiver

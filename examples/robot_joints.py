@@ -18,6 +18,7 @@ for chunk in speech.chunks(seconds=0.1):  # as a microphone or a text-to-speech 
     for motion in session.push(chunk):
         sent.append(robot.push(motion))  # (T, J) radians: send them to your controller
 sent += [robot.push(motion) for motion in session.finish()]
+sent.append(robot.finish())  # to rest
 
 commands = np.degrees(np.concatenate(sent))
 for name, angles in zip(robot.names, commands.T, strict=True):

@@ -145,7 +145,25 @@ def test_pieces_give_the_commands_of_the_whole(robot, sizes):
     for size in sizes:
         parts.append(stream.push(motion[first : first + size]))
         first += size
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    np.testing.assert_array_equal(np.concatenate([*parts, stream.finish()]), whole)
+    assert 60 < len(whole) <= 60 + np.ceil(FPS / 8)
+    assert not len(stream.finish())  # it rests
+
+
+def test_a_robot_goes_from_where_it_is_to_the_motion():
+    joints, motion = find_robot("nao"), random_arms(200, 4)
+    here = {"HeadYaw": 1.0, "LShoulderPitch": -1.5, "LElbowRoll": 3.0}  # the last: beyond its limit
+    made = RobotStream(joints, fps=FPS, start=here).push(motion)
+    usual = RobotStream(joints, fps=FPS).push(motion)
+    names = [joint.name for joint in joints]
+    assert made[0, names.index("HeadYaw")] == 1
+    assert made[0, names.index("LShoulderPitch")] == -1.5
+    assert made[0, names.index("LElbowRoll")] == joints[names.index("LElbowRoll")].upper
+    others = [k for k, name in enumerate(names) if name not in here]
+    np.testing.assert_array_equal(made[:, others], usual[:, others])
+    np.testing.assert_allclose(made[-50:], usual[-50:], atol=1e-6)
+    with pytest.raises(InputError, match="a start of joint 'Head'"):
+        RobotStream(joints, fps=FPS, start={"Head": 0.0})
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(ROBOTS)), st.sampled_from([20.0, 50.0, 125.0]), st.floats(0.1, 3.0))
@@ -155,14 +173,13 @@ def test_limits_of_position_speed_and_acceleration_hold_whatever_is_wanted(seed,
         np.array([getattr(j, n) for j in joints]) for n in ("lower", "upper", "velocity", "acceleration")
     )
     wanted = np.repeat(random.normal(0, scale, (12, len(joints))), random.integers(1, 9), axis=0)
-    commands = JointLimiter(lower, upper, velocity, push, fps=fps).push(wanted)
+    limiter = JointLimiter(lower, upper, velocity, push, fps=fps, start=random.normal(0, 2, len(joints)))
+    commands = np.concatenate([limiter.push(wanted), limiter.finish()])
+    commands = np.concatenate([commands[:1], commands, commands[-1:]])  # at rest before and after
     assert ((commands >= lower) & (commands <= upper)).all()
     speed = np.diff(commands, axis=0) * fps
     assert (np.abs(speed) <= velocity * (1 + 1e-9)).all()
-    inside = (commands[1:-1] > lower) & (commands[1:-1] < upper) & (commands[2:] > lower) & (commands[2:] < upper)
-    assert (
-        np.abs(np.diff(speed, axis=0))[inside] <= (np.broadcast_to(push / fps, inside.shape)[inside]) * (1 + 1e-6) + 1e-9
-    ).all()
+    assert (np.abs(np.diff(speed, axis=0)) <= push / fps * (1 + 1e-6) + 1e-9).all()
 
 
 def test_a_goal_is_reached_without_overshoot():
@@ -204,9 +221,33 @@ def test_joints_of_a_urdf(urdf):
         1,
         2,
     )
-    (arm,) = read_urdf(urdf, {"arm": "-left_elbow+0.5"})
+    _, arm = read_urdf(urdf, {"arm": "-left_elbow+0.5"})
     assert (arm.channel, arm.sign, arm.offset, arm.velocity) == ("left_elbow", -1, 0.5, 1.5)
     assert arm.upper == pytest.approx(2 * np.pi)
+
+
+def test_a_map_adds_to_the_names_and_takes_joints_out(urdf):
+    assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow"})] == ["LShoulderPitch", "arm"]
+    assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow", "LShoulderPitch": ""})] == ["arm"]
+    assert read_urdf(urdf, {"LShoulderPitch": "-left_shoulder_pitch"})[0].sign == -1
+
+
+def test_a_joint_whose_axis_points_the_other_way_takes_the_other_sign(tmp_path):
+    ends = '<limit lower="-2" upper="2" velocity="9"/></joint>'
+    for axis, sign in (("0 0 1", 1), ("0 0 -1.0", -1), ("0.7 0 -0.7", 1), (None, 1)):
+        inner = "" if axis is None else f'<axis xyz="{axis}"/>'
+        three = [f'<joint name="{name}" type="revolute">{inner}{ends}' for name in ("HeadYaw", "l_shoulder_pitch", "LHand")]
+        (tmp_path / "r.urdf").write_text(f"<robot>{''.join(three)}</robot>")
+        head, shoulder, hand = read_urdf(tmp_path / "r.urdf")
+        assert (head.sign, head.offset) == (sign, 0)
+        assert (shoulder.sign, shoulder.offset) == (sign, pytest.approx(-sign * np.pi / 2, abs=1e-6))
+        assert hand.sign == 1  # 0 … 1 has no direction
+    rest, turned = still(3), still(3)
+    turned.rotations[:, JOINT["head"]] = rotvec_to_quat(np.array([0, 0.3, 0]))
+    (tmp_path / "r.urdf").write_text(f'<robot><joint name="HeadYaw" type="revolute"><axis xyz="0 0 -1"/>{ends}</robot>')
+    joints = read_urdf(tmp_path / "r.urdf")
+    assert robot_trajectory(rest, joints)[0, 0] == pytest.approx(0)
+    assert robot_trajectory(turned, joints)[0, 0] == pytest.approx(-0.3)
 
 
 @pytest.mark.parametrize(
@@ -216,7 +257,7 @@ def test_joints_of_a_urdf(urdf):
         ({"arm": "left_knee"}, "takes 'left_knee'"),
         ({"arm": "left_elbow+x"}, "no numbers"),
         ({"broken": "left_elbow"}, "has no limits"),
-        ({}, "is recognised"),
+        ({"LShoulderPitch": ""}, "is recognised"),
     ],
 )
 def test_what_a_urdf_cannot_give(urdf, channels, what):
@@ -224,7 +265,17 @@ def test_what_a_urdf_cannot_give(urdf, channels, what):
         read_urdf(urdf, channels)
 
 
-@pytest.mark.parametrize("text", ["", "<robot>", "<!DOCTYPE x [<!ENTITY a 'b'>]><robot>&a;</robot>", "<robot/>", "\0"])
+TWICE = '<joint name="HeadYaw" type="revolute"><limit lower="-1" upper="1" velocity="2"/></joint>' * 2
+AXIS = '<joint name="HeadYaw" type="revolute"><axis xyz="up"/><limit lower="-1" upper="1" velocity="2"/></joint>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "<robot>", "<!DOCTYPE x [<!ENTITY a 'b'>]><robot>&a;</robot>", "<robot/>", "\0", f"<robot>{TWICE}</robot>",
+        f"<robot>{AXIS}</robot>",
+    ],
+)  # fmt: skip
 def test_files_that_are_no_urdf(tmp_path, text):
     (tmp_path / "bad.urdf").write_text(text)
     with pytest.raises(InputError):
@@ -239,13 +290,16 @@ def test_files_of_commands(tmp_path):
     header, *rows = (tmp_path / "talk.csv").read_text().splitlines()
     assert header.split(",") == ["time", *(joint.name for joint in joints)]
     read = np.array([[float(cell) for cell in row.split(",")] for row in rows])
-    np.testing.assert_allclose(read[:, 0], np.arange(20) / FPS)
+    np.testing.assert_allclose(read[:, 0], np.arange(len(commands)) / FPS)
     np.testing.assert_allclose(read[:, 1:], commands, atol=1e-6)
     message = json.loads((tmp_path / "talk.json").read_text())
     assert message["joint_names"] == header.split(",")[1:]
     np.testing.assert_allclose([p["positions"] for p in message["points"]], commands, atol=1e-6)
     at = [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] / 1e9 for p in message["points"]]
-    np.testing.assert_allclose(at, np.arange(20) / FPS)
+    np.testing.assert_allclose(at, np.arange(len(commands)) / FPS)
+    speeds = np.array([p["velocities"] for p in message["points"]])
+    assert not speeds[[0, -1]].any()  # at rest, as controllers of ROS want it
+    np.testing.assert_allclose(speeds[1:-1], (commands[2:] - commands[:-2]) * FPS / 2, atol=1e-5)
     with pytest.raises(InputError, match=r"known: \.csv \.json"):
         save_trajectory(tmp_path / "talk.txt", commands, joints, fps=FPS)
     with pytest.raises(InputError, match="no robot is called 'noa'"):

@@ -18,26 +18,42 @@ class JointLimiter:
         velocity: (J,) radians per second.
         acceleration: (J,) radians per second².
         fps: commands per second.
+        start: (J,) radians, where the joints are before the first command; NaN: where the first command wants them.
 
     Raises:
         InputError: a lower limit above its upper one, or a speed or an acceleration that is not above 0.
     """
 
-    def __init__(self, lower: Array, upper: Array, velocity: Array, acceleration: Array, *, fps: float) -> None:
+    def __init__(
+        self, lower: Array, upper: Array, velocity: Array, acceleration: Array, *, fps: float, start: Array | None = None
+    ) -> None:
         self._lower, self._upper, self._most, self._push = (np.array(x, float) for x in (lower, upper, velocity, acceleration))
         if not (self._lower <= self._upper).all() or not (self._most > 0).all() or not (self._push > 0).all() or fps <= 0:
             raise InputError("limits of joints that nothing can keep", "lower ≤ upper, velocity > 0, acceleration > 0, fps > 0")
         self._step = 1.0 / fps
+        self._start = np.full_like(self._lower, np.nan) if start is None else np.clip(start, self._lower, self._upper)
         self._at: Array | None = None
         self._speed = np.zeros_like(self._lower)
 
     def push(self, wanted: Array) -> Array:
-        """(T, J) → (T, J); the first command of all is what is wanted first, within the limits of position."""
+        """(T, J) → (T, J); the first command of all is the start, or what is wanted first, within the limits of position."""
         commands = np.empty_like(wanted, float)
         for k, goal in enumerate(np.clip(wanted, self._lower, self._upper)):
-            self._at = goal.copy() if self._at is None else self._go(self._at, goal)
+            self._at = np.where(np.isnan(self._start), goal, self._start) if self._at is None else self._go(self._at, goal)
             commands[k] = self._at
         return commands
+
+    def finish(self) -> Array:
+        """(T, J) commands that bring every joint to rest, as soon as its acceleration allows; the last repeats its place.
+
+        T is 0 where all joints rest already.
+        """
+        commands, most = [], self._push * self._step
+        while self._at is not None and self._speed.any():
+            self._speed = np.sign(self._speed) * np.maximum(np.abs(self._speed) - most, 0)
+            self._at = np.clip(self._at + self._speed * self._step, self._lower, self._upper)
+            commands.append(self._at)
+        return np.array(commands).reshape(-1, len(self._lower))
 
     def _go(self, at: Array, goal: Array) -> Array:
         way, dt = goal - at, self._step

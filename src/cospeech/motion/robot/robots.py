@@ -45,7 +45,8 @@ class RobotJoint:
             raise InputError(f"joint {self.name!r} takes {self.channel!r}", nearest(self.channel, CHANNELS))
         if not (np.isfinite([self.lower, self.upper, self.velocity]).all() and self.lower <= self.upper and self.velocity > 0):
             raise InputError(
-                f"joint {self.name!r} has limits {self.lower} … {self.upper}, speed {self.velocity}", "lower ≤ upper"
+                f"joint {self.name!r} has limits {self.lower} … {self.upper}, speed {self.velocity}",
+                "lower ≤ upper, and a speed above 0",
             )
 
 
@@ -119,14 +120,15 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
 
     Args:
         path: the ``.urdf`` (of a ``.xacro``, what xacro makes of it).
-        channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign, and
-            ``"left_shoulder_pitch-1.5708"`` with an offset in radians. Joints with the names of a known robot need none.
+        channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
+            ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. Joints with the
+            names of a known robot need none. Such a joint takes the other sign where its axis points the other way.
 
     Raises:
         InputError: no URDF, a joint that it does not have, or one without limits.
     """
     moving = _read_joints(path)
-    wanted = dict(channels) if channels is not None else _recognise(moving)
+    wanted = {name: what for name, what in (_recognise(moving) | dict(channels or {})).items() if what}
     if not wanted:
         raise InputError(
             f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
@@ -154,17 +156,38 @@ def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
         tree = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
-    return {joint.get("name", ""): joint for joint in tree.iter("joint") if joint.get("type") in ("revolute", "continuous")}
+    found: dict[str, ElementTree.Element] = {}
+    for joint in tree.iter("joint"):
+        if joint.get("type") in ("revolute", "continuous"):
+            name = joint.get("name", "")
+            if name in found:
+                raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
+            found[name] = joint
+    return found
 
 
-def _recognise(names: Mapping[str, object]) -> dict[str, str]:
-    """Joints with the names of a robot of ours, with its signs and offsets."""
-    known = {
-        joint.name: f"{'-' * (joint.sign < 0)}{joint.channel}{joint.offset:+.6f}"
-        for robot in ROBOTS.values()
-        for joint in robot
-    }
-    return {name: known[name] for name in names if name in known}
+def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
+    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is."""
+    known, found = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
+    for name, element in joints.items():
+        if name in known:
+            joint = known[name]
+            way = -1.0 if _is_turned_over(element) and not joint.channel.endswith("_hand") else 1.0
+            found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
+    return found
+
+
+def _is_turned_over(element: ElementTree.Element) -> bool:
+    """Whether a joint turns about x, y or z the other way; all joints of our robots turn about +x, +y or +z.
+
+    Of an axis that is oblique, nothing is known.
+    """
+    axis = element.find("axis")
+    try:
+        parts = [float(part) for part in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()]
+    except ValueError:
+        raise InputError(f"joint {element.get('name')!r} has an axis that is no numbers", 'write xyz="0 0 1"') from None
+    return sum(parts) < 0 and sum(part != 0 for part in parts) == 1
 
 
 def _joint(name: str, element: ElementTree.Element, what: str) -> RobotJoint:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, nearest
 from ...files import atomic
 from ..motion import Motion
 from ..rotations import Array
@@ -28,14 +28,28 @@ class RobotStream:
     Args:
         joints: of the robot, `find_robot` or `read_urdf`.
         fps: of the motion and of the commands.
+        start: joint → radians, where the robot is now. From there it catches up with the motion within its limits. A joint
+            that is not named begins where the motion begins.
+
+    Raises:
+        InputError: no joints, or a start of a joint that the robot does not have.
+
+    >>> from cospeech.motion.robot import find_robot
+    >>> RobotStream(find_robot("nao"), fps=50, start={"HeadYaw": 0.4}).names[0]
+    'HeadYaw'
     """
 
-    def __init__(self, joints: Sequence[RobotJoint], *, fps: float) -> None:
+    def __init__(self, joints: Sequence[RobotJoint], *, fps: float, start: Mapping[str, float] | None = None) -> None:
         if not joints:
             raise InputError("a robot without joints", "find_robot('nao'), or read_urdf('my_robot.urdf')")
         self.joints, self.fps, self._angles = tuple(joints), fps, BodyAngles()
         limits = [[getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity", "acceleration")]
-        self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps)
+        start = start or {}
+        for name in start:
+            if name not in self.names:
+                raise InputError(f"a start of joint {name!r}", nearest(name, self.names))
+        first = np.array([start.get(name, np.nan) for name in self.names], float)
+        self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,14 +67,25 @@ class RobotStream:
         angles = self._angles.push(motion)
         return self._limiter.push(np.stack([joint.sign * angles[joint.channel] + joint.offset for joint in self.joints], 1))
 
+    def finish(self) -> Array:
+        """(T, J) commands that bring the robot to rest, at most an eighth of a second; none where it rests already."""
+        return self._limiter.finish()
+
 
 def robot_trajectory(motion: Motion, joints: Sequence[RobotJoint]) -> Array:
-    """(T, J) commands of a whole motion, radians."""
-    return RobotStream(joints, fps=motion.fps).push(motion)
+    """(T, J) commands of a whole motion, radians.
+
+    It begins and ends at rest: where the motion ends while a joint moves, T is up to an eighth of a second longer than the
+    motion.
+    """
+    stream = RobotStream(joints, fps=motion.fps)
+    return np.concatenate([stream.push(motion), stream.finish()])
 
 
 def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence[RobotJoint], *, fps: float) -> None:
     """Write commands: ``.csv`` with a column for each joint, or ``.json`` in the shape of ROS' JointTrajectory.
+
+    The velocities of the ``.json`` are those of the positions. The first is 0, as a trajectory begins at rest.
 
     Args:
         path: the suffix picks the format.
@@ -75,6 +100,7 @@ def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence
     if suffix not in _SUFFIXES:
         raise InputError(f"a trajectory as {suffix or 'a file without suffix'}", f"known: {' '.join(_SUFFIXES)}")
     speeds = np.gradient(commands, 1 / fps, axis=0) if len(commands) > 1 else np.zeros_like(commands)
+    speeds[:1] = 0.0
     with atomic(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         if suffix == ".csv":
             file.write(",".join(["time", *names]) + "\n")

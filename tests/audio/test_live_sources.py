@@ -131,7 +131,7 @@ def test_messages_of_a_websocket():
 def test_a_microphone_that_is_not_there_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     with pytest.raises(InputError, match=r"cospeech\[live\]"):
-        next(read_microphone(RATE))
+        read_microphone(RATE)
 
     class Silent:
         PortAudioError = RuntimeError
@@ -142,7 +142,7 @@ def test_a_microphone_that_is_not_there_is_told(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "sounddevice", Silent)
     with pytest.raises(InputError, match="no device"):
-        next(read_microphone(RATE))
+        read_microphone(RATE)
 
 
 def test_what_a_microphone_gives(monkeypatch):

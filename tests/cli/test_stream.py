@@ -73,6 +73,38 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
     assert err.startswith("error: ")
 
 
+@pytest.mark.slow
+def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts():
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        seen = [json.loads(process.stdout.readline()) for _ in range(61)]
+        jaw = seen[0]["face"].index("jawOpen")
+        while seen[-1]["face"][jaw] < 0.1:
+            seen.append(json.loads(process.stdout.readline()))
+        process.send_signal(signal.SIGINT)
+        rest, said = process.communicate(timeout=20)
+    *frames, end = [*seen[1:], *(json.loads(line) for line in rest.splitlines())]
+    assert process.returncode == 130
+    assert [frame["frame"] for frame in frames] == list(range(len(frames)))
+    assert end == {"type": "end", "frames": len(frames)}
+    assert 15 <= len(frames) + 1 - len(seen) <= 40  # half a second, and what had left before the signal was heard
+    assert max(frame["face"][jaw] for frame in frames[-3:]) < 0.05
+    turned = np.array([frame["rotations"] for frame in frames])
+    steps = 2 * np.degrees(np.arccos(np.clip(np.abs((turned[1:] * turned[:-1]).sum(-1)), 0, 1)))
+    assert steps[len(seen) - 3 :].max() < 20  # no jump: 600 degrees per second, a fast wrist
+    assert f"{len(frames)} frames".encode() in said
+    assert f"-: {len(frames)} sent, 0 dropped".encode() in said
+
+
+@pytest.mark.slow
+def test_a_stream_that_reaches_nobody_fails(cli):
+    command = ["stream", "-i", str(example()[0]), "--unpaced", "--fps", "10", "--to", "ws://127.0.0.1:9"]
+    code, _, err = cli(*command)
+    assert code == 1
+    assert "ws://127.0.0.1:9: 0 sent, 191 dropped" in err  # 19.1 s: each frame is counted
+    assert "no receiver got a frame" in err
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
     command = [*COMMAND, "--input", "-", "--to", "-"]

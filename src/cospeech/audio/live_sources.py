@@ -156,7 +156,7 @@ def read_websocket(
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:
-    """The default microphone, until the program is interrupted (the extra ``live``).
+    """The default microphone, until the program is interrupted (the extra ``live``). It is opened at once.
 
     Raises:
         InputError: there is no library, or no microphone.
@@ -166,11 +166,19 @@ def read_microphone(rate: int) -> Iterator[Samples]:
     except (ImportError, OSError) as error:  # OSError: the system has no PortAudio
         hint = "pip install 'cospeech[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
         raise InputError("the microphone needs the package sounddevice and PortAudio", hint) from None
-    size = max(1, round(PIECE * rate))
+    size, mend = max(1, round(PIECE * rate)), "is one plugged in and allowed?"
     try:
-        with sounddevice.InputStream(samplerate=rate, channels=1, dtype="float32", blocksize=size) as stream:
-            while True:
-                samples, _ = stream.read(size)
-                yield np.ascontiguousarray(samples[:, 0])
+        opened = sounddevice.InputStream(samplerate=rate, channels=1, dtype="float32", blocksize=size)
     except sounddevice.PortAudioError as error:
-        raise InputError(f"no sound from the microphone: {error}", "is one plugged in and allowed?") from None
+        raise InputError(f"no sound from the microphone: {error}", mend) from None
+
+    def read() -> Iterator[Samples]:
+        try:
+            with opened as stream:
+                while True:
+                    samples, _ = stream.read(size)
+                    yield np.ascontiguousarray(samples[:, 0])
+        except sounddevice.PortAudioError as error:
+            raise InputError(f"no sound from the microphone: {error}", mend) from None
+
+    return read()

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import InputError
+from ..errors import InputError, InternalError
 from ..models import DEFAULT, PARTS
 from .options import (
-    Avatar,
     Debug,
     Emotion,
     FaceGain,
@@ -34,14 +33,27 @@ from .options import (
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
+    from ..export.live.outlets import Outlet
     from ..export.live.pacing import FramePacer
+    from ..export.live.targets import StreamSettings
     from ..runtime.live_session import LiveSession
 
 __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
+_CLOSING = (
+    0.5  # seconds in which an interrupted character shuts its mouth and lowers its hands [ours: .3 of them for the mouth]
+)
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
+Avatar = Annotated[
+    Path | None,
+    option(
+        "--avatar",
+        metavar="FILE",
+        help="VRM or GLB character that vmc:// moves: its bones keep their lengths. Without it, they have our mannequin's.",
+    ),
+]
 Source = Annotated[
     str,
     option(
@@ -138,7 +150,7 @@ def stream(
     """
     from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer
-    from ..export.live.targets import StreamSettings, open_outlet
+    from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
     _check_sources(source, control, rate, samples)
@@ -156,21 +168,53 @@ def stream(
     with ExitStack() as stack:
         controls = _open_control(stack, control)
         pieces = _pieces(stack, source, transcript, rate, samples, unpaced, controls)
-        outlets = []
-        for address in to:
-            outlets.append(open_outlet(address, settings, tell))
-            stack.callback(outlets[-1].close)
+        outlets = _open_outlets(stack, to, settings, tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
         over = False
         try:
             _play(session, pieces, controls, pacer, tell)
             over = True
+        except KeyboardInterrupt:
+            over = not unpaced and _shut_mouth(session, pacer)
+            raise
         finally:
             pace = pacer.close(drop=not over)
-    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
-    for outlet in outlets:
-        tell(f"  {outlet.name}: {outlet.sent} sent, {outlet.dropped} dropped")
+            tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
+        raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
+
+
+def _open_outlets(
+    stack: ExitStack, addresses: Iterable[str], settings: StreamSettings, tell: Callable[[str], None]
+) -> list[Outlet]:
+    """The receivers; what they got is told when all are closed."""
+    from ..export.live.targets import open_outlet
+
+    outlets: list[Outlet] = []
+
+    def tell_counts() -> None:
+        for outlet in outlets:
+            tell(f"  {outlet.name}: {outlet.sent} sent, {outlet.dropped} dropped")
+
+    stack.callback(tell_counts)
+    for address in addresses:
+        outlets.append(open_outlet(address, settings, tell))
+        stack.callback(outlets[-1].close)
+    return outlets
+
+
+def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
+    """What has not left is replaced by frames that end the speech; whether there are any."""
+    if not pacer.is_started:
+        return False
+    try:
+        session.interrupt(at=pacer.take_back())
+        for motion in session.idle(_CLOSING):
+            pacer.push(motion)
+    except Exception:  # Ctrl-C can come in the middle of a push
+        return False
+    return True
 
 
 def _tell(text: str) -> None:

@@ -38,6 +38,8 @@ def json_encoder() -> JsonEncoder:
 class Recorder:
     """A wire that keeps what it is given, fails where it is told to, and may be slow."""
 
+    is_refused = False
+
     def __init__(self, *, fail_at: tuple[int, ...] = (), refuse: int = 0, seconds: float = 0) -> None:
         self.data: list[bytes] = []
         self.fail_at, self.refuse, self.seconds, self.connects, self.closed = set(fail_at), refuse, seconds, 0, False
@@ -117,11 +119,28 @@ def test_datagrams_reach_their_port_and_nobody_need_listen():
         got = [receiver.recv(65536) for _ in range(20)]
     assert outlet.sent == 20
     assert len(set(got)) == 20
-    wire = UdpWire("127.0.0.1", 9)
-    wire.connect()
-    for _ in range(5):
-        wire.send(b"x")
-    wire.close()
+
+
+def test_that_nobody_listens_is_told_once():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    notes: list[str] = []
+    outlet = Outlet("test", json_encoder(), UdpWire("127.0.0.1", port), fps=30, note=notes.append)
+    for frame in frames():
+        outlet.send(frame)
+        time.sleep(0.005)
+    outlet.close()
+    assert (outlet.sent, notes) == (20, ["nobody listens at test; frames are sent all the same"])
+
+
+def test_frames_that_wait_at_the_end_are_counted():
+    outlet = Outlet("test", json_encoder(), Recorder(seconds=0.2), fps=30, note=lambda text: None)
+    for frame in frames():
+        outlet.send(frame)
+    outlet.close(timeout=0.5)
+    assert outlet.dropped >= 15
+    assert 19 <= outlet.sent + outlet.dropped <= 20  # one is under way
 
 
 def test_every_client_of_the_server_gets_the_start_and_what_follows():
@@ -311,3 +330,18 @@ def test_an_interrupted_stream_forgets_what_has_not_left():
     pacer.push(MOTION)
     pacer.close(drop=True)
     assert len(sent) < 20
+
+
+def test_frames_that_have_not_left_are_taken_back():
+    sent = Sent(time.monotonic)
+    pacer = FramePacer([sent], delay=0.05)
+    pacer.begin()
+    pacer.push(MOTION)
+    time.sleep(0.2)
+    first = pacer.take_back()
+    assert first is not None
+    assert pacer.take_back() is None
+    left = MOTION[round(first * MOTION.fps) :]
+    pacer.push(left)
+    pacer.close()
+    assert len(sent) == 20  # each once

@@ -35,6 +35,9 @@ class Encoder(Protocol):
 class Wire(Protocol):
     """How bytes reach a receiver."""
 
+    is_refused: bool
+    """Whether its machine has said that nobody listens there. Bytes are sent all the same."""
+
     def connect(self) -> None:
         """Raises OSError where there is nobody."""
 
@@ -51,6 +54,7 @@ class UdpWire:
         self._address, self._socket = (host, port), None
 
     _socket: socket.socket | None
+    is_refused = False
 
     def connect(self) -> None:
         """See `Wire`; the name of the host is looked up."""
@@ -61,8 +65,10 @@ class UdpWire:
     def send(self, data: bytes) -> None:
         """See `Wire`."""
         assert self._socket is not None
-        with suppress(ConnectionRefusedError):  # of an earlier datagram: nobody listens yet
+        try:
             self._socket.send(data)
+        except ConnectionRefusedError:  # of an earlier datagram: nobody listens yet
+            self.is_refused = True
 
     def close(self) -> None:
         """See `Wire`."""
@@ -72,6 +78,8 @@ class UdpWire:
 
 class LineWire:
     """Lines of standard output, or of another binary file."""
+
+    is_refused = False
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file if file is not None else sys.stdout.buffer
@@ -123,6 +131,9 @@ class Outlet:
             self._over = True
             self._changed.notify()
         self._thread.join(timeout)
+        with self._changed:
+            self.dropped += len(self._waiting)
+            self._waiting.clear()
         self._wire.close()
 
     def _next(self) -> Motion | None:
@@ -132,7 +143,7 @@ class Outlet:
             return self._waiting.popleft() if self._waiting else None
 
     def _work(self) -> None:
-        connected, told, wait = False, False, _RETRY[0]
+        connected, told, refused, wait = False, False, False, _RETRY[0]
         while (frame := self._next()) is not None:
             try:
                 if not connected:
@@ -146,6 +157,9 @@ class Outlet:
                     for data in packets:
                         self._wire.send(data)
                 self.sent += 1
+                if self._wire.is_refused and not refused:
+                    refused = True
+                    self._note(f"nobody listens at {self.name}; frames are sent all the same")
             except OSError as error:
                 self.dropped += 1
                 connected = False

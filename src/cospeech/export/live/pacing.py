@@ -68,6 +68,13 @@ class FramePacer:
             self._waiting.extend(motion[k : k + 1] for k in range(len(motion)))
             self._changed.notify()
 
+    def take_back(self) -> float | None:
+        """Forget the frames that have not left; the time of the first of them, None where all have."""
+        with self._changed:
+            first = self._waiting[0].start if self._waiting else None
+            self._waiting.clear()
+        return first
+
     def close(self, *, drop: bool = False) -> Pace:
         """Wait until all frames have left; with ``drop``, forget those that have not."""
         with self._changed:

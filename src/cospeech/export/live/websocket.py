@@ -95,6 +95,8 @@ def _serve(serve: Any, handler: Any, host: str, port: int) -> Any:
 class WebSocketWire:
     """A client: messages go to a server. See `cospeech.export.live.outlets.Wire`."""
 
+    is_refused = False
+
     def __init__(self, url: str) -> None:
         import_websockets()
         self._url, self._stack = url, ExitStack()
@@ -138,6 +140,8 @@ class WebSocketServer:
     Raises:
         InputError: the address cannot be listened on.
     """
+
+    is_refused = False
 
     def __init__(self, host: str, port: int, *, most: int = 120) -> None:
         import_websockets()

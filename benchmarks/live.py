@@ -110,13 +110,19 @@ def longest_still(rotations: Array, fps: float) -> float:
     return float(np.diff(moving, prepend=-1, append=len(rotations) - 1).max() - 1) / fps
 
 
-def resemblance(course: Array, fps: float) -> float:
-    """The largest autocorrelation of a course (T, 3), on the axis that varies most, from `FAR` seconds to half its length."""
+def resemblance(course: Array, fps: float) -> tuple[float, float]:
+    """Where a course (T, 3) resembles itself most, from `FAR` seconds to half its length, on the axis that varies most.
+
+    Returns:
+        The autocorrelation, and the lag in seconds. A repeat is a peak at its lag. A course that drifts slowly has its largest
+        autocorrelation at the first lag, and it falls from there.
+    """
     x = course[:, course.std(0).argmax()]
     x = x - x.mean()
     power = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
     correlation = np.fft.irfft(power)[: len(x)] / np.arange(len(x), 0, -1)
-    return float((correlation / correlation[0])[round(FAR * fps) : len(x) // 2].max())
+    far = (correlation / correlation[0])[round(FAR * fps) : len(x) // 2]
+    return float(far.max()), FAR + float(far.argmax()) / fps
 
 
 def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
@@ -135,9 +141,10 @@ def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
     still = max(longest_still(q[:, k], fps) for k in range(len(WATCHED)))
     alike = {joint: resemblance(np.degrees(quat_to_rotvec(q[:, k])), fps) for k, joint in enumerate(WATCHED)}
     worst = max(alike, key=lambda joint: alike[joint])
+    most, lag = alike[worst]
     print(f"{name}: {minutes:g} minutes of idling at {fps:g} fps, {used / minutes / 0.6:.1f} % of a core. "
           f"Blinks a minute, by ten minutes: {min(rates):.1f} … {max(rates):.1f}. Longest rest of a joint: {still:.2f} s. "
-          f"Largest autocorrelation after a minute or more: {alike[worst]:.2f} ({worst})")  # fmt: skip
+          f"Largest autocorrelation after a minute or more: {most:.2f} ({worst}, at {lag:.0f} s)")  # fmt: skip
 
 
 class Recorder:

@@ -16,6 +16,11 @@ from cospeech.generate import open_live_session
 COMMAND = [sys.executable, "-m", "cospeech", "stream"]
 
 
+def hear_interrupts() -> None:
+    """In a child: Ctrl-C counts, where the tests run in the background of a shell, too, which ignores it for all children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def lines(output: bytes) -> tuple[dict, list[dict], dict]:
     start, *frames, end = (json.loads(line) for line in output.splitlines())
     return start, frames, end
@@ -76,7 +81,8 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
 @pytest.mark.slow
 def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts():
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, preexec_fn=hear_interrupts, **pipes) as process:
         seen = [json.loads(process.stdout.readline()) for _ in range(61)]
         jaw = seen[0]["face"].index("jawOpen")
         while seen[-1]["face"][jaw] < 0.1:
@@ -108,9 +114,8 @@ def test_a_stream_that_reaches_nobody_fails(cli):
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
     command = [*COMMAND, "--input", "-", "--to", "-"]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, preexec_fn=hear_interrupts, text=True, **pipes) as process:
         assert process.stderr.readline().startswith("listening")
         process.send_signal(number)
         assert process.wait(10) == code

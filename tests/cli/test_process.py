@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from cospeech.cli.demo import EXAMPLE
+from tests.support.command_line import heed
 
 pytestmark = pytest.mark.slow
 
@@ -36,11 +37,8 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     out = tmp_path / "out"
     out.mkdir()
     command = [*COSPEECH, "generate", str(long_speech), "-o", str(out / "a.bvh"), "-o", str(out / "b.npz")]
-
-    def deaf_to_nothing() -> None:  # what runs in the background of a shell may inherit that Ctrl-C is ignored
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=deaf_to_nothing)
+    heeds = heed(signal.SIGINT)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=heeds)
     until = time.monotonic() + 60
     while not any(path.stat().st_size > 10_000 for path in out.rglob("*.bvh")):  # it is writing now
         assert process.poll() is None, process.stderr.read()

@@ -12,13 +12,9 @@ import pytest
 
 from cospeech.audio.speech import Speech, example
 from cospeech.generate import open_live_session
+from tests.support.command_line import heed
 
 COMMAND = [sys.executable, "-m", "cospeech", "stream"]
-
-
-def hear_interrupts() -> None:
-    """In a child: Ctrl-C counts, where the tests run in the background of a shell, too, which ignores it for all children."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def lines(output: bytes) -> tuple[dict, list[dict], dict]:
@@ -82,7 +78,7 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
 def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts():
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, preexec_fn=hear_interrupts, **pipes) as process:
+    with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
         seen = [json.loads(process.stdout.readline()) for _ in range(61)]
         jaw = seen[0]["face"].index("jawOpen")
         while seen[-1]["face"][jaw] < 0.1:
@@ -115,7 +111,7 @@ def test_a_stream_that_reaches_nobody_fails(cli):
 def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
     command = [*COMMAND, "--input", "-", "--to", "-"]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, preexec_fn=hear_interrupts, text=True, **pipes) as process:
+    with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), text=True, **pipes) as process:
         assert process.stderr.readline().startswith("listening")
         process.send_signal(number)
         assert process.wait(10) == code

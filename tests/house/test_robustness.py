@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
 import signal
@@ -20,6 +19,7 @@ from cospeech import InputError, Motion
 from cospeech.cli.demo import EXAMPLE
 from cospeech.export import FORMATS
 from cospeech.files import all_or_none, atomic
+from tests.support.command_line import heed
 from tests.support.motions import gesturing
 
 pytestmark = pytest.mark.slow
@@ -155,9 +155,8 @@ def test_a_closed_terminal_leaves_nothing(place):
     speech, rate = soundfile.read("talk.wav", dtype="float32")
     soundfile.write("long.flac", np.tile(speech, 400), rate)
     before = names()
-    heeded = functools.partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
     line = [*COMMAND, "generate", "long.flac", "-o", "a.bvh", "-o", "a.glb"]
-    working = subprocess.Popen(line, stderr=subprocess.PIPE, preexec_fn=heeded)
+    working = subprocess.Popen(line, stderr=subprocess.PIPE, preexec_fn=heed(signal.SIGHUP))
     deadline = time.monotonic() + 30
     while names() == before and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -1,4 +1,4 @@
-"""Type a command of cospeech in the process of the tests, which has imported everything already."""
+"""Commands of cospeech: in the process of the tests, which has imported everything already, and in one that hears signals."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import contextlib
 import io
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
 import pytest
 
-__all__ = ["type_command"]
+__all__ = ["heed", "type_command"]
+
+
+def heed(number: signal.Signals) -> Callable[[], object]:
+    """What a child does first (``preexec_fn``) so that a signal counts.
+
+    A shell's ``&`` and nohup ignore one for all children, and the tests may run there.
+    """
+    return lambda: signal.signal(number, signal.SIG_DFL)
 
 
 def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:

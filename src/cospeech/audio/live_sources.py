@@ -10,6 +10,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import IO, Any
 
 import numpy as np
@@ -166,19 +167,21 @@ def read_microphone(rate: int) -> Iterator[Samples]:
     except (ImportError, OSError) as error:  # OSError: the system has no PortAudio
         hint = "pip install 'cospeech[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
         raise InputError("the microphone needs the package sounddevice and PortAudio", hint) from None
-    size, mend = max(1, round(PIECE * rate)), "is one plugged in and allowed?"
-    try:
-        opened = sounddevice.InputStream(samplerate=rate, channels=1, dtype="float32", blocksize=size)
-    except sounddevice.PortAudioError as error:
-        raise InputError(f"no sound from the microphone: {error}", mend) from None
+    size = max(1, round(PIECE * rate))
+
+    @contextmanager
+    def explain() -> Iterator[None]:
+        try:
+            yield
+        except sounddevice.PortAudioError as error:
+            raise InputError(f"no sound from the microphone: {error}", "is one plugged in and allowed?") from None
 
     def read() -> Iterator[Samples]:
-        try:
-            with opened as stream:
-                while True:
-                    samples, _ = stream.read(size)
-                    yield np.ascontiguousarray(samples[:, 0])
-        except sounddevice.PortAudioError as error:
-            raise InputError(f"no sound from the microphone: {error}", mend) from None
+        with explain(), microphone:
+            while True:
+                samples, _ = microphone.read(size)
+                yield np.ascontiguousarray(samples[:, 0])
 
+    with explain():
+        microphone = sounddevice.InputStream(samplerate=rate, channels=1, dtype="float32", blocksize=size)
     return read()

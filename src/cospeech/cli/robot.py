@@ -51,8 +51,6 @@ def robot(
     cospeech robot talk.bvh talk.csv --robot pepper
     cospeech robot talk.bvh talk.json --robot nao --fps 100
     """
-    import numpy as np
-
     from ..export import load
     from ..export.checks import check_apart
     from ..motion.robot import find_robot, list_joints, read_urdf, robot_trajectory, save_trajectory
@@ -70,14 +68,13 @@ def robot(
     joints = read_urdf(robot, table) if is_urdf else find_robot(robot)
     commands = robot_trajectory(load(source).resample(fps), joints)
     save_trajectory(target, commands, joints, fps=fps)
-    names = [joint.name for joint in joints]
-    still = [name for name, reach in zip(names, np.ptp(commands, axis=0).tolist(), strict=True) if not reach]
     if not quiet:
         count = "1 joint" if len(joints) == 1 else f"{len(joints)} joints"
         typer.echo(f"{target}  {len(commands)} commands for {count} at {fps:g} per second")
-        others = sorted(set(list_joints(robot)) - {*names}) if is_urdf else []
+        others = sorted(set(list_joints(robot)) - {joint.name for joint in joints}) if is_urdf else []
         if others:
             typer.echo(f"not moved: {', '.join(others)} (--map FILE.toml says what they take)", err=True)
+        still = [joint.name for joint, course in zip(joints, commands.T, strict=True) if (course == course[0]).all()]
         if still:
             typer.echo(f"without movement in {source.name}: {', '.join(still)}", err=True)
 

@@ -42,9 +42,7 @@ __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
-_CLOSING = (
-    0.5  # seconds in which an interrupted character shuts its mouth and lowers its hands [ours: .3 of them for the mouth]
-)
+_CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,

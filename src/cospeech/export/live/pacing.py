@@ -79,7 +79,7 @@ class FramePacer:
         """Wait until all frames have left; with ``drop``, forget those that have not."""
         with self._changed:
             if drop:
-                self._waiting.clear()
+                self.take_back()
             self._over = True
             self._changed.notify()
         self._thread.join()

@@ -180,11 +180,11 @@ def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
 def _is_turned_over(element: ElementTree.Element) -> bool:
     """Whether a joint turns about x, y or z the other way; all joints of our robots turn about +x, +y or +z.
 
-    Of an axis that is oblique, nothing is known.
+    Of an axis that is oblique, nothing is known; one that is not written is +x.
     """
     axis = element.find("axis")
     try:
-        parts = [float(part) for part in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()]
+        parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
     except ValueError:
         raise InputError(f"joint {element.get('name')!r} has an axis that is no numbers", 'write xyz="0 0 1"') from None
     return sum(parts) < 0 and sum(part != 0 for part in parts) == 1

@@ -16,7 +16,7 @@ A plan names tables, one ``[[table]]`` each, with the options of ``cospeech eval
     seeds = [0, 1, 2, 3, 4, 5]
     rows = ["full", "global"]           # optional: rows whose names contain one of these
     small = true
-    set = ["train.steps=2000"]
+    set = ["train.steps=2000", "flow_ted:model.hidden=48"]    # of all rows, and of those of one recipe
     recipes = "recipes"                 # optional: a folder of recipes in place of those that ship
     about = "synthetic"
 

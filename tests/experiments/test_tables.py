@@ -385,6 +385,14 @@ def test_a_changed_recipe_is_another_run(table_runs):
     assert replace(table_runs, threads=2).folder_of("flow_ted", 0) == table_runs.folder_of("flow_ted", 0)
 
 
+def test_a_change_can_be_of_one_recipe(table_runs):
+    other = replace(table_runs, overrides=("model.hidden=9", "flow_ted:model.hidden=10"))
+    assert [other.recipe(name).config["hidden"] for name in ("flow_ted", "flow_ted_baseline")] == [10, 9]
+    assert other.recipe("flow_ted", more=("model.history=3",)).config["history"] == 3
+    with pytest.raises(InputError, match=r"of no recipe.*flow_ted"):
+        replace(table_runs, overrides=("flow_tet:model.hidden=9",)).recipe("moglow_ted")
+
+
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
     import shutil
 

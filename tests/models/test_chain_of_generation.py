@@ -224,7 +224,8 @@ def test_with_all_that_is_ours_off_it_is_the_published_model():
         first = paper.objectives()[stage].loss(data, 0)
         torch.manual_seed(1)
         assert first == ours.objectives()[stage].loss(data, 0)
-    assert torch.equal(paper.eval().play(data.arrays)["pose"], ours.eval().play(data.arrays)["pose"])
+    one, other = (net.eval().play(data.arrays)["pose"] for net in (paper, ours))
+    torch.testing.assert_close(one, other, rtol=0, atol=1e-6)  # PyTorch's last bit is not the same twice on every processor
 
 
 def test_the_losses_are_those_of_equation_9():

@@ -340,8 +340,8 @@ def test_of_whole_multiples_what_is_generated_is_what_is_made(name):
         with torch.no_grad():
             made = net.make(audio, style.expand(-1, frames, -1), torch.zeros(ROWS, frames, net.modes))
         assert made.shape == (ROWS, frames, POSE)
-        assert torch.equal(net.generate(audio, style), made)
-        assert torch.equal(net.generate(audio, style.expand(-1, frames, -1)), made)
+        for same in (style, style.expand(-1, frames, -1)):  # PyTorch's last bit is not the same twice on every processor
+            torch.testing.assert_close(net.generate(audio, same), made, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", windowed())
@@ -354,7 +354,7 @@ def test_speech_of_any_length_is_filled_up_with_its_last_frame(name):
         made = net.generate(audio, style)
         assert made.shape == (ROWS, frames, POSE)
         assert made.isfinite().all()
-        assert torch.equal(made, net.generate(*held)[:, :frames])
+        torch.testing.assert_close(made, net.generate(*held)[:, :frames], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", windowed())

@@ -74,7 +74,10 @@ Headroom = Annotated[
 ]
 Small = Annotated[bool, Option("--small", help="With --table: narrow networks and few steps, about two minutes per run.")]
 Change = Annotated[
-    list[str] | None, Option("--set", metavar="KEY=VALUE", help="With --table: change a key in the recipe of every row.")
+    list[str] | None,
+    Option(
+        "--set", metavar="[RECIPE:]KEY=VALUE", help="With --table: change a key in the recipe of every row, or of one recipe."
+    ),
 ]
 Threads = Annotated[
     int, Option("--threads", metavar="NUMBER", min=0, help="With --table: threads of PyTorch. 0: PyTorch chooses.")

@@ -37,6 +37,7 @@ from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
 from .nn.settings import check_least
+from .nn.speed_distance import timing_term
 from .nn.temporal import Memory, TextTcn
 from .nn.words import word_embedding
 
@@ -83,10 +84,12 @@ class CamnConfig(ModelConfig):
     """Whether frames count by what they mean; without, stores need no such array. Section 4."""
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
-        low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "seed_dropout": 0}
+        low |= {"word_width": 1, "dropout": 0, "reconstruction": 0, "seed_dropout": 0, "stroke_timing": 0}
         check_least(self, "a CaMN", low)
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0):
             raise InputError(
@@ -226,7 +229,8 @@ class Camn(ManyInputs):
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
         made, pose = self(self.collect_training_inputs(batch, self.config.seed_dropout)), batch["pose"]
+        timing = timing_term(self.config.stroke_timing, made.mT, pose.mT)
         if self.config.semantic:
             meant = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
             made, pose = made * meant, pose * meant
-        return {"huber": self.config.reconstruction * F.smooth_l1_loss(made, pose, beta=self.config.beta)}
+        return {"huber": self.config.reconstruction * F.smooth_l1_loss(made, pose, beta=self.config.beta), **timing}

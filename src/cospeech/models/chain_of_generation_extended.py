@@ -41,7 +41,8 @@ from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
-from .nn.speed_distance import speed_distance, timing_distance
+from .nn.settings import check_least
+from .nn.speed_distance import speed_distance, timing_term
 from .nn.temporal import Memory
 
 __all__ = ["ChainExtendedConfig", "ChainOfGenerationExtended", "Turn"]
@@ -81,6 +82,10 @@ class ChainExtendedConfig(ChainConfig):
     """Weight of what a discriminator says (models/nn/pose_discriminator.py), by least squares; 0: there is none. [ours]"""
     discriminator_channels: int = 48
     """Of its first convolution. [ours]"""
+
+    def __post_init__(self) -> None:
+        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial")
+        check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
 
 
 class Turn(NamedTuple):
@@ -276,8 +281,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
             )
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
-        if c.stroke_timing:
-            terms["stroke_timing"] = c.stroke_timing * timing_distance(made.pose, wanted)
+        terms |= timing_term(c.stroke_timing, made.pose, wanted)
         if self.discriminator is not None:
             terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms

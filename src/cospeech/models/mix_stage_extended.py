@@ -31,7 +31,8 @@ from .nn.gumbel import smooth_gumbel
 from .nn.mixture import mix
 from .nn.objective import Batch
 from .nn.pose_discriminator import PoseDiscriminator
-from .nn.speed_distance import timing_distance
+from .nn.settings import check_least
+from .nn.speed_distance import timing_term
 
 __all__ = ["MixStageExtended", "MixStageExtendedConfig"]
 
@@ -50,6 +51,9 @@ class MixStageExtendedConfig(MixStageConfig):
     that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
     stroke_timing: float = 0.0
     """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
+
+    def __post_init__(self) -> None:
+        check_least(self, "an extended Mix-StAGE", dict.fromkeys(("reconstruction", "persistence", "stroke_timing"), 0))
 
 
 class MixStageExtended(MixStage):
@@ -96,6 +100,4 @@ class MixStageExtended(MixStage):
         self._shared_forward = decoded = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
-        if self.config.stroke_timing:
-            terms["stroke_timing"] = self.config.stroke_timing * timing_distance(decoded.judged, batch["pose"].mT)
-        return terms
+        return terms | timing_term(self.config.stroke_timing, decoded.judged, batch["pose"].mT)

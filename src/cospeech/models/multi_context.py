@@ -86,11 +86,15 @@ class MultiContextConfig(ModelConfig):
     """λ_k; both 0.1."""
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
         low |= {"word_width": 1, "dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0}
-        check_least(self, "a multi-context network", low | {"diversity": 0, "divergence": 0, "seed_dropout": 0})
+        check_least(
+            self, "a multi-context network", low | {"diversity": 0, "divergence": 0, "seed_dropout": 0, "stroke_timing": 0}
+        )
         if not (self.dropout < 1 and self.seed_dropout <= 1 and self.beta > 0 and self.face != 1):
             problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, beta {self.beta}, face {self.face}"
             raise InputError(f"a multi-context network with {problem}", "shares; beta > 0; a face of 2 or more, or none")

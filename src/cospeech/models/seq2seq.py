@@ -31,6 +31,7 @@ from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
 from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
+from .nn.speed_distance import timing_term
 from .nn.words import word_embedding
 
 __all__ = ["Seq2Seq", "Seq2SeqConfig"]
@@ -60,10 +61,12 @@ class Seq2SeqConfig(ModelConfig):
     """Weight of how far poses are from the one before; later code 0.1."""
     variance: float = 25.0
     """Weight of how much they move over a window; later code 25."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
-        check_least(self, "a seq2seq network", low | {"regression": 0, "continuity": 0, "variance": 0})
+        check_least(self, "a seq2seq network", low | {"regression": 0, "continuity": 0, "variance": 0, "stroke_timing": 0})
         if not self.dropout < 1:
             raise InputError(f"dropout of a seq2seq network is {self.dropout}", "a share")
 
@@ -145,4 +148,5 @@ class Seq2Seq(SeededWindows):
             "regression": c.regression * (made - pose).square().mean(),
             "continuity": c.continuity * made.diff(dim=1).abs().sum() / made.numel(),
             "variance": -c.variance * made.norm(dim=1).sum() / made.numel(),
+            **timing_term(c.stroke_timing, made.mT, pose.mT),
         }

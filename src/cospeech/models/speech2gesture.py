@@ -39,6 +39,7 @@ from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES, PatchDiscriminator, velocity
 from .nn.seeded_windows import SeededWindows, WindowInputs
 from .nn.settings import check_least
+from .nn.speed_distance import timing_term
 from .nn.unet1d import UNet1d, conv_block
 
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
@@ -74,6 +75,8 @@ class Speech2GestureConfig(ModelConfig):
     """λ_G; authors' code 1. 0 trains by L₁ alone."""
     fake: float = 1.0
     """λ_D; authors' code 1."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {
@@ -86,6 +89,7 @@ class Speech2GestureConfig(ModelConfig):
             "discriminator_channels": 1,
             "adversarial": 0,
             "fake": 0,
+            "stroke_timing": 0,
         }
         check_least(self, "a Speech2Gesture", low)
 
@@ -179,6 +183,7 @@ class Speech2Gesture(SeededWindows):
         """Poses near the real ones, motions that the discriminator takes for real; moves all but the discriminator."""
         made = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
         terms = {"l1": self.config.regression * (made - batch["pose"]).abs().mean()}
+        terms |= timing_term(self.config.stroke_timing, made.mT, batch["pose"].mT)
         if self.config.adversarial:
             terms["adversarial"] = self.config.adversarial * _LOSS.generator_loss(self.discriminate(made))
         return terms

@@ -84,11 +84,13 @@ class TrimodalConfig(ModelConfig):
     """λ_k; authors' code 0.1."""
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
+    stroke_timing: float = 0.0
+    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "word_width": 1}
         low |= {"dropout": 0, "slope": 0, "reconstruction": 0, "adversarial": 0, "adversarial_from": 0, "diversity": 0}
-        check_least(self, "a trimodal network", low | {"divergence": 0, "seed_dropout": 0})
+        check_least(self, "a trimodal network", low | {"divergence": 0, "seed_dropout": 0, "stroke_timing": 0})
         if not (self.dropout < 1 and self.seed_dropout <= 1 and min(self.beta, self.diversity_beta) > 0):
             problem = f"dropout {self.dropout}, seed_dropout {self.seed_dropout}, β {self.beta} and {self.diversity_beta}"
             raise InputError(f"a trimodal network with {problem}", "shares; β > 0")

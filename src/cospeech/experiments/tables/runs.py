@@ -6,7 +6,7 @@ A run that is there is not trained again, one that was cut off goes on. Torch is
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from os import PathLike
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...corpora.store import Store
-from ...errors import InputError
+from ...errors import InputError, nearest
 from ...files import describe_os_error
 from ...metrics import FeatureNet
 from ...motion.rotations import Array
@@ -158,7 +158,8 @@ class Runs:
         runs: where run folders lie, or are made.
         recipes: folder of the recipes; those that ship, where not given.
         small: whether rows are trained at small scale, see `small_scale`.
-        overrides: ``"train.steps=…"``, of every row; see `cospeech.training.recipe.load_recipe`.
+        overrides: ``"train.steps=…"``, of every row, or ``"camn_beat:train.steps=…"``, of the rows of a recipe; see
+            `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
         oracle: folder of the store of the same speech with other gestures; None: no such row.
         about: what the store is, where it does not say it itself: "synthetic"; printed at the head of the table.
@@ -222,7 +223,7 @@ class Runs:
             both = [*small_scale(plain.model).items(), *_SMALL_OF_RECIPE.get(name, {}).items()]
             for section, values in both:
                 texts += [f"{section}.{key}={json.dumps(value)}" for key, value in values.items()]
-        texts += [*more, *(self.overrides if not name.startswith(SHARED) else ()), f"train.seed={seed}"]
+        texts += [*more, *self._overrides_of(name), f"train.seed={seed}"]
         if self.threads:
             texts.append(f"train.threads={self.threads}")
         recipe = load_recipe(path, texts)
@@ -233,6 +234,21 @@ class Runs:
         if recipe.data.mirror and not any(clip.name.endswith("|mirror") for clip in self.store.clips):
             recipe = replace(recipe, data=replace(recipe.data, mirror=None))
         return recipe
+
+    def _overrides_of(self, name: str) -> Iterator[str]:
+        """What is changed in a recipe: nothing in those that all rows share.
+
+        Raises:
+            InputError: a change of a recipe that is not there.
+        """
+        for text in self.overrides:
+            recipe, colon, _ = text.partition("=")[0].rpartition(":")
+            if colon and not (Path(self.recipes) / f"{recipe}.toml").is_file():
+                raise InputError(
+                    f"{text!r} is of no recipe", nearest(recipe, [path.stem for path in Path(self.recipes).glob("*.toml")])
+                )
+            if not name.startswith(SHARED) and recipe in ("", name):
+                yield text.removeprefix(f"{recipe}:")
 
     def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:
         """The folder of a run that is trained to its last step."""

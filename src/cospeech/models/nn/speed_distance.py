@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 from torch.nn import functional as F
 
-__all__ = ["SMOOTH", "SPAN", "pose_speed", "speed_distance", "timing_distance"]
+__all__ = ["SMOOTH", "SPAN", "pose_speed", "speed_distance", "timing_distance", "timing_term"]
 
 SMOOTH = 3  # frames, 0.2 s at 15 a second [ours]: a stroke that comes a frame late is not wrong
 SPAN = 31  # frames, 2 s at 15 a second [ours]: slower changes are the amplitude of a clip and its pauses, not its strokes
@@ -33,6 +33,11 @@ def timing_distance(made: Tensor, recorded: Tensor) -> Tensor:
     one, other = (_strokes(pose_speed(pose)) for pose in (made, recorded))
     r = (one * other).sum(1) / (one.square().sum(1) * other.square().sum(1) + _TINY).sqrt()
     return (1 - r).mean()
+
+
+def timing_term(weight: float, made: Tensor, recorded: Tensor) -> dict[str, Tensor]:
+    """``stroke_timing``, the weighted `timing_distance` of (B, D, T) poses, as a term of a loss; of weight 0, no term."""
+    return {"stroke_timing": weight * timing_distance(made, recorded)} if weight else {}
 
 
 def _strokes(speed: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from .norm import BatchNorm1d
 from .objective import Batch, Objective
 from .recurrent import BothWaysGru
 from .speaker_latent import kl_divergence
+from .speed_distance import timing_term
 from .trainable import Trainable
 
 __all__ = ["AdversarialWindows", "GruDiscriminator", "SampledWindows", "WindowDiscriminator"]
@@ -64,8 +65,9 @@ class SampledWindows(NamedTuple):
 class AdversarialWindows(Trainable):
     """A network of windows of Yoon et al. 2020's losses: Huber, adversarial, diversity and divergence of a speaker's latent.
 
-    Its settings have the weights (``reconstruction``, ``adversarial``, ``diversity``, ``divergence``), ``beta`` of the
-    Huber loss, ``speaker``, the width of z, and ``adversarial_from``, the step from which on the discriminator judges.
+    Its settings have the weights (``reconstruction``, ``stroke_timing``, ``adversarial``, ``diversity``, ``divergence``),
+    ``beta`` of the Huber loss, ``speaker``, the width of z, and ``adversarial_from``, the step from which on the discriminator
+    judges.
     """
 
     discriminator: nn.Module | None
@@ -93,6 +95,7 @@ class AdversarialWindows(Trainable):
         given = self.collect_training_inputs(batch, c.seed_dropout)
         made = self._generate_in_training(batch, given)
         terms = {"huber": c.reconstruction * F.smooth_l1_loss(made.pose, batch["pose"], beta=c.beta)}
+        terms |= timing_term(c.stroke_timing, made.pose.mT, batch["pose"].mT)
         if self.discriminator is not None and step >= c.adversarial_from:
             terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
         if c.diversity:

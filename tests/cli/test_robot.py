@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from cospeech.cli.demo import EXAMPLE
 from cospeech.export import save
 from tests.support.motions import gesturing
 
@@ -36,6 +37,17 @@ def test_a_known_robot_and_a_urdf(cli, place):
     message = json.loads((place / "talk.json").read_text())
     assert message["joint_names"] == ["arm", "pan"]
     assert all(abs(point["positions"][0]) <= 1 for point in message["points"])
+
+
+def test_speech_moves_a_robot_as_the_motion_that_is_generated_of_it(cli, place):
+    chosen = ("--style", "lively", "--seed", "3", "--intensity", "0.8")
+    assert cli("robot", EXAMPLE, "talk.csv", *chosen, "-q")[0] == 0
+    assert cli("generate", EXAMPLE, "-o", "talk.npz", "--fps", "50", *chosen, "-q")[0] == 0
+    assert cli("robot", "talk.npz", "other.csv", "-q")[0] == 0
+    assert (place / "talk.csv").read_bytes() == (place / "other.csv").read_bytes()
+    code, _, err = cli("robot", "talk.npz", "third.csv", "--style", "lively")
+    assert code == 2
+    assert "--style changes nothing for 'talk.npz'" in err
 
 
 def test_joints_of_a_urdf_that_are_not_recognised_are_told(cli, place):

@@ -113,10 +113,13 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
     Raises:
         InputError: the format is unknown or cannot be read, or the file is damaged.
     """
+    readable = suffixes(lambda entry: entry.readable)
     if str(path) == "-":
-        raise InputError("motion does not come by standard input", f"name a file: {' '.join(FORMATS)}")
-    if Path(path).suffix.lower() not in FORMATS and Path(path).is_dir():
-        raise InputError(f"cannot read {str(path)!r}: it is a folder", "name a motion file")
+        raise InputError("motion does not come by standard input", f"name a file: {' '.join(readable)}")
+    if Path(path).suffix.lower() not in FORMATS:
+        if Path(path).is_dir():
+            raise InputError(f"cannot read {str(path)!r}: it is a folder", "name a motion file")
+        raise InputError(f"cannot tell the format of {str(path)!r}", f"motion is read from {' '.join(readable)}")
     entry = format_of(path)
     if not entry.readable:
         *most, last = suffixes(reads_body)

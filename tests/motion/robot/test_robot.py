@@ -164,6 +164,9 @@ def test_a_robot_goes_from_where_it_is_to_the_motion():
     np.testing.assert_allclose(made[-50:], usual[-50:], atol=1e-6)
     with pytest.raises(InputError, match="a start of joint 'Head'"):
         RobotStream(joints, fps=FPS, start={"Head": 0.0})
+    for wrong in ("a", None, float("nan")):
+        with pytest.raises(InputError, match="start of joint 'HeadYaw'"):
+            RobotStream(joints, fps=FPS, start={"HeadYaw": wrong})
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(ROBOTS)), st.sampled_from([20.0, 50.0, 125.0]), st.floats(0.1, 3.0))

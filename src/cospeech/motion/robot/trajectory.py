@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 
@@ -32,7 +33,7 @@ class RobotStream:
             that is not named begins where the motion begins.
 
     Raises:
-        InputError: no joints, or a start of a joint that the robot does not have.
+        InputError: no joints, a start of a joint that the robot does not have, or one that is no number.
 
     >>> from cospeech.motion.robot import find_robot
     >>> RobotStream(find_robot("nao"), fps=50, start={"HeadYaw": 0.4}).names[0]
@@ -48,6 +49,8 @@ class RobotStream:
         for name in start:
             if name not in self.names:
                 raise InputError(f"a start of joint {name!r}", nearest(name, self.names))
+            if not isinstance(start[name], Real) or not np.isfinite(start[name]):
+                raise InputError(f"a start of joint {name!r} at {start[name]!r}", "radians")
         first = np.array([start.get(name, np.nan) for name in self.names], float)
         self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
 

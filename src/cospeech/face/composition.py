@@ -145,7 +145,7 @@ class Face:
         drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
         if spoken is None:
             shape, closed = self._speech(times, heard, voice, words)
-            out, pressed = shape @ _SPREAD, closed
+            out, pressed = add_weighted_rows(shape, _SPREAD), closed
         else:
             out, closed, pressed = self._apply_mouth(times, heard, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
@@ -205,7 +205,8 @@ class Face:
         told, sealed = mouth.claim * mouth.closed, (1 - mouth.claim) * sealed
         share = voice.shape[:, _PUCKER] * self._articulation * talks * (1 - mouth.claim)
         known[:, _ROUND] = np.maximum(known[:, _ROUND], share[:, None] * voice.shape[:, _ROUND])
-        return np.maximum(shape, known @ _SPREAD), np.maximum(told, sealed), np.maximum(told, _GENTLY * sealed)
+        shown = np.maximum(shape, add_weighted_rows(known, _SPREAD))
+        return shown, np.maximum(told, sealed), np.maximum(told, _GENTLY * sealed)
 
     def _scale(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""

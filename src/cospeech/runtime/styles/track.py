@@ -13,6 +13,7 @@ import numpy as np
 
 from ...audio.emotions import EMOTIONS, Moods
 from ...motion.rotations import Array
+from ...motion.weighted_sum import add_weighted_rows
 from ..crossfade import Crossfade
 from ..pose_resampler import MOST_LAG
 from ..speaker_emotion_tracker import SpeakerEmotionTracker
@@ -133,8 +134,10 @@ class SpokenStyleTrack:
 
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
         """See `StyleTrack`."""
-        shares = self._weights(at)[:, : len(self._system.speakers)].astype(np.float32)
-        return shares @ self._system.statistics.speaker_mean, shares @ self._made[0], shares @ self._made[1]
+        shares = self._weights(at)[:, : len(self._system.speakers)]
+        tables = (self._system.statistics.speaker_mean, *self._made)
+        mean, made, gain = (add_weighted_rows(shares, table).astype(np.float32) for table in tables)
+        return mean, made, gain
 
     def restyle(self, mixture: StyleMixture, frame: int) -> None:
         """See `StyleTrack`."""

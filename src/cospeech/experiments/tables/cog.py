@@ -164,9 +164,9 @@ _FIGURE_1 = TableSplit(
         for cost in ("fgd_cost", "srgr_cost")
     ),
     "All: the recorded face and the labels are handed over to every system. What is lacking CoG makes of the speech, but for "
-    "words; the others get zeros. One network of each system and seed, played under all conditions. CoG was trained with its "
-    "own face and estimated labels alone. It never saw the faces and labels of its row of all inputs, so its costs are not "
-    "losses of inputs that it was trained with.",
+    "words; the others get zeros. One network of each system and seed, played under all conditions. As published, CoG is "
+    "trained with its own face and estimated labels alone, and never sees the faces and labels of its row of all inputs. "
+    "Changes of `face_teacher_forcing` and `label_conditioning` give them to it in a share of the training clips.",
 )
 
 COG: dict[str, PaperTable] = {

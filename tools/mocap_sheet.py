@@ -54,7 +54,8 @@ def _face_the_camera(take: Motion) -> Motion:
 def draw_row(scene: Scene, motion: Motion, start: float) -> list[Image.Image]:
     """The frames of a row, with the mean place in the middle."""
     frames = np.round((start + np.arange(FRAMES) * SECONDS / FRAMES) * FPS).astype(int)
-    frames = np.minimum(frames, len(motion) - 1)
+    if frames[-1] >= len(motion):
+        raise SystemExit(f"error: {SECONDS:g} s from second {start:g} on, of a motion of {len(motion) / FPS:.1f} s")
     root = motion.root[frames].astype(float)
     root -= root.mean(0) * [1.0, 0.0, 1.0]
     positions, world = humanoid().forward(motion.rotations[frames].astype(float), root)

@@ -22,6 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # A worker inherits the environment of the process that starts it. So each one names a folder of its own, which ends with it.
 _numba_cache = tempfile.TemporaryDirectory(prefix="cospeech-numba-", ignore_cleanup_errors=True)
 os.environ["NUMBA_CACHE_DIR"] = _numba_cache.name
+os.environ.setdefault("NUMBA_OPT", "0")  # to optimise what is called a few times takes a third of the time of these tests
 
 # PyTorch takes seconds to export a network. All workers share what they exported (tests/support/exports.py).
 if "COSPEECH_TEST_EXPORTS" not in os.environ:

@@ -61,10 +61,11 @@ def robot(
     """
     from ..export import FORMATS
     from ..export.checks import check_apart
-    from ..motion.robot import find_robot, list_joints, read_urdf, robot_trajectory, save_trajectory
+    from ..motion.robot import check_trajectory_file, find_robot, list_joints, read_urdf, robot_trajectory, save_trajectory
     from ..rules.options import FPS_RANGE, check_range
 
     check_range("fps", fps, FPS_RANGE)
+    check_trajectory_file(target)
     suffix = Path(robot).suffix.lower()
     is_urdf = suffix in (".urdf", ".xml")
     if suffix == ".xacro":
@@ -83,8 +84,8 @@ def robot(
         "seed": seed,
         "intensity": intensity,
     }
-    suffix = source.suffix.lower()
-    is_motion = str(source) == "-" or source.is_dir() or (suffix in FORMATS and suffix != ".mp4")  # a video has speech
+    kind = source.suffix.lower()
+    is_motion = str(source) == "-" or source.is_dir() or (kind in FORMATS and kind != ".mp4")  # a video has speech
     motion = _read_motion(source, options) if is_motion else _generate_motion(source, options, fps, quiet)
     commands = robot_trajectory(motion.resample(fps), joints)
     save_trajectory(target, commands, joints, fps=fps)

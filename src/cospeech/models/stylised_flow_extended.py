@@ -28,7 +28,7 @@ from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
 from .nn.objective import Batch, StepRandom
-from .nn.speed_distance import timing_distance
+from .nn.speed_distance import timing_term
 from .stylised_flow import FlowConfig, StylisedFlow
 
 __all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
@@ -61,7 +61,7 @@ class FlowExtendedConfig(FlowConfig):
     deviations that come out, and the runtime corrects them."""
     stroke_timing: float = 0.0
     """Weight of the distance between when the recording's strokes come and when those come that the network plays by itself
-    (``nn.speed_distance.timing_distance``); [ours]. The likelihood sees recorded histories only: a network can be good at it
+    (``nn.speed_distance.timing_term``); [ours]. The likelihood sees recorded histories only: a network can be good at it
     and still let its own history, not the speech, say when hands move."""
     stroke_timing_every: int = 4
     """Steps between those that have that term; [ours]: playing a window costs as much as the rest of a step."""
@@ -154,7 +154,7 @@ class StylisedFlowExtended(StylisedFlow):
         terms = self.losses(x, self.condition(histories, heard, style), batch.chance, step, base)
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
             made = self._play_window(pose, heard, style, batch.chance)
-            terms["stroke_timing"] = self.config.stroke_timing * timing_distance(made.mT, x.mT)
+            terms |= timing_term(self.config.stroke_timing, made.mT, x.mT)
         return terms
 
     def _play_window(self, pose: Tensor, heard: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:

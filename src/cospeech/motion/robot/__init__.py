@@ -12,9 +12,9 @@
 from .angles import CHANNELS, BodyAngles
 from .limiter import JointLimiter
 from .robots import ROBOTS, RobotJoint, find_robot, list_joints, read_urdf
-from .trajectory import RobotStream, robot_trajectory, save_trajectory
+from .trajectory import RobotStream, check_trajectory_file, robot_trajectory, save_trajectory
 
 __all__ = [
-    "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "find_robot", "list_joints",
-    "read_urdf", "robot_trajectory", "save_trajectory",
+    "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "check_trajectory_file", "find_robot",
+    "list_joints", "read_urdf", "robot_trajectory", "save_trajectory",
 ]  # fmt: skip

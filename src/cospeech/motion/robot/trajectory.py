@@ -18,7 +18,7 @@ from .angles import BodyAngles
 from .limiter import JointLimiter
 from .robots import RobotJoint
 
-__all__ = ["RobotStream", "robot_trajectory", "save_trajectory"]
+__all__ = ["RobotStream", "check_trajectory_file", "robot_trajectory", "save_trajectory"]
 
 _SUFFIXES = (".csv", ".json")
 
@@ -85,6 +85,18 @@ def robot_trajectory(motion: Motion, joints: Sequence[RobotJoint]) -> Array:
     return np.concatenate([stream.push(motion), stream.finish()])
 
 
+def check_trajectory_file(path: str | PathLike[str]) -> str:
+    """The suffix of a file for `save_trajectory`.
+
+    Raises:
+        InputError: it is not one of those that can be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(f"a trajectory as {suffix or 'a file without suffix'}", f"known: {' '.join(_SUFFIXES)}")
+    return suffix
+
+
 def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence[RobotJoint], *, fps: float) -> None:
     """Write commands: ``.csv`` with a column for each joint, or ``.json`` in the shape of ROS' JointTrajectory.
 
@@ -99,9 +111,7 @@ def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence
     Raises:
         InputError: another suffix, or a file that cannot be written.
     """
-    suffix, names = Path(path).suffix.lower(), [joint.name for joint in joints]
-    if suffix not in _SUFFIXES:
-        raise InputError(f"a trajectory as {suffix or 'a file without suffix'}", f"known: {' '.join(_SUFFIXES)}")
+    suffix, names = check_trajectory_file(path), [joint.name for joint in joints]
     speeds = np.gradient(commands, 1 / fps, axis=0) if len(commands) > 1 else np.zeros_like(commands)
     speeds[:1] = 0.0
     with atomic(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:

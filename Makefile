@@ -38,7 +38,7 @@ bench: $(VENV)/.dev              ## speed on this machine
 	@$(BIN)/python benchmarks/chain.py
 	@$(BIN)/python benchmarks/live.py
 
-studio: $(VENV)/.core            ## the page of `cospeech studio` and the viewer of share files, into src/cospeech/assets/studio/
+studio: $(VENV)/.studio          ## all that `cospeech studio` and share files need: the extra studio, and the page, into src/cospeech/assets/studio/
 	@$(BIN)/python tools/build_studio.py
 
 blender: $(VENV)/.core           ## the Blender add-on: dist/cospeech-blender.zip
@@ -60,6 +60,11 @@ $(VENV)/.core: requirements/core.txt pyproject.toml
 	@echo "installing the core into $(VENV)"
 	@$(PIP) install --no-compile --only-binary :all: --require-hashes -r requirements/core.txt
 	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.studio: $(VENV)/.core requirements/studio.txt
+	@echo "installing what the studio needs into $(VENV)"
+	@$(PIP) install --no-compile --only-binary :all: --require-hashes -r requirements/studio.txt
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core uv.lock

@@ -199,13 +199,13 @@ def pinned(name: str) -> dict[str, str]:
     return found
 
 
-@pytest.mark.parametrize("name", ["core.txt", "node.txt"])
+@pytest.mark.parametrize("name", ["core.txt", "studio.txt", "node.txt"])
 def test_what_pip_installs_is_what_the_lock_says(name):
     assert pinned(name)
     assert all(set(version.split()) <= set(locked()[package].split()) for package, version in pinned(name).items())
 
 
-@pytest.mark.parametrize(("name", "command"), [("core.txt", "EXPORT"), ("node.txt", "NODE")])
+@pytest.mark.parametrize(("name", "command"), [("core.txt", "EXPORT"), ("studio.txt", "STUDIO"), ("node.txt", "NODE")])
 def test_lists_for_pip_are_made_from_the_lock(name, command):
     uv = Path(sys.executable).with_name("uv")
     if not uv.is_file():
